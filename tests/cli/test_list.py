@@ -64,7 +64,7 @@ def test_settings_are_listed_by_the_names_that_set_takes(capsys: pytest.CaptureF
     assert run(["list", "settings", "live", "--json"]) == 0
     (live,) = json.loads(capsys.readouterr().out)["settings"]
     options = {option["name"]: option for option in live["options"]}
-    assert options["window.hop"] == {**options["window.hop"], "default": 0.01, "allowed": "a number"}
+    assert options["window.hop"] == {**options["window.hop"], "default": 0.01, "allowed": "a number in s"}
     assert options["seconds"]["default"] == "inf"
     assert run(["list", "settings", "simulate", "--json"]) == 0
     setups = json.loads(capsys.readouterr().out)["settings"]

@@ -4,6 +4,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from monochord.core.ranges import Checked
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Row:
@@ -37,7 +39,7 @@ def row(
     return Row(name=name, value=value, unit=unit, baseline=baseline, baseline_value=compared)
 
 
-class Benchmark(ABC):
+class Benchmark(Checked, ABC):
     """Options of a benchmark, as a frozen keyword-only dataclass."""
 
     @abstractmethod

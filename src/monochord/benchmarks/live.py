@@ -7,17 +7,19 @@ import time
 from collections.abc import Generator, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+from msgspec import Meta
 
 from monochord.benchmarks._process import one_core, resident
 from monochord.benchmarks._take import write_take
 from monochord.benchmarks.base import Benchmark, Row, row
 from monochord.core.config import Tree
-from monochord.core.errors import InputError
+from monochord.core.ranges import NonNegative, Positive
 from monochord.core.timing import Histogram
 from monochord.core.types import Estimate, Estimates, Prediction
-from monochord.core.units import Seconds
+from monochord.core.units import FINITE, Seconds
 from monochord.live import LiveRun, Summary, run
 from monochord.live.filter import FilterSettings, FilterState, step
 from monochord.live.sinks.base import Listener, Moment
@@ -55,17 +57,11 @@ class Live(Benchmark):
         The preset that is played, pressed at two fifths of its length.
     """
 
-    seconds: Seconds = 20.0
-    minutes: float = 10.0
-    speed: float = 20.0
+    seconds: Annotated[Seconds, Meta(ge=0.2, le=FINITE)] = 20.0
+    minutes: NonNegative[float] = 10.0
+    speed: Positive[float] = 20.0
     hop: Seconds = 0.01
     string: str = "plain_012"
-
-    def __post_init__(self) -> None:
-        if not 0.2 <= self.seconds < math.inf:
-            raise InputError(f"seconds {self.seconds:g}", "0.2 s or more")
-        if not (0.0 <= self.minutes < math.inf and 0.0 < self.speed < math.inf):
-            raise InputError(f"minutes {self.minutes:g} at speed {self.speed:g}", "0 or more, and above 0")
 
     def run(self) -> Iterator[Row]:
         """Measure the latency, its stages, then the memory."""

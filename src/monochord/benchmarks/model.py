@@ -11,7 +11,7 @@ from monochord.benchmarks._process import one_core
 from monochord.benchmarks.base import Benchmark, Row
 from monochord.capture.sources import SOURCES
 from monochord.core.config import to_tree
-from monochord.core.errors import InputError
+from monochord.core.ranges import Count
 from monochord.core.types import Estimates, Prepared, Signal, Window
 from monochord.core.units import Seconds
 from monochord.core.windows import windows
@@ -50,11 +50,7 @@ class ModelBenchmark(Benchmark):
     path: str = ""
     feature: str = "fft_harmonic"
     reference: str = "untouched"
-    count: int = 1000
-
-    def __post_init__(self) -> None:
-        if self.count < 1:
-            raise InputError(f"{self.count} windows", "1 or more")
+    count: Count = 1000
 
     def run(self) -> Iterator[Row]:
         """Make both ready, time them window by window, and yield median, p99 and largest of each, twice."""

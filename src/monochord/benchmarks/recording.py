@@ -2,7 +2,6 @@
 
 import io
 import json
-import math
 import subprocess
 import sys
 import tempfile
@@ -11,8 +10,10 @@ from collections.abc import Generator, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+from msgspec import Meta
 from rich.console import Console
 
 from monochord.benchmarks._process import resident
@@ -22,8 +23,7 @@ from monochord.capture.instruments.base import Instrument
 from monochord.capture.recording import Progress, RecordingJob, RecordingSummary, record
 from monochord.capture.recording.view import viewed
 from monochord.capture.sources import SOURCES
-from monochord.core.errors import InputError
-from monochord.core.units import Hertz, Seconds
+from monochord.core.units import FINITE, Hertz, Seconds
 from monochord.lab.net_ft_device import NetFtSettings, write_script
 from monochord.sessions import Event
 
@@ -50,13 +50,9 @@ class Recording(Benchmark):
         Frames a block of audio.
     """
 
-    seconds: Seconds = 20.0
+    seconds: Annotated[Seconds, Meta(ge=1.0, le=FINITE)] = 20.0
     rate: Hertz = 7000.0
     block: int = 256
-
-    def __post_init__(self) -> None:
-        if not 1.0 <= self.seconds < math.inf:
-            raise InputError(f"seconds {self.seconds:g}", "1 s or more")
 
     def run(self) -> Iterator[Row]:
         """Yield processor time and memory of both recordings, and what came of the readings."""

@@ -16,9 +16,10 @@ from collections.abc import Generator, Iterator
 from contextlib import ExitStack, contextmanager, redirect_stderr, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Self
+from typing import Annotated, Self
 
 import numpy as np
+from msgspec import Meta
 
 from monochord.benchmarks._process import resident
 from monochord.benchmarks.base import Benchmark, Row, row
@@ -26,7 +27,7 @@ from monochord.capture.jack.server import JackServer
 from monochord.core.errors import DeviceError, InputError
 from monochord.core.priority import before_other_programs
 from monochord.core.types import Audio
-from monochord.core.units import Samples, Seconds
+from monochord.core.units import FINITE, Samples, Seconds
 from monochord.lab.player import PlayerSettings, write_script
 from monochord.live import LiveRun, Summary, WindowSettings, run
 from monochord.live.sinks.base import Listener, Moment
@@ -81,16 +82,12 @@ class Sinks(Benchmark):
         Whether all but the browser has real-time priority: server, player, loop, sinks, and subscriber.
     """
 
-    seconds: Seconds = 60.0
+    seconds: Annotated[Seconds, Meta(ge=5.0, le=FINITE)] = 60.0
     period: Samples = 64
     hop: Seconds = 0.01
     python: str = ""
     browser: str = ""
     real_time: bool = False
-
-    def __post_init__(self) -> None:
-        if not 5.0 <= self.seconds < math.inf:
-            raise InputError(f"seconds {self.seconds:g}", "5 s or more")
 
     @property
     def due(self) -> int:

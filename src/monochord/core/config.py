@@ -20,6 +20,7 @@ import tomli_w
 
 from monochord.core.errors import InputError, did_you_mean
 from monochord.core.files import refuse_endless
+from monochord.core.units import FINITE, unit_of
 
 T = TypeVar("T")
 Tree: TypeAlias = dict[str, Any]
@@ -179,11 +180,13 @@ def settings_of(cls: type, where: str = "") -> list[Setting]:
 def describe_type(kind: Any) -> str:
     """Return what a type annotation allows, in plain words.
 
+    >>> from monochord.core.units import Seconds
     >>> describe_type(float | None), describe_type(tuple[float, float]), describe_type(Literal["near", "far"])
     ('a number or nothing', 'a list of 2: a number, a number', 'near, far')
-    >>> describe_type(Annotated[float, msgspec.Meta(ge=0.0, le=60.0)])
-    'a number from 0 to 60'
+    >>> describe_type(Annotated[Seconds, msgspec.Meta(ge=0.0, le=60.0)])
+    'a number from 0 to 60 s'
     """
+    unit = unit_of(kind)
     kind, metadata = _bare(kind)
     parts, fields = get_args(kind), _fields(kind)
     if _is_union(kind):
@@ -200,7 +203,8 @@ def describe_type(kind: Any) -> str:
         words = f"a list, each {inner[0]}" if uniform else f"a list of {len(parts)}: {', '.join(inner)}"
     else:
         words = _WORDS.get(kind, "a value of its type")
-    return words + "".join(_bounds(each) for each in metadata if isinstance(each, msgspec.Meta))
+    meta = next((each for each in metadata if isinstance(each, msgspec.Meta)), msgspec.Meta())
+    return _bounded(words, meta, unit)
 
 
 _WORDS: dict[Any, str] = {
@@ -214,64 +218,60 @@ _WORDS: dict[Any, str] = {
 }
 
 
-def _bounds(meta: msgspec.Meta) -> str:
-    """Return the limits of a number in words, with a space before."""
-    if meta.ge is not None and meta.le is not None:
-        return f" from {meta.ge:g} to {meta.le:g}"
-    limits = {
-        "of {:g} or more": meta.ge,
-        "above {:g}": meta.gt,
-        "of {:g} at most": meta.le,
-        "below {:g}": meta.lt,
-    }
-    words = " and ".join(text.format(limit) for text, limit in limits.items() if limit is not None)
-    return f" {words}" if words else ""
+def _bounded(words: str, meta: msgspec.Meta, unit: str) -> str:
+    """Return what a number of a range may be, in words; largest and smallest finite number read "finite"."""
+    if meta.le == FINITE:
+        words = words.replace("a number", "a finite number")
+    elif meta.ge is not None and meta.le is not None:
+        return f"{words} from {_number(meta.ge)} to {_number(meta.le)}{unit}"
+    limits = {"of {} or more": meta.ge, "above {}": meta.gt, "of {} at most": meta.le, "below {}": meta.lt}
+    stated = {text: limit for text, limit in limits.items() if limit is not None and abs(limit) < FINITE}
+    if stated:
+        return f"{words} {' and '.join(text.format(_number(each) + unit) for text, each in stated.items())}"
+    return f"{words} in{unit}" if unit else words
+
+
+def _number(value: float) -> str:
+    return str(value) if isinstance(value, int) else f"{value:g}"
 
 
 def _converted(kind: Any, value: Any, where: str) -> Any:
-    """Return a plain value as the type `kind`; `where` is its path."""
-    bare, metadata = _bare(kind)
+    """Return a plain value as the type `kind`; `where` is its path.
+
+    Tables and lists are walked here, for the paths of what they hold; msgspec converts everything else, and
+    refuses what has another shape.
+    """
+    bare, _ = _bare(kind)
+    parts, fields = get_args(bare), _fields(bare)
     if _is_union(bare):
-        return _converted_union(bare, value, where)
-    fields = _fields(bare)
+        fitting = [part for part in parts if _fits(part, value)]
+        return _converted(fitting[0], value, where) if len(fitting) == 1 else _leaf(kind, value, where)
     if fields is not None:
         return _built(bare, fields, value, where)
     if bare is Any or bare is object:
         return _checked_text(value, where)
-    parts = get_args(bare)
-    if _is(bare, Mapping):
-        if not isinstance(value, Mapping):
-            raise _refusal(where, value, describe_type(kind))
+    if _is(bare, Mapping) and isinstance(value, Mapping):
         key, inner = parts if len(parts) == 2 else (str, Any)
         return {
             _leaf(key, name, where): _converted(inner, each, _joined(where, name))
             for name, each in value.items()
         }
-    if _is(bare, Sequence):
+    if _is(bare, Sequence) and isinstance(value, (list, tuple)):
         uniform = parts[1:] in ((), (...,))
-        if not isinstance(value, (list, tuple)) or not (uniform or len(parts) == len(value)):
-            raise _refusal(where, value, describe_type(kind))
         inner_types = [parts[0] if parts else Any] * len(value) if uniform else parts
-        items = [
-            _converted(inner, each, f"{where}[{index}]")
-            for index, (inner, each) in enumerate(zip(inner_types, value, strict=True))
-        ]
-        return tuple(items) if _is(bare, tuple) else items
-    return _leaf(kind if metadata else bare, value, where)
+        if len(inner_types) == len(value):
+            pairs = enumerate(zip(inner_types, value, strict=True))
+            items = [_converted(inner, each, f"{where}[{index}]") for index, (inner, each) in pairs]
+            return tuple(items) if _is(bare, tuple) else items
+    return _leaf(kind, value, where)
 
 
-def _converted_union(kind: Any, value: Any, where: str) -> Any:
-    """Return a value as the member of a union that its shape fits: a table, a list, or a single value."""
-    parts = get_args(kind)
-    tables = [part for part in parts if _fields(_bare(part)[0]) is not None or _is(_bare(part)[0], Mapping)]
-    lists = [part for part in parts if _is(_bare(part)[0], Sequence)]
-    singles = tuple(part for part in parts if part not in tables and part not in lists)
-    fitting = tables if isinstance(value, Mapping) else lists if isinstance(value, (list, tuple)) else []
-    if len(fitting) == 1:
-        return _converted(fitting[0], value, where)
-    if not singles or (value is None and NoneType not in singles):
-        raise _refusal(where, value, describe_type(kind))
-    return _leaf(Union[singles], value, where, describe_type(kind))  # noqa: UP007
+def _fits(kind: Any, value: Any) -> bool:
+    """Return whether a type is a table and so is the value, or both are lists."""
+    bare, _ = _bare(kind)
+    if isinstance(value, Mapping):
+        return _fields(bare) is not None or _is(bare, Mapping)
+    return isinstance(value, (list, tuple)) and _is(bare, Sequence)
 
 
 def _built(cls: Any, fields: Mapping[str, Any], value: Any, where: str) -> Any:
@@ -296,20 +296,19 @@ def _built(cls: Any, fields: Mapping[str, Any], value: Any, where: str) -> Any:
         raise _refusal(where, value, str(error)) from error
 
 
-def _leaf(kind: Any, value: Any, where: str, allowed: str = "") -> Any:
+def _leaf(kind: Any, value: Any, where: str) -> Any:
     """Return a single value as a number, text, truth value, path, choice or nothing."""
-    allowed = allowed or describe_type(kind)
     members = [_bare(part)[0] for part in (get_args(kind) if _is_union(kind) else [kind])]
     if Path not in members:  # whose name may be of any bytes
         _checked_text(value, where)
     if float in members and isinstance(value, (float, str)) and str(value).strip().lower() == "nan":
-        raise _refusal(where, "nan", allowed, quoted=False)
+        raise _refusal(where, "nan", describe_type(kind), quoted=False)
     try:
         return msgspec.convert(value, kind, strict=False, dec_hook=_path)
     except msgspec.ValidationError as error:
         choices = [choice for member in members for choice in _choices(member)]
         remedy = did_you_mean(value, choices) if isinstance(value, str) else ""
-        raise _refusal(where, value, allowed, remedy) from error
+        raise _refusal(where, value, describe_type(kind), remedy) from error
 
 
 def _path(kind: type, value: Any) -> Any:

@@ -23,11 +23,13 @@ every label NaN and **calibrating** 1 (see `monochord.datasets.build`).
 """
 
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Annotated, TypeAlias
 
 import numpy as np
+from msgspec import Meta
 
 from monochord.core.errors import InputError
+from monochord.core.ranges import Checked, Share
 from monochord.core.types import Flags, Floats, Truth
 from monochord.core.units import Seconds
 
@@ -49,29 +51,22 @@ class LabelTrack:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Rules:
+class Rules(Checked):
     """Shares of a window's time that decide its labels; the module says what each means."""
 
-    touched: float = 0.9
-    untouched: float = 0.1
-    sliding: float = 0.5
-    still: float = 0.1
-    known: float = 0.9
-    hold: Seconds = 0.2
+    touched: Share = 0.9
+    untouched: Share = 0.1
+    sliding: Share = 0.5
+    still: Share = 0.1
+    known: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.9
+    hold: Annotated[Seconds, Meta(gt=0.0)] = 0.2
 
     def __post_init__(self) -> None:
-        for low, high, name in (
-            (self.untouched, self.touched, "untouched and touched"),
-            (self.still, self.sliding, "still and sliding"),
-        ):
-            if not 0.0 <= low < high <= 1.0:
-                raise InputError(
-                    f"label rule {name} {low:g}, {high:g}", "shares of 0 to 1, the first smaller"
-                )
-        if not (0.0 < self.known <= 1.0 and self.hold > 0.0):
-            raise InputError(
-                f"label rule known {self.known:g}, hold {self.hold:g} s", "above 0; known up to 1"
-            )
+        Checked.__post_init__(self)
+        for low, high in (("untouched", "touched"), ("still", "sliding")):
+            if getattr(self, low) >= getattr(self, high):
+                given = f"label rule {low} {getattr(self, low):g}, {high} {getattr(self, high):g}"
+                raise InputError(given, f"{low} below {high}")
 
 
 RULES = Rules()

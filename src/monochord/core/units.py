@@ -1,23 +1,36 @@
 """Type aliases that tell the unit of a number, and the few unit conversions of the field.
 
 Inside Monochord every quantity is in SI base units and carries no suffix; the alias in its annotation
-tells which. Millimetres, milliseconds and decibels appear only where a person reads them.
+tells which, and errors quote it. Millimetres, milliseconds and decibels appear only where a person reads
+them.
 """
 
 import math
-from typing import TypeAlias
+import sys
+from typing import Annotated, Any, TypeAlias
 
-Metres: TypeAlias = float
-Seconds: TypeAlias = float
-Hertz: TypeAlias = float
-Newtons: TypeAlias = float
-Pascals: TypeAlias = float
-KilogramsPerMetre: TypeAlias = float
-MetresPerSecond: TypeAlias = float
-NewtonSecondsPerSquareMetre: TypeAlias = float
+Metres: TypeAlias = Annotated[float, "m"]
+Seconds: TypeAlias = Annotated[float, "s"]
+Hertz: TypeAlias = Annotated[float, "Hz"]
+Newtons: TypeAlias = Annotated[float, "N"]
+Pascals: TypeAlias = Annotated[float, "Pa"]
+KilogramsPerMetre: TypeAlias = Annotated[float, "kg/m"]
+MetresPerSecond: TypeAlias = Annotated[float, "m/s"]
+NewtonSecondsPerSquareMetre: TypeAlias = Annotated[float, "N s/m^2"]
 """Damping of a string per unit length, in N s / m^2."""
 Samples: TypeAlias = int
 """A count of sample frames, or an index on the sample clock."""
+FINITE = sys.float_info.max
+"""Largest finite number."""
+
+
+def unit_of(kind: Any) -> str:
+    """Return the unit of an annotated type with a space before, an empty string where it states none.
+
+    >>> unit_of(Metres), unit_of(float)
+    (' m', '')
+    """
+    return "".join(f" {each}" for each in getattr(kind, "__metadata__", ()) if isinstance(each, str))
 
 
 def cents(reference: Hertz, estimate: Hertz) -> float:

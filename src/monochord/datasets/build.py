@@ -6,15 +6,17 @@ from dataclasses import dataclass, field, replace
 from glob import glob
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
+from msgspec import Meta
 from numpy.typing import NDArray
 
 from monochord.core import labels as label_rules
 from monochord.core.errors import InputError
 from monochord.core.labels import LabelColumns, Rules, window_labels
 from monochord.core.ownership import part_folder
+from monochord.core.ranges import Checked
 from monochord.core.types import Audio, Progress, StringParams
 from monochord.core.units import Newtons, Samples, Seconds
 from monochord.core.workers import run_all
@@ -49,7 +51,7 @@ The string is None for a session that names none, the tension for one that was r
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BuildOptions:
+class BuildOptions(Checked):
     """How sessions become a dataset.
 
     Parameters
@@ -71,8 +73,8 @@ class BuildOptions:
         The sensor as tuned, a preset or a file of ``monochord tune``, of sessions recorded without a tuning.
     """
 
-    window: Seconds = 0.1
-    hop: Seconds = 0.1
+    window: Annotated[Seconds, Meta(ge=1e-3, le=60.0)] = 0.1
+    hop: Annotated[Seconds, Meta(ge=1e-3, le=60.0)] = 0.1
     labels: Labelling = ""
     force: bool = False
     skip: bool = False
@@ -81,9 +83,7 @@ class BuildOptions:
     sensor: str = ""
 
     def __post_init__(self) -> None:
-        for name, span in (("window", self.window), ("hop", self.hop)):
-            if not 1e-3 <= span <= 60.0:
-                raise InputError(f"{name} {span:g} s", "0.001 to 60 s")
+        Checked.__post_init__(self)
         if self.sensor:
             load_sensor(self.sensor)
 

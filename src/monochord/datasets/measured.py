@@ -11,12 +11,15 @@
 """
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from msgspec import Meta
 from numpy.typing import NDArray
 
 from monochord.core.errors import InputError
 from monochord.core.labels import LabelTrack
+from monochord.core.ranges import Checked
 from monochord.core.types import Floats
 from monochord.core.units import MetresPerSecond, Newtons, Seconds
 from monochord.sessions.tracks import ReadingTrack
@@ -35,21 +38,19 @@ QUIET = 0.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Thresholds:
+class Thresholds(Checked):
     """What counts as contact and as sliding; the module tells how each is used."""
 
-    on: Newtons = 0.05
-    off: Newtons = 0.03
-    smooth: Seconds = 0.02
-    moving: MetresPerSecond = 1.5e-3
-    span: Seconds = 0.04
+    on: Annotated[Newtons, Meta(gt=0.0)] = 0.05
+    off: Annotated[Newtons, Meta(gt=0.0)] = 0.03
+    smooth: Annotated[Seconds, Meta(gt=0.0, le=1.0)] = 0.02
+    moving: Annotated[MetresPerSecond, Meta(gt=0.0)] = 1.5e-3
+    span: Annotated[Seconds, Meta(gt=0.0, le=1.0)] = 0.04
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.off <= self.on:
-            raise InputError(f"contact on {self.on:g} N, off {self.off:g} N", "above 0 N, off not above on")
-        if not (0.0 < self.smooth <= 1.0 and 0.0 < self.span <= 1.0 and self.moving > 0.0):
-            given = f"smooth {self.smooth:g} s, span {self.span:g} s, moving {self.moving:g} m/s"
-            raise InputError(given, "above 0, and 1 s at most")
+        Checked.__post_init__(self)
+        if self.off > self.on:
+            raise InputError(f"contact on {self.on:g} N, off {self.off:g} N", "off not above on")
 
 
 THRESHOLDS = Thresholds()

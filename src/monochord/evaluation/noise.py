@@ -7,10 +7,13 @@ speech where they are available.
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
+from msgspec import Meta
 
 from monochord.core.errors import InputError, did_you_mean
+from monochord.core.ranges import Checked
 from monochord.core.types import Audio, Floats
 from monochord.core.units import Hertz, Seconds
 from monochord.dsp.noise import NOISES, STEADY, band, geared_motor
@@ -40,7 +43,7 @@ Peterson and Barney (1952), Control methods used in a study of the vowels, J. Ac
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Disturbance:
+class Disturbance(Checked):
     """Noise of one `kind` that is added to every session at a `ratio` in dB.
 
     The level of the noise is constant over a session: the ratio is the mean power of the session's touched
@@ -74,16 +77,15 @@ class Disturbance:
     """
 
     kind: str
-    ratio: float
+    ratio: Annotated[float, "dB", Meta(ge=-60.0, le=120.0)]
     seed: int = 0
     recordings: Mapping[str, Audio] = field(default_factory=dict[str, Audio])
 
     def __post_init__(self) -> None:
+        Checked.__post_init__(self)
         known = noise_kinds(self.recordings)
         if self.kind not in known:
             raise InputError(f"noise '{self.kind}'", ", ".join(known), did_you_mean(self.kind, known))
-        if not -60.0 <= self.ratio <= 120.0:
-            raise InputError(f"noise at {self.ratio:g} dB", "-60 to 120 dB")
         sound = self.recordings.get(self.kind)
         if sound is not None and not (np.isfinite(sound).all() and np.any(sound)):
             raise InputError(f"recording of {self.kind} (silent, or not numbers)", "one with sound in it")

@@ -7,12 +7,13 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 from monochord.core.errors import MissingLibraryError
+from monochord.core.ranges import Checked
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
 
 
-class Figure(ABC):
+class Figure(Checked, ABC):
     """Options of a figure, as a frozen keyword-only dataclass."""
 
     @abstractmethod

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
+from msgspec import Meta
 
-from monochord.core.errors import InputError
+from monochord.core.ranges import InnerShare
 from monochord.core.types import Contact, Floats
 from monochord.core.units import Hertz, Newtons, Seconds
 from monochord.figures import _style
@@ -64,22 +65,14 @@ class Convergence(Figure):
     """
 
     string: str = "appendix"
-    position: float = 0.35
+    position: InnerShare = 0.35
     force: Newtons = 0.0
-    seconds: Seconds = 0.4
+    seconds: Annotated[Seconds, Meta(ge=STEADY[1], le=60.0)] = 0.4
     model: Literal["split_string"] = "split_string"
     route: Literal["fdtd", "modal"] = "fdtd"
     nodes: int = 256
     time_step: Seconds | None = None
-    highest: float = 12.0
-
-    def __post_init__(self) -> None:
-        if not 0.0 < self.position < 1.0:
-            raise InputError(f"position {self.position:g}", "a share of the length between 0 and 1")
-        if not STEADY[1] <= self.seconds <= 60.0:
-            raise InputError(f"seconds {self.seconds:g}", f"{STEADY[1]:g} to 60 s")
-        if not self.highest > 1.0:
-            raise InputError(f"highest {self.highest:g}", "above 1 times the open string's frequency")
+    highest: Annotated[float, Meta(gt=1.0)] = 12.0
 
     def draw(self) -> Canvas:
         """Simulate the touch and draw both segments side by side."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from monochord.core.config import to_tree
-from monochord.core.errors import InputError
+from monochord.core.ranges import Count
 from monochord.evaluation.results import CLEAN, Results
 from monochord.evaluation.scorecard import ErrorMap, error_map
 from monochord.figures import _style
@@ -42,11 +42,7 @@ class ErrorMapFigure(Measured):
 
     results: Path
     condition: str = CLEAN
-    least: int = 3
-
-    def __post_init__(self) -> None:
-        if self.least < 1:
-            raise InputError(f"least {self.least}", "1 or more")
+    least: Count = 3
 
     def numbers(self) -> dict[str, Any]:
         """Return the cells of both maps."""

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
+from msgspec import Meta
 
 from monochord.core.errors import InputError
+from monochord.core.ranges import Whole
 from monochord.core.types import Audio, Floats
 from monochord.core.units import Newtons, Seconds
 from monochord.figures import _style
@@ -69,20 +71,10 @@ class Modes(Measured):
     """
 
     sensor: str = "prototype"
-    histories: int = 200
-    first: int = 0
-    after: Seconds = 2.5
-    shown: int = 5
-
-    def __post_init__(self) -> None:
-        if not 1 <= self.histories <= 5000:
-            raise InputError(f"histories {self.histories}", "1 to 5000")
-        if not self.first >= 0:
-            raise InputError(f"first {self.first}", "0 or more")
-        if not 1.0 + LISTEN <= self.after <= 60.0:
-            raise InputError(f"after {self.after:g} s", f"{1.0 + LISTEN:g} to 60 s")
-        if not 1 <= self.shown <= 6:
-            raise InputError(f"shown {self.shown}", "1 to 6")
+    histories: Annotated[int, Meta(ge=1, le=5000)] = 200
+    first: Whole = 0
+    after: Annotated[Seconds, Meta(ge=1.0 + LISTEN, le=60.0)] = 2.5
+    shown: Annotated[int, Meta(ge=1, le=6)] = 5
 
     def numbers(self) -> dict[str, Any]:
         """Return how often each pattern came, with its levels, and the seed that shows it."""

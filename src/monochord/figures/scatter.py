@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from monochord.core.config import to_tree
-from monochord.core.errors import InputError
+from monochord.core.ranges import Count
 from monochord.core.types import Floats
 from monochord.evaluation.results import CLEAN, Results
 from monochord.evaluation.scores import regression, regression_rows
@@ -46,11 +46,7 @@ class Scatter(Measured):
 
     results: Path
     condition: str = CLEAN
-    points: int = 2000
-
-    def __post_init__(self) -> None:
-        if self.points < 1:
-            raise InputError(f"points {self.points}", "1 or more")
+    points: Count = 2000
 
     def numbers(self) -> dict[str, Any]:
         """Return the scores of both quantities, over all objects and by object."""

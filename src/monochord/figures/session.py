@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
+from msgspec import Meta
 
-from monochord.core.errors import InputError
 from monochord.core.printable import printable
 from monochord.core.types import Floats
 from monochord.core.units import Seconds
@@ -46,12 +46,10 @@ class SessionFigure(Figure):
     """
 
     path: Path
-    step: Seconds = 0.02
+    step: Annotated[Seconds, Meta(gt=0.0)] = 0.02
 
     def draw(self) -> Canvas:
         """Read the session and draw a panel for each of its streams."""
-        if not self.step > 0.0:
-            raise InputError(f"step {self.step} s", "more than 0 s")
         session = read_session(Path(self.path))
         panels = [_levels]
         panels += [_force] if "wrench" in session.streams else []

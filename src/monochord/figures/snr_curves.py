@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from monochord.core.errors import InputError
+from monochord.core.ranges import Whole
 from monochord.evaluation.results import CLEAN, Results, read_results
 from monochord.evaluation.scores import Score, detection, regression
 from monochord.figures import _style
@@ -44,11 +45,7 @@ class SnrCurves(Measured):
     """
 
     results: Path
-    draws: int = 0
-
-    def __post_init__(self) -> None:
-        if self.draws < 0:
-            raise InputError(f"draws {self.draws}", "0 or more")
+    draws: Whole = 0
 
     def numbers(self) -> dict[str, Any]:
         """Return for each noise and ratio in dB each panel's value, low, high and answered share."""

@@ -7,11 +7,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
+from msgspec import Meta
 
 from monochord.core.errors import InputError
+from monochord.core.ranges import Whole
 from monochord.core.types import POSE, WRENCH, Audio, Block, Feed, Floats, Readings
 from monochord.core.units import Metres, MetresPerSecond, Newtons, Samples, Seconds
 from monochord.figures import _style
@@ -49,14 +51,9 @@ class Taps(Measured):
 
     session: str = ""
     end: bool = False
-    tap: int = 0
-    before: Seconds = 0.05
-    after: Seconds = 0.1
-
-    def __post_init__(self) -> None:
-        if self.tap < 0 or not 0.0 < self.before <= 10.0 or not 0.0 < self.after <= 10.0:
-            given = f"tap {self.tap}, {self.before:g} s before and {self.after:g} s after it"
-            raise InputError(given, "tap 0 or more, and up to 10 s before and after")
+    tap: Whole = 0
+    before: Annotated[Seconds, Meta(gt=0.0, le=10.0)] = 0.05
+    after: Annotated[Seconds, Meta(gt=0.0, le=10.0)] = 0.1
 
     def draw(self) -> Canvas:
         """Align the session and draw its streams."""

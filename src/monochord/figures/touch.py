@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
+from msgspec import Meta
 
-from monochord.core.errors import InputError
+from monochord.core.ranges import Share
 from monochord.core.types import Audio, Floats
 from monochord.core.units import Hertz, MetresPerSecond, Newtons, Seconds
 from monochord.figures import _style
@@ -67,23 +68,12 @@ class Touch(Figure):
 
     sensor: str = "prototype"
     material: str = "plastic"
-    force: Newtons = 1.0
-    start: float = 0.3
-    end: float = 0.7
-    speed: MetresPerSecond = 0.03
-    highest: Hertz = 12000.0
+    force: Annotated[Newtons, Meta(gt=0.0, le=10.0)] = 1.0
+    start: Share = 0.3
+    end: Share = 0.7
+    speed: Annotated[MetresPerSecond, Meta(ge=-0.5, le=0.5)] = 0.03
+    highest: Annotated[Hertz, Meta(ge=500.0, le=0.5 * RATE)] = 12000.0
     seed: int = 0
-
-    def __post_init__(self) -> None:
-        for name, share in (("start", self.start), ("end", self.end)):
-            if not 0.0 <= share <= 1.0:
-                raise InputError(f"{name} {share:g}", "a share of the sensor's range, 0 to 1")
-        if not 0.0 < self.force <= 10.0:
-            raise InputError(f"force {self.force:g} N", "above 0 to 10 N")
-        if not -0.5 <= self.speed <= 0.5:
-            raise InputError(f"speed {self.speed:g} m/s", "-0.5 to 0.5 m/s")
-        if not 500.0 <= self.highest <= 0.5 * RATE:
-            raise InputError(f"highest {self.highest:g} Hz", f"500 to {0.5 * RATE:g} Hz")
 
     def play(self) -> Take:
         """Return sound and labels, from half a window before the figure begins to half a one after it."""

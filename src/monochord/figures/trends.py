@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
+from msgspec import Meta
 
-from monochord.core.errors import InputError
+from monochord.core.ranges import InnerShare
 from monochord.core.types import Contact, Floats, StringParams
 from monochord.core.units import Hertz, Newtons
 from monochord.figures import _style
@@ -60,29 +61,15 @@ class Trends(Figure):
     """
 
     string: str = "appendix"
-    force: Newtons = 1.0
-    position: float = 0.35
-    edge: float = 0.12
-    highest_force: Newtons = 5.0
-    highest: float = 8.0
-    steps: int = 161
+    force: Annotated[Newtons, Meta(ge=0.0)] = 1.0
+    position: InnerShare = 0.35
+    edge: Annotated[float, Meta(gt=0.0, lt=0.5)] = 0.12
+    highest_force: Annotated[Newtons, Meta(gt=0.0)] = 5.0
+    highest: Annotated[float, Meta(gt=1.0)] = 8.0
+    steps: Annotated[int, Meta(ge=2, le=1000)] = 161
     model: str = "split_string"
     route: str = "modal"
     law: TensionLaw = "linear"
-
-    def __post_init__(self) -> None:
-        if not 0.0 < self.edge < 0.5:
-            raise InputError(f"edge {self.edge:g}", "above 0, below 0.5 of the length")
-        if not 0.0 < self.position < 1.0:
-            raise InputError(f"position {self.position:g}", "a share of the length between 0 and 1")
-        if not (self.force >= 0.0 and self.highest_force > 0.0):
-            raise InputError(
-                f"force {self.force:g} N, highest {self.highest_force:g} N", "0 N or more, above 0 N"
-            )
-        if not self.highest > 1.0:
-            raise InputError(f"highest {self.highest:g}", "above 1 times the open string's frequency")
-        if not 2 <= self.steps <= 1000:
-            raise InputError(f"steps {self.steps}", "2 to 1000")
 
     def sweeps(self, string: StringParams) -> tuple[Sweep, Sweep]:
         """Return the sweep of position and the sweep of force over a string."""

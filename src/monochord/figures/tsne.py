@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
+from msgspec import Meta
 
 from monochord.core.errors import InputError
+from monochord.core.ranges import Checked
 from monochord.core.types import Floats, Indices, Signal
 from monochord.datasets.store import Dataset, open_dataset
 from monochord.figures import _style
@@ -62,19 +64,17 @@ class Tsne(Measured):
 
     dataset: Path
     features: tuple[str, ...] = ("log_mel",)
-    windows: int = 1000
-    perplexity: float = 30.0
+    windows: Annotated[int, Meta(ge=MIN_WINDOWS, le=MAX_WINDOWS)] = 1000
+    perplexity: Annotated[float, Meta(gt=1.0)] = 30.0
     sensor: str = "prototype"
     seed: int = 0
 
     def __post_init__(self) -> None:
+        Checked.__post_init__(self)
         if not self.features:
             raise InputError("no features", "one or more")
-        if not MIN_WINDOWS <= self.windows <= MAX_WINDOWS:
-            raise InputError(f"windows {self.windows}", f"{MIN_WINDOWS} to {MAX_WINDOWS}")
-        if not 1.0 < self.perplexity < self.windows / 3.0:
-            allowed = f"above 1, below a third of {self.windows} windows"
-            raise InputError(f"perplexity {self.perplexity:g}", allowed)
+        if self.perplexity >= self.windows / 3.0:
+            raise InputError(f"perplexity {self.perplexity:g}", f"below a third of {self.windows} windows")
 
     def numbers(self) -> dict[str, Any]:
         """Return how well the ten nearest neighbours in the plane predict a window's label.

@@ -9,6 +9,7 @@ from typing import Annotated
 
 from msgspec import Meta
 
+from monochord.core.ranges import Checked
 from monochord.core.units import Hertz
 from monochord.physics.twin import Sensor, Touch
 from monochord.physics.twin.setup import ContactLaw, End, Mount, Pickups
@@ -22,7 +23,7 @@ END_RESONANCES: tuple[Hertz, Hertz] = (700.0, 1600.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Deviation:
+class Deviation(Checked):
     """How the sensor and the object of a session deviate; not at all by default.
 
     Parameters

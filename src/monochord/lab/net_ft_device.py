@@ -18,14 +18,16 @@ from dataclasses import dataclass
 from http.server import BaseHTTPRequestHandler
 from pathlib import Path
 from socketserver import TCPServer
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from msgspec import Meta
 from numpy.typing import NDArray
 
 from monochord.capture.instruments import _rdt as rdt
 from monochord.core.closing import Closing
 from monochord.core.errors import DeviceError, InputError
+from monochord.core.ranges import Checked, NonNegative, PartialShare, Positive
 from monochord.core.types import Floats
 from monochord.core.units import Hertz, Seconds
 from monochord.lab._script import follow_input, read_script, write_script
@@ -40,7 +42,7 @@ IDLE: Seconds = 0.02
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class NetFtSettings:
+class NetFtSettings(Checked):
     """The behaviour of a simulated Net F/T.
 
     Parameters
@@ -75,36 +77,23 @@ class NetFtSettings:
         Ports; 0 lets the system choose.
     """
 
-    rate: Hertz = rdt.INTERNAL_RATE
-    counts_per_force: float = 1e6
-    counts_per_torque: float = 1e6
-    delay: Seconds = 0.0
-    jitter: Seconds = 0.0
-    loss: float = 0.0
+    rate: Annotated[Hertz, Meta(gt=0.0, le=rdt.INTERNAL_RATE)] = rdt.INTERNAL_RATE
+    counts_per_force: Positive[float] = 1e6
+    counts_per_torque: Positive[float] = 1e6
+    delay: NonNegative[Seconds] = 0.0
+    jitter: NonNegative[Seconds] = 0.0
+    loss: PartialShare = 0.0
     fault_after: Seconds | None = None
     fault_status: int = 0x80010000
     silence: tuple[Seconds, Seconds] | None = None
     restarts: bool = False
     first_record: int = 1
     first_sample: int = 0
-    wake: Seconds = 1e-3
+    wake: Annotated[Seconds, Meta(ge=1e-5, le=0.1)] = 1e-3
     seed: int = 0
     host: str = "127.0.0.1"
     rdt_port: int = 0
     http_port: int = 0
-
-    def __post_init__(self) -> None:
-        if not 0.0 < self.rate <= rdt.INTERNAL_RATE:
-            raise InputError(f"rate of {self.rate} Hz", "above 0 and at most 7000 Hz")
-        if not 0.0 <= self.loss < 1.0:
-            raise InputError(f"loss of {self.loss}", "a probability from 0 to below 1")
-        if not (0.0 <= self.delay < np.inf and 0.0 <= self.jitter < np.inf):
-            raise InputError(f"delay {self.delay} s and jitter {self.jitter} s", "0 s or more")
-        for scale in (self.counts_per_force, self.counts_per_torque):
-            if not 0.0 < scale < np.inf:
-                raise InputError(f"{scale} counts a unit", "a number above 0")
-        if not 1e-5 <= self.wake <= 0.1:
-            raise InputError(f"wake of {self.wake} s", "0.00001 to 0.1 s")
 
 
 class RecordStream:

@@ -10,6 +10,7 @@ import numpy as np
 from msgspec import Meta
 
 from monochord.core.errors import InputError, did_you_mean
+from monochord.core.ranges import Checked, Pair, PartialShare, Whole, refuse_unordered
 from monochord.core.types import Floats
 from monochord.core.units import Hertz, Metres, MetresPerSecond, Newtons, Seconds
 from monochord.lab.designs import drawn_design
@@ -20,8 +21,7 @@ from monochord.physics.sensors import load_sensor
 from monochord.physics.twin import Key, Sensor, Touch
 from monochord.physics.twin.world import ALL, Effects, World, plausible_touch, sensor_of
 
-Range: TypeAlias = tuple[float, float]
-Count = Annotated[int, Meta(ge=1, le=100000)]
+Amount: TypeAlias = Annotated[int, Meta(ge=1, le=100000)]
 MAX_TOUCHES = 1_000_000
 """Touches of a group and radius, which take a month."""
 MAX_OBLIQUE = 2.0
@@ -34,7 +34,7 @@ SESSION_INTERVAL: Seconds = 120.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Group:
+class Group(Checked):
     """Sessions of one protocol over one grid.
 
     Parameters
@@ -108,26 +108,26 @@ class Group:
 
     name: str
     protocol: Literal["hold", "slide", "brush", "hover"] = "hold"
-    sessions: Count = 1
-    grid: tuple[Count, Count] = (8, 4)
-    places: tuple[Metres, Metres] | None = None
-    forces: tuple[Newtons, Newtons] = (0.1, 2.0)
+    sessions: Amount = 1
+    grid: Pair[Amount] = (8, 4)
+    places: Pair[Annotated[Metres, Meta(gt=0.0)]] | None = None
+    forces: Pair[Annotated[Newtons, Meta(gt=0.0, le=5.0)]] = (0.1, 2.0)
     material: str = "plastic"
     radii: tuple[Metres, ...] = ()
     design: Literal["", "drawn"] = ""
     second: Annotated[Metres, Meta(ge=0.0, le=1.0)] = 0.0
     rolls: bool = False
-    oblique: tuple[float, float] = (0.0, 0.0)
+    oblique: Pair[Annotated[float, Meta(ge=0.0, le=MAX_OBLIQUE)]] = (0.0, 0.0)
     world: World | None = None
     deviation: Deviation | None = None
-    builds: tuple[Annotated[int, Meta(ge=0)], ...] = ()
-    first_build: Annotated[int, Meta(ge=0)] | None = None
-    days: tuple[Annotated[int, Meta(ge=0)], ...] = (0,)
+    builds: tuple[Whole, ...] = ()
+    first_build: Whole | None = None
+    days: tuple[Annotated[int, Meta(ge=0, le=36500)], ...] = (0,)
     hold: Annotated[Seconds, Meta(ge=0.1, le=60.0)] = 1.0
-    strokes: Count = 4
-    speeds: tuple[MetresPerSecond, MetresPerSecond] = (0.001, 0.03)
+    strokes: Amount = 4
+    speeds: Pair[Annotated[MetresPerSecond, Meta(gt=0.0, le=0.2)]] = (0.001, 0.03)
     lifted: Annotated[Metres, Meta(ge=0.0, le=0.05)] = 0.0
-    clearances: tuple[Metres, Metres] = (0.05e-3, 0.5e-3)
+    clearances: Pair[Annotated[Metres, Meta(gt=0.0)]] = (0.05e-3, 0.5e-3)
     like: str = ""
     music: str = ""
     snr: float = 10.0
@@ -135,17 +135,17 @@ class Group:
     motor_snr: float = 30.0
 
     def __post_init__(self) -> None:
+        Checked.__post_init__(self)
         if not re.fullmatch(r"[a-z][a-z0-9_]*", self.name):
             raise InputError(f"group '{self.name}'", "a name of lower-case letters, digits and _")
-        if not 0.0 <= self.oblique[0] <= self.oblique[1] <= MAX_OBLIQUE:
-            given = f"group {self.name}: oblique {self.oblique}"
-            raise InputError(given, f"0 <= least <= most <= {MAX_OBLIQUE:g}")
-        for name in ("places", "forces", "speeds", "clearances"):
-            span: Range | None = getattr(self, name)
-            if span is not None and not 0.0 < span[0] <= span[1]:
-                raise InputError(f"group {self.name}: {name} {span}", "0 < least <= most")
-        if self.forces[1] > 5.0 or self.speeds[1] > 0.2:
-            raise InputError(f"group {self.name}: {self.forces} N, {self.speeds} m/s", "5 N, 0.2 m/s at most")
+        refuse_unordered(
+            f"group {self.name}",
+            oblique=self.oblique,
+            places=self.places,
+            forces=self.forces,
+            speeds=self.speeds,
+            clearances=self.clearances,
+        )
         if self.grid[0] * self.grid[1] > MAX_TOUCHES:
             raise InputError(f"group {self.name}: grid {self.grid}", f"{MAX_TOUCHES} touches at most")
         if self.builds and self.first_build is not None:
@@ -160,23 +160,20 @@ class Group:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Delays:
+class Delays(Checked):
     """Smallest and largest delay of each stream in s: each session draws its own, to be estimated."""
 
-    audio: Range = (0.0, 0.0)
-    wrench: Range = (0.0, 0.0)
-    pose: Range = (0.0, 0.0)
+    audio: Pair[Annotated[Seconds, Meta(ge=0.0, le=MAX_DELAY)]] = (0.0, 0.0)
+    wrench: Pair[Annotated[Seconds, Meta(ge=0.0, le=MAX_DELAY)]] = (0.0, 0.0)
+    pose: Pair[Annotated[Seconds, Meta(ge=0.0, le=MAX_DELAY)]] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
-        for name in ("audio", "wrench", "pose"):
-            smallest, largest = getattr(self, name)
-            if not 0.0 <= smallest <= largest <= MAX_DELAY:
-                allowed = f"0 <= least <= most <= {MAX_DELAY:g} s"
-                raise InputError(f"delays of {name} {(smallest, largest)}", allowed)
+        Checked.__post_init__(self)
+        refuse_unordered("delays", audio=self.audio, wrench=self.wrench, pose=self.pose)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ForceSensor:
+class ForceSensor(Checked):
     """The errors of a force/torque sensor, after an ATI Gamma; all assumed.
 
     `noise` is the rms of a reading's force in N, `torque_noise` of its torque in N m; `bandwidth` in Hz is
@@ -192,12 +189,12 @@ class ForceSensor:
     drift: Annotated[float, Meta(ge=0.0)] = 1e-4
     crosstalk: tuple[float, float] = (0.008, -0.005)
     lever: Metres = 0.06
-    lost: Annotated[float, Meta(ge=0.0, lt=1.0)] = 1e-4
+    lost: PartialShare = 1e-4
     jitter: Annotated[Seconds, Meta(ge=0.0, le=0.1)] = 1e-4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MeasurementErrors:
+class MeasurementErrors(Checked):
     """What a robot and its force sensor get wrong, unknown to whoever labels by them: standard deviations.
 
     `tool` is that of the tool's centre along the string in a session, and `repeat` that of each touch, in m;
@@ -210,7 +207,7 @@ class MeasurementErrors:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Plan:
+class Plan(Checked):
     """A whole collection: one sensor, its instruments, and groups of sessions.
 
     Parameters
@@ -266,6 +263,7 @@ class Plan:
     groups: tuple[Group, ...]
 
     def __post_init__(self) -> None:
+        Checked.__post_init__(self)
         names = [group.name for group in self.groups]
         if not names or len(set(names)) < len(names):
             raise InputError(f"groups {', '.join(names) or 'none'}", "one or more, with different names")

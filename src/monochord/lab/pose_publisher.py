@@ -16,14 +16,16 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from msgspec import Meta
 
 from monochord.capture.dds.participant import Participant
 from monochord.core.clock import clock_offsets
 from monochord.core.closing import Closing
 from monochord.core.errors import InputError
+from monochord.core.ranges import Checked, NonNegative
 from monochord.core.types import Floats
 from monochord.core.units import Hertz, Seconds
 from monochord.lab._script import follow_input, read_script, write_script
@@ -35,7 +37,7 @@ MAX_WAIT: Seconds = 0.02
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PublisherSettings:
+class PublisherSettings(Checked):
     """The topics, rates and delays of a publisher.
 
     Parameters
@@ -58,9 +60,9 @@ class PublisherSettings:
         ``HOST:PORT`` to send JSON datagrams to; empty for none.
     """
 
-    rate: Hertz = 100.0
-    wrench_rate: Hertz = 100.0
-    delay: Seconds = 0.0
+    rate: Annotated[Hertz, Meta(gt=0.0, le=2000.0)] = 100.0
+    wrench_rate: Annotated[Hertz, Meta(gt=0.0, le=2000.0)] = 100.0
+    delay: NonNegative[Seconds] = 0.0
     clock_error: Seconds = 0.0
     topic: str = "/pose"
     wrench_topic: str = "/wrench"
@@ -70,11 +72,7 @@ class PublisherSettings:
     udp: str = ""
 
     def __post_init__(self) -> None:
-        for rate in (self.rate, self.wrench_rate):
-            if not 0.0 < rate <= 2000.0:
-                raise InputError(f"rate of {rate} Hz", "above 0 and at most 2000 Hz")
-        if not 0.0 <= self.delay < np.inf:
-            raise InputError(f"delay of {self.delay} s", "0 s or more")
+        Checked.__post_init__(self)
         if self.udp and not self.udp.rpartition(":")[2].isdecimal():
             raise InputError(f"udp '{self.udp}'", "HOST:PORT")
 

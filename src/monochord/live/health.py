@@ -15,7 +15,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from monochord.core.clock import MIN_CLOCK_STEP
-from monochord.core.errors import InputError
+from monochord.core.ranges import Checked, NonNegative
 from monochord.core.silence import SILENT_LEVEL
 from monochord.core.types import OUTSIDE_RANGE, Estimates, StreamHealth, Window
 from monochord.core.units import Seconds
@@ -57,22 +57,16 @@ class Note:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class HealthSettings:
+class HealthSettings(Checked):
     """When a finding becomes a note.
 
     It must have lasted for `appear`, and is none any more once it has been gone for `clear`; `look` is the
     least time between two looks at the levels, all in s.
     """
 
-    appear: Seconds = 0.5
-    clear: Seconds = 1.0
-    look: Seconds = 0.1
-
-    def __post_init__(self) -> None:
-        for name in ("appear", "clear", "look"):
-            value = getattr(self, name)
-            if not 0.0 <= value < math.inf:
-                raise InputError(f"health {name} {value:g} s", "0 s or more")
+    appear: NonNegative[Seconds] = 0.5
+    clear: NonNegative[Seconds] = 1.0
+    look: NonNegative[Seconds] = 0.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

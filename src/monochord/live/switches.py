@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from monochord.core.errors import InputError
+from monochord.core.ranges import Checked, InnerShare, NonNegative
 from monochord.core.types import Estimate
 from monochord.core.units import Seconds
 
@@ -22,7 +23,7 @@ SLIP_SHARE = 0.7
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SwitchSettings:
+class SwitchSettings(Checked):
     """How a probability becomes a decision.
 
     Parameters
@@ -37,24 +38,16 @@ class SwitchSettings:
         After how long without any probability nothing is decided, in s.
     """
 
-    on: float = 0.5
-    off: float = 0.5
-    average: Seconds = 0.02
-    dwell: Seconds = 0.02
-    hold: Seconds = 0.5
+    on: InnerShare = 0.5
+    off: InnerShare = 0.5
+    average: NonNegative[Seconds] = 0.02
+    dwell: NonNegative[Seconds] = 0.02
+    hold: NonNegative[Seconds] = 0.5
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.off <= self.on < 1.0:
-            given = f"filter thresholds on {self.on:g}, off {self.off:g}"
-            raise InputError(given, "probabilities above 0 and below 1, off at most on")
-        for name in ("average", "dwell", "hold"):
-            refuse_time(name, getattr(self, name))
-
-
-def refuse_time(name: str, value: Seconds) -> None:
-    """Raise `InputError` for a time of the filter that is below 0 s or not finite."""
-    if not 0.0 <= value < math.inf:
-        raise InputError(f"filter {name} {value:g} s", "0 s or more")
+        Checked.__post_init__(self)
+        if self.off > self.on:
+            raise InputError(f"filter thresholds on {self.on:g}, off {self.off:g}", "off at most on")
 
 
 class Switch(NamedTuple):

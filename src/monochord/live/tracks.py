@@ -16,12 +16,14 @@
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
-from monochord.core.errors import InputError
+from msgspec import Meta
+
+from monochord.core.ranges import Checked, NonNegative, PartialShare
 from monochord.core.types import OUTSIDE_RANGE, Estimate
 from monochord.core.units import Metres, Seconds
-from monochord.live.switches import TIME_TOLERANCE, refuse_time
+from monochord.live.switches import TIME_TOLERANCE
 
 MIN_STD = 1e-6
 """Least standard error of an estimate, in its unit, so that rounding leaves every variance positive."""
@@ -35,13 +37,8 @@ START_FORCE = 4.0
 """Variance of a force in N^2 before any estimate."""
 
 
-def _refuse_share(name: str, value: float) -> None:
-    if not 0.0 <= value < 1.0:
-        raise InputError(f"filter {name} {value:g}", "a share of 0 or more, below 1")
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TrackSettings:
+class TrackSettings(Checked):
     """How a position is tracked.
 
     Parameters
@@ -59,23 +56,16 @@ class TrackSettings:
         for a shorter time than `believe`, for as much shorter.
     """
 
-    offset: float = 0.9
-    sliding: float = 5e-3
-    resting: float = 5e-3
-    gate: float = 5.0
-    believe: Seconds = 0.15
-    coast: Seconds = 0.2
-
-    def __post_init__(self) -> None:
-        _refuse_share("offset", self.offset)
-        if not (min(self.sliding, self.resting) > 0.0 and self.gate > 0.0):
-            raise InputError(f"filter sliding {self.sliding:g}, gate {self.gate:g}", "above 0")
-        for name in ("believe", "coast"):
-            refuse_time(name, getattr(self, name))
+    offset: PartialShare = 0.9
+    sliding: Annotated[float, Meta(gt=0.0)] = 5e-3
+    resting: Annotated[float, Meta(gt=0.0)] = 5e-3
+    gate: Annotated[float, Meta(gt=0.0)] = 5.0
+    believe: NonNegative[Seconds] = 0.15
+    coast: NonNegative[Seconds] = 0.2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ForceSettings:
+class ForceSettings(Checked):
     """How a force is tracked.
 
     Parameters
@@ -90,17 +80,10 @@ class ForceSettings:
         For how long it is predicted without any estimate, in s.
     """
 
-    offset: float = 0.9
-    common: float = 0.8
-    change: float = 1.0
-    coast: Seconds = 0.3
-
-    def __post_init__(self) -> None:
-        _refuse_share("offset", self.offset)
-        _refuse_share("common", self.common)
-        if not self.change > 0.0:
-            raise InputError(f"filter change {self.change:g} N^2/s", "above 0")
-        refuse_time("coast", self.coast)
+    offset: PartialShare = 0.9
+    common: PartialShare = 0.8
+    change: Annotated[float, Meta(gt=0.0)] = 1.0
+    coast: NonNegative[Seconds] = 0.3
 
 
 class Span(NamedTuple):

@@ -8,12 +8,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from importlib.metadata import PackageNotFoundError, version
 from platform import python_version
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from msgspec import Meta
 
 from monochord.core.config import Tree, from_tree, to_tree
 from monochord.core.errors import InputError
+from monochord.core.ranges import Checked
 from monochord.core.types import Feed, Floats, StringParams
 from monochord.core.units import Metres, Seconds
 from monochord.sessions.bounds import MAX_COLUMNS, MAX_DURATION, MAX_SAMPLE_RATE, MAX_STREAMS, json_object
@@ -45,7 +47,7 @@ def versions() -> dict[str, str]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Description:
+class Description(Checked):
     """What a session was recorded with and of.
 
     Parameters
@@ -77,8 +79,8 @@ class Description:
     """
 
     name: str
-    sample_rate: int
-    channels: int = 2
+    sample_rate: Annotated[int, Meta(ge=1, le=MAX_SAMPLE_RATE)]
+    channels: Annotated[int, Meta(ge=1, le=64)] = 2
     simulated: bool = False
     sensor: Tree = field(default_factory=dict[str, Any])
     string: StringParams | None = None
@@ -96,11 +98,9 @@ class Description:
     more: dict[str, str] = field(default_factory=dict[str, str])
 
     def __post_init__(self) -> None:
+        Checked.__post_init__(self)
         if not self.name:
             raise InputError("session without a name", "a name")
-        if not (0 < self.sample_rate <= MAX_SAMPLE_RATE and 1 <= self.channels <= 64):
-            given = f"{self.channels} channels at {self.sample_rate} Hz"
-            raise InputError(given, f"1 to 64 channels at 1 to {MAX_SAMPLE_RATE} Hz")
         _refuse_streams(len(self.feeds))
         for feed in self.feeds:
             if not re.fullmatch("[a-z][a-z0-9_]*", feed.stream) or feed.stream in RESERVED_STREAMS:
@@ -162,7 +162,7 @@ def _refuse_feed(feed: Feed) -> None:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SessionClock:
+class SessionClock(Checked):
     """A session's clock: nanoseconds since 1970 that go with the monotonic clock, whatever the wall does.
 
     `epoch_ns` is what the wall clock said when the monotonic clock said `origin`, the session's time zero.
@@ -174,13 +174,8 @@ class SessionClock:
     (1000000000250000000, 0.25)
     """
 
-    epoch_ns: int
-    origin: Seconds = 0.0
-
-    def __post_init__(self) -> None:
-        if not (0 <= self.epoch_ns < LATEST_STAMP and abs(self.origin) < LATEST_STAMP / NANO):
-            given = f"clock that begins at {self.epoch_ns} ns, {self.origin:g} s"
-            raise InputError(given, f"0 to {LATEST_STAMP} ns since 1970, and a finite count of seconds")
+    epoch_ns: Annotated[int, Meta(ge=0, lt=LATEST_STAMP)]
+    origin: Annotated[Seconds, Meta(gt=-LATEST_STAMP / NANO, lt=LATEST_STAMP / NANO)] = 0.0
 
     @classmethod
     def now(cls) -> "SessionClock":

@@ -86,7 +86,7 @@ def test_a_flexible_string_has_no_force(signal: Signal, sing: Sing) -> None:
 
 @pytest.mark.parametrize("options", [{"margin": -0.1}, {"margin": np.inf}, {"most_force": 0.0}])
 def test_bad_options_are_refused(signal: Signal, options: dict[str, float]) -> None:
-    with pytest.raises(InputError, match="margin"):
+    with pytest.raises(InputError, match=next(iter(options))):
         FEATURES.build("closed_form", options).prepare(signal, SIZE)
 
 

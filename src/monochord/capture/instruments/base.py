@@ -3,6 +3,7 @@
 from abc import ABC, abstractmethod
 from contextlib import AbstractContextManager
 
+from monochord.core.ranges import Checked
 from monochord.core.types import Feed, InstrumentHealth, Readings
 
 
@@ -28,7 +29,7 @@ class Connection(ABC):
         """Counters so far."""
 
 
-class Instrument(ABC):
+class Instrument(Checked, ABC):
     """Options of an instrument, as a frozen keyword-only dataclass whose first field is what to open.
 
     `open` raises `InputError` for options that cannot be used, and `DeviceError` for a device that is not

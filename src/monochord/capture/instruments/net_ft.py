@@ -6,8 +6,10 @@ from collections.abc import Generator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from types import MappingProxyType
+from typing import Annotated
 
 import numpy as np
+from msgspec import Meta
 from numpy.typing import NDArray
 
 from monochord.capture.address import is_port, resolved
@@ -53,12 +55,12 @@ class NetFt(Instrument):
 
     address: str = "127.0.0.1"
     rdt_port: int = rdt.RDT_PORT
-    http_port: int = 80
-    rate: Hertz = 0.0
+    http_port: Annotated[int, Meta(ge=1, le=65535)] = 80
+    rate: Annotated[Hertz, Meta(ge=0.0, le=100e3)] = 0.0
     bias: bool = False
     reset_latch: bool = False
-    timeout_seconds: Seconds = 2.0
-    silence_seconds: Seconds = 0.2
+    timeout_seconds: Annotated[Seconds, Meta(ge=0.01, le=60.0)] = 2.0
+    silence_seconds: Annotated[Seconds, Meta(ge=0.01, le=60.0)] = 0.2
 
     @contextmanager
     def open(self) -> Generator["_NetFtConnection"]:
@@ -89,14 +91,6 @@ class NetFt(Instrument):
             raise InputError(f"address '{self.address}'", "HOST or HOST:PORT")
         if not is_port(port):
             raise InputError(f"RDT port {port}", "1 to 65535")
-        if not 0 < self.http_port < 65536:
-            raise InputError(f"HTTP port {self.http_port}", "1 to 65535")
-        if not 0.0 <= self.rate <= 100e3:
-            raise InputError(f"rate of {self.rate} Hz", "0 to 100000 Hz, 0 for what the device says")
-        if not 0.01 <= self.timeout_seconds <= 60.0:
-            raise InputError(f"timeout of {self.timeout_seconds} s", "0.01 to 60 s")
-        if not 0.01 <= self.silence_seconds <= 60.0:
-            raise InputError(f"silence of {self.silence_seconds} s", "0.01 to 60 s")
         return host, int(port)
 
 

@@ -9,7 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from time import monotonic
 from types import MappingProxyType
-from typing import IO, Literal, NamedTuple
+from typing import IO, Annotated, Literal, NamedTuple
+
+from msgspec import Meta
 
 from monochord.capture.instruments._collected import NANOSECONDS, NONE, Collected
 from monochord.capture.instruments._pose import UPRIGHT, pose_feed, quaternion_of, unit_pose
@@ -71,13 +73,11 @@ class PoseCsv(Instrument):
     unit: Literal["m", "mm"] = "m"
     rotation: Literal["", "vector", "fixed_xyz", "moving_xyz", "none"] = ""
     angles: Literal["rad", "deg"] = "rad"
-    reach: Metres = 10.0
+    reach: Annotated[Metres, Meta(gt=0.0, le=1e7)] = 10.0
 
     @contextmanager
     def open(self) -> Generator["_PoseCsvConnection"]:
         """Open the file; raises `DeviceError` without one, `InputError` for columns that are no pose."""
-        if not 0.0 < self.reach <= 1e7:
-            raise InputError(f"reach of {self.reach} m", "above 0 m, up to 1e7 m")
         details = {"path": self.path, "unit": self.unit}
         if self.rotation:
             details |= {"rotation": self.rotation, "angles": self.angles}

@@ -6,6 +6,9 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import Annotated
+
+from msgspec import Meta
 
 from monochord.capture.address import listening
 from monochord.capture.instruments._json_feed import JsonConnection, Stamped
@@ -46,7 +49,7 @@ class Udp(Instrument):
     stream: str = "numbers"
     columns: tuple[str, ...] = ("value",)
     units: tuple[str, ...] = ()
-    rate: Hertz = 0.0
+    rate: Annotated[Hertz, Meta(ge=0.0, le=100e3)] = 0.0
 
     @contextmanager
     def open(self) -> Generator["JsonConnection[_Numbers]"]:
@@ -71,8 +74,6 @@ class Udp(Instrument):
             )
         if self.units and len(self.units) != len(columns):
             raise InputError(f"{len(self.units)} units for {len(columns)} columns", "one each, or none")
-        if not 0.0 <= self.rate <= 100e3:
-            raise InputError(f"rate of {self.rate} Hz", "0 to 100000 Hz, 0 where it is not known")
         return Feed(
             stream=self.stream,
             columns=columns,

@@ -6,7 +6,9 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Annotated, Any, Protocol
+
+from msgspec import Meta
 
 from monochord.capture.instruments import INSTRUMENTS
 from monochord.capture.instruments.base import Instrument
@@ -15,6 +17,7 @@ from monochord.capture.sources import SOURCES
 from monochord.capture.sources.base import Source
 from monochord.core.config import Tree, from_tree, to_tree
 from monochord.core.errors import InputError
+from monochord.core.ranges import Checked, NonNegative
 from monochord.core.types import Feed, Signal
 from monochord.core.units import Metres, Seconds
 from monochord.physics.sensors import load_sensor, sensor_tuning
@@ -91,20 +94,20 @@ def of_sensor(name: str) -> dict[str, Any]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DiskLimits:
+class DiskLimits(Checked):
     """Limits on the free bytes of the disk: to `start`, and to continue (`stop`).
 
     A warning is shown when the disk lasts less than `warn` seconds at the present rate.
     """
 
-    start: float = 100e6
-    stop: float = 20e6
-    warn: Seconds = 600.0
+    start: NonNegative[float] = 100e6
+    stop: NonNegative[float] = 20e6
+    warn: Annotated[Seconds, Meta(ge=0.0)] = 600.0
 
     def __post_init__(self) -> None:
-        if not (0.0 <= self.stop <= self.start < math.inf and self.warn >= 0.0):
-            given = f"disk start {self.start:g}, stop {self.stop:g}, warn {self.warn:g}"
-            raise InputError(given, "0 <= stop <= start in bytes, and warn in seconds, 0 or more")
+        Checked.__post_init__(self)
+        if self.stop > self.start:
+            raise InputError(f"disk start {self.start:g}, stop {self.stop:g}", "stop at most start, in bytes")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -128,7 +131,7 @@ class RecordingJob:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RecordingSettings:
+class RecordingSettings(Checked):
     """The settings of a recording: the source as a table with its name, instruments as tables by name.
 
     The table of an instrument has the name of its kind, numbered from the second on: ``pose_udp``,
@@ -143,16 +146,12 @@ class RecordingSettings:
     instruments: dict[str, dict[str, Any]] = field(default_factory=dict[str, dict[str, Any]])
     about: About = About()
     disk: DiskLimits = DiskLimits()
-    seconds: Seconds = math.inf
+    seconds: Annotated[Seconds, Meta(gt=0.0)] = math.inf
 
     @classmethod
     def read(cls, tree: Tree) -> "RecordingSettings":
         """Build from plain values, strictly."""
         return from_tree(cls, tree)
-
-    def __post_init__(self) -> None:
-        if not self.seconds > 0.0:
-            raise InputError(f"{self.seconds:g} seconds", "more than 0")
 
     def job(self, path: Path) -> RecordingJob:
         """Build every plug-in; raises `InputError` for an unknown name, option or sensor, or no .mcap."""

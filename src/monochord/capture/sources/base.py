@@ -6,6 +6,7 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 
 from monochord.core.errors import InputError
+from monochord.core.ranges import Checked
 from monochord.core.types import Block, Contact, Signal, StreamHealth, Truth
 from monochord.core.units import Metres, Newtons, Samples
 
@@ -110,7 +111,7 @@ class Stream(ABC):
         return {}
 
 
-class Source(ABC):
+class Source(Checked, ABC):
     """Options of a source, as a frozen keyword-only dataclass whose first field is what to open.
 
     The command line's INPUT argument fills that first field. A source's `open` raises `InputError` for

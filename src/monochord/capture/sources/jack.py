@@ -3,7 +3,9 @@
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+from msgspec import Meta
 
 from monochord.capture.sources.base import Source, refuse_other_channels
 from monochord.core.errors import InputError
@@ -46,7 +48,7 @@ class Jack(Source):
     client_name: str = "monochord"
     server: str = ""
     channels: int = 2
-    ring_seconds: Seconds = 2.0
+    ring_seconds: Annotated[Seconds, Meta(ge=0.01, le=60.0)] = 2.0
     reconnect: bool = True
     patience_seconds: Seconds = float("inf")
 
@@ -54,8 +56,6 @@ class Jack(Source):
     def open(self) -> Generator["JackStream"]:
         """Connect to the server; raises `DeviceError` if there is none, or not such ports."""
         refuse_other_channels(self.channels)
-        if not 0.01 <= self.ring_seconds <= 60.0:
-            raise InputError(f"ring of {self.ring_seconds} s", "0.01 to 60 s")
         if not self.client_name:
             raise InputError("client_name ''", "a name")
         # Imported here, because this loads numba and compiles the callbacks.

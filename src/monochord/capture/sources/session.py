@@ -1,6 +1,5 @@
 """A recorded session, played again."""
 
-import math
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -12,6 +11,7 @@ from monochord.capture.sources._paced_stream import PacedStream
 from monochord.capture.sources.base import Source, refuse_other_rates
 from monochord.core.errors import InputError
 from monochord.core.labels import LabelTrack, one_window_labels
+from monochord.core.ranges import Count, NonNegative
 from monochord.core.types import Audio, Signal, Truth
 from monochord.core.units import Samples
 from monochord.sessions import SessionReader, read_session
@@ -43,17 +43,13 @@ class SessionSource(Source):
     """
 
     path: Path
-    block: Samples = 512
-    speed: float = 0.0
+    block: Count = 512
+    speed: NonNegative[float] = 0.0
     aligned: bool = True
 
     @contextmanager
     def open(self) -> Generator["_SessionStream"]:
         """Open the file; raises `InputError` where it or an option cannot be used."""
-        if self.block < 1:
-            raise InputError(f"block of {self.block} frames", "1 frame or more")
-        if not 0.0 <= self.speed < math.inf:
-            raise InputError(f"speed {self.speed}", "0 (as fast as possible) or more")
         session = read_session(Path(self.path))
         channels, what = session.description.channels, f"session {self.path}"
         if channels > MAX_CHANNELS:

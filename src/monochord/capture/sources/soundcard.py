@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from monochord.capture.sources.base import Source, refuse_other_channels, refuse_other_rates
-from monochord.core.errors import DeviceError, InputError
-from monochord.core.units import Samples
+from monochord.core.errors import DeviceError
+from monochord.core.ranges import Count
 
 if TYPE_CHECKING:
     from monochord.capture.sources._soundcard_stream import SoundcardStream
@@ -38,15 +38,13 @@ class Soundcard(Source):
     device: str = ""
     sample_rate: int = 44100
     channels: int = 2
-    block: Samples = 256
+    block: Count = 256
 
     @contextmanager
     def open(self) -> Generator["SoundcardStream"]:
         """Open the device and start it; raises `DeviceError` if there is no PortAudio or no such input."""
         refuse_other_rates(self.sample_rate, "sound card", "set sample_rate=44100")
         refuse_other_channels(self.channels)
-        if self.block < 1:
-            raise InputError(f"block of {self.block} frames", "1 frame or more")
         # Imported here: both fail, or take long, where this source is not used.
         from monochord.capture.sources._soundcard_stream import SoundcardStream  # noqa: PLC0415
 

@@ -5,8 +5,10 @@ from collections import deque
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
+from msgspec import Meta
 
 from monochord.capture.sources._paced_stream import PacedStream
 from monochord.capture.sources._script import (
@@ -18,8 +20,9 @@ from monochord.capture.sources._script import (
 from monochord.capture.sources.base import Source
 from monochord.core.errors import InputError
 from monochord.core.labels import LabelTrack, one_window_labels
+from monochord.core.ranges import Count, InnerShare, NonNegative, Pair, Whole, refuse_unordered
 from monochord.core.types import Audio, Contact, Floats, Signal, StringParams, Truth
-from monochord.core.units import MetresPerSecond, Newtons, Samples, Seconds
+from monochord.core.units import FINITE, MetresPerSecond, Newtons, Samples, Seconds
 from monochord.physics.split_string import Drive, PluckShape, Ringing, SplitString, advance, begin, touch
 from monochord.physics.strings import load_string
 from monochord.physics.theory import mixing_matrix, open_frequency
@@ -69,18 +72,18 @@ class SplitStringSource(Source):
     """
 
     preset: str = "appendix"
-    speed: float = 1.0
-    duration: Seconds = 0.0
+    speed: NonNegative[float] = 1.0
+    duration: NonNegative[Seconds] = 0.0
     script: tuple[ScriptedTouch, ...] = ()
-    seed: int = 0
-    hold: Seconds = 1.5
-    forces: tuple[Newtons, Newtons] = (0.2, 2.0)
-    places: tuple[float, float] = (0.25, 0.75)
+    seed: Whole = 0
+    hold: Annotated[Seconds, Meta(ge=0.05, le=FINITE)] = 1.5
+    forces: Pair[NonNegative[Newtons]] = (0.2, 2.0)
+    places: Pair[InnerShare] = (0.25, 0.75)
     settle: Seconds = 0.15
-    level: MetresPerSecond = 0.1
-    strike: float = 3.0
-    noise: float = 1e-4
-    block: Samples = 256
+    level: NonNegative[MetresPerSecond] = 0.1
+    strike: NonNegative[float] = 3.0
+    noise: NonNegative[float] = 1e-4
+    block: Count = 256
     sample_rate: int = 44100
 
     @contextmanager
@@ -95,19 +98,7 @@ class SplitStringSource(Source):
             stream.release()
 
     def _refuse_impossible(self, string: StringParams) -> None:
-        for name in ("speed", "duration", "noise", "level", "strike"):
-            if not 0.0 <= getattr(self, name) < math.inf:
-                raise InputError(f"{name} {getattr(self, name):g}", "0 or more")
-        if self.block < 1 or self.seed < 0:
-            raise InputError(f"block {self.block}, seed {self.seed}", "1 frame or more, and 0 or more")
-        if not 0.05 <= self.hold < math.inf:
-            raise InputError(f"hold {self.hold:g} s", "0.05 s or more")
-        low, high = self.forces
-        if not 0.0 <= low <= high < math.inf:
-            raise InputError(f"forces {low:g} to {high:g} N", "0 N or more, the least first")
-        low, high = self.places
-        if not 0.0 < low <= high < 1.0:
-            raise InputError(f"places {low:g} to {high:g}", "fractions between 0 and 1, the least first")
+        refuse_unordered("touches", forces=self.forces, places=self.places)
         for scripted in self.script:
             scripted.refuse_impossible(string.length)
         refuse_unlike_clamps(self.script)

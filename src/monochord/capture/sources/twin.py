@@ -5,9 +5,11 @@ from collections.abc import Generator, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 import soxr
+from msgspec import Meta
 
 from monochord.capture.sources._added_noise import AddedNoise
 from monochord.capture.sources._audio_file import open_audio
@@ -17,8 +19,9 @@ from monochord.capture.sources._script import EDGE, ScriptedTouch, draw_touches,
 from monochord.capture.sources.base import Controls, Source
 from monochord.core.errors import InputError
 from monochord.core.labels import LabelTrack, one_window_labels
+from monochord.core.ranges import Count, NonNegative, Pair, Share, Whole, refuse_unordered
 from monochord.core.types import Audio, Floats, Signal, Truth
-from monochord.core.units import Newtons, Samples, Seconds
+from monochord.core.units import FINITE, Newtons, Samples, Seconds
 from monochord.physics.materials import load_material, material_names
 from monochord.physics.sensors import load_sensor, with_sensor
 from monochord.physics.theory import TensionLaw
@@ -92,22 +95,22 @@ class TwinSource(Source):
     """
 
     sensor: str = "prototype"
-    build: int | None = None
-    day: int | None = None
+    build: Whole | None = None
+    day: Whole | None = None
     world: World = "ideal"
     script: tuple[ScriptedTouch, ...] = ()
-    seed: int = 0
-    hold: Seconds = 1.8
-    forces: tuple[Newtons, Newtons] = (0.1, 2.0)
-    places: tuple[float, float] = (0.0, 1.0)
-    slips: float = 0.4
+    seed: Whole = 0
+    hold: Annotated[Seconds, Meta(ge=0.5, le=FINITE)] = 1.8
+    forces: Pair[Annotated[Newtons, Meta(ge=0.0, le=10.0)]] = (0.1, 2.0)
+    places: Pair[Share] = (0.0, 1.0)
+    slips: Share = 0.4
     materials: tuple[str, ...] = ("plastic", "wood", "metal_tube", "allen_key")
     tension_law: TensionLaw = "geometric"
     noise: str = ""
     snr: float = 20.0
-    speed: float = 1.0
-    duration: Seconds = 0.0
-    block: Samples = 441
+    speed: NonNegative[float] = 1.0
+    duration: NonNegative[Seconds] = 0.0
+    block: Count = 441
     sample_rate: int = 44100
 
     @contextmanager
@@ -144,16 +147,11 @@ class TwinSource(Source):
         return outside_at(samples.astype(np.float32), self.snr, sensor, sample_rate=self.sample_rate)
 
     def _refuse_impossible(self, design: Sensor) -> None:
-        for name in ("speed", "duration"):
-            if not 0.0 <= getattr(self, name) < math.inf:
-                raise InputError(f"{name} {getattr(self, name):g}", "0 or more")
-        if self.block < 1 or min(self.seed, self.build or 0, self.day or 0) < 0:
-            raise InputError(
-                f"block {self.block}, seed {self.seed}", "1 frame or more, and seeds of 0 or more"
-            )
-        if not 0.5 <= self.hold < math.inf:
-            raise InputError(f"hold {self.hold:g} s", "0.5 s or more")
-        self._refuse_impossible_draws()
+        refuse_unordered("touches", forces=self.forces, places=self.places)
+        if not self.materials:
+            raise InputError("no materials", "at least one")
+        for material in self.materials:
+            load_material(material)
         for touch in self.script:
             touch.refuse_impossible(design.string.length)
         for before, after in zip(self.script, self.script[1:], strict=False):
@@ -162,20 +160,6 @@ class TwinSource(Source):
                     f"a touch from {after.begin:.3g} s, before the last one has ended ({before.end:.3g} s)"
                 )
                 raise InputError(given, "touches one after another", "set seconds")
-
-    def _refuse_impossible_draws(self) -> None:
-        low, high = self.forces
-        if not 0.0 <= low <= high <= 10.0:
-            raise InputError(f"forces {low:g} to {high:g} N", "0 to 10 N, the least first")
-        low, high = self.places
-        if not 0.0 <= low <= high <= 1.0:
-            raise InputError(f"places {low:g} to {high:g}", "shares between 0 and 1, the least first")
-        if not 0.0 <= self.slips <= 1.0:
-            raise InputError(f"slips {self.slips:g}", "a share between 0 and 1")
-        if not self.materials:
-            raise InputError("no materials", "at least one")
-        for material in self.materials:
-            load_material(material)
 
 
 class _TwinStream(PacedStream):

@@ -15,6 +15,7 @@ from monochord.capture.sources._audio_file import open_audio
 from monochord.capture.sources._paced_stream import PacedStream
 from monochord.capture.sources.base import Source, refuse_other_channels
 from monochord.core.errors import InputError
+from monochord.core.ranges import Count, NonNegative, Whole
 from monochord.core.types import Audio, Signal
 from monochord.core.units import Samples
 
@@ -41,21 +42,15 @@ class Wav(Source):
     """
 
     path: Path
-    block: Samples = 512
-    speed: float = 0.0
-    repeat: int = 1
+    block: Count = 512
+    speed: NonNegative[float] = 0.0
+    repeat: Whole = 1
     allow_truncated: bool = False
     channels: int = 2
 
     @contextmanager
     def open(self) -> Generator["_FileStream"]:
         """Open the file; raises `InputError` where it or an option cannot be used."""
-        if self.block < 1:
-            raise InputError(f"block of {self.block} frames", "1 frame or more")
-        if not 0.0 <= self.speed < math.inf:
-            raise InputError(f"speed {self.speed}", "0 (as fast as possible) or more")
-        if self.repeat < 0:
-            raise InputError(f"repeat {self.repeat}", "0 (without end) or more")
         refuse_other_channels(self.channels)
         file = open_audio(Path(self.path), allow_truncated=self.allow_truncated, most=self.channels)
         stream = _FileStream(file, self)

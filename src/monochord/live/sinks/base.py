@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 
 from monochord.capture.sources.base import Controls
+from monochord.core.ranges import Checked
 from monochord.core.types import Estimate, Estimates, Prediction, Signal, StreamHealth, Truth, Window
 from monochord.core.units import Metres, Seconds
 from monochord.live.events import Event
@@ -94,7 +95,7 @@ class Writer(ABC):
         """
 
 
-class Sink(ABC):
+class Sink(Checked, ABC):
     """Options of a sink, as a frozen keyword-only dataclass."""
 
     @abstractmethod

@@ -4,6 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from monochord.core.ranges import Checked
 from monochord.core.types import Estimate, Estimates, Prepared, Signal, Window
 from monochord.core.units import Metres, Samples
 
@@ -37,7 +38,7 @@ class Watching(ABC):
         """What is known of the string after the last window."""
 
 
-class Estimator(ABC):
+class Estimator(Checked, ABC):
     """Options of an estimator, as a frozen keyword-only dataclass."""
 
     @abstractmethod

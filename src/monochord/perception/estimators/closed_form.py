@@ -3,7 +3,9 @@
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
-from typing import Literal
+from typing import Annotated, Literal
+
+from msgspec import Meta
 
 from monochord.core.errors import InputError
 from monochord.core.types import Estimate, Estimates, Prepared, Signal, StringParams, Window
@@ -79,7 +81,7 @@ class ClosedForm(Estimator):
     margin: float = 7.0
     evidence: float = 27.0
     tension_law: TensionLaw = "linear"
-    most_force: Newtons = 2.5
+    most_force: Annotated[Newtons, Meta(gt=0.0)] = 2.5
 
     @property
     def string_length(self) -> Metres | None:
@@ -128,8 +130,6 @@ class ClosedForm(Estimator):
             known = "an unknown" if signal.string is None else "a known"
             given = f"two-sided form on {signal.channels} channel(s) of {known} string"
             raise InputError(given, "two channels of a known string", "name it with --string")
-        if not self.most_force > 0.0:
-            raise InputError(f"most_force {self.most_force:g} N", "above 0 N")
         return TwoSegments(
             string=signal.string,
             law=self.tension_law,

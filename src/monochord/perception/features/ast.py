@@ -1,11 +1,13 @@
 """The embedding of a window by the frozen Audio Spectrogram Transformer."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
+from msgspec import Meta
 
 from monochord.core.errors import InputError
+from monochord.core.ranges import Checked
 from monochord.core.types import Audio, Signal
 from monochord.core.units import Samples, Seconds
 from monochord.perception.encoders.ast.engines import Backend, Embed, build_engine
@@ -61,15 +63,14 @@ class Ast(Feature):
     seed: int = 0
     backend: Backend = "onnx"
     framing: Literal["fine", "audioset"] = "fine"
-    threads: int = 1
+    threads: Annotated[int, Meta(ge=1, le=256)] = 1
     context: Seconds = 0.0
 
     def __post_init__(self) -> None:
+        Checked.__post_init__(self)
         if self.random and self.weights:
             given = f"ast.weights '{self.weights}' and ast.random"
             raise InputError(given, "one of them", "leave out ast.weights for random ones")
-        if not 1 <= self.threads <= 256:
-            raise InputError(f"ast.threads {self.threads}", "1 to 256")
 
     def prepare(self, signal: Signal, size: Samples) -> Extractor:
         """Read the weights and build the network; seconds. See `Feature.prepare` for what it raises."""

@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 
+from monochord.core.ranges import Checked
 from monochord.core.types import Audio, Floats, Signal
 from monochord.core.units import Samples
 
@@ -24,7 +25,7 @@ class Extractor(ABC):
         """Return the rows (n, columns) float32 of windows (n, channels, samples) float32."""
 
 
-class Feature(ABC):
+class Feature(Checked, ABC):
     """Options of a feature, a frozen keyword-only dataclass; they and its name define it, for caches too."""
 
     @abstractmethod

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from monochord.core.errors import InputError
+from monochord.core.ranges import NonNegative, Positive
 from monochord.core.shapes import batch
 from monochord.core.types import Audio, Signal, Window
 from monochord.core.units import Metres, Newtons, Samples
@@ -79,15 +79,12 @@ class ClosedForm(Feature):
     ['no reading', 'silence']
     """
 
-    margin: float = 2.0
-    most_force: Newtons = 5.0
+    margin: NonNegative[float] = 2.0
+    most_force: Positive[Newtons] = 5.0
 
     def prepare(self, signal: Signal, size: Samples) -> Extractor:
         """Return the extractor, compiled, for two channels of a known string."""
         analyser = SpectrumAnalyser.of(signal, size)
-        if not (0.0 <= self.margin < np.inf and 0.0 < self.most_force < np.inf):
-            given = f"margin {self.margin:g}, most_force {self.most_force:g} N"
-            raise InputError(given, "a margin from 0 on and a force above 0 N")
         extractor = _Extractor(analyser, self, signal.tension_scale)
         extractor(np.zeros((1, 2, size), np.float32))
         return extractor

@@ -1,10 +1,12 @@
 """Three hundred measures of the harmonics of both segments and of the whole string."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from msgspec import Meta
 
-from monochord.core.errors import InputError
+from monochord.core.ranges import Positive
 from monochord.core.shapes import batch
 from monochord.core.types import Audio, Floats, Signal
 from monochord.core.units import Samples
@@ -162,14 +164,11 @@ class FftHarmonic(Feature):
     gaps: bool = False
     seen: bool = False
     glides: bool = False
-    own: float = 0.85
-    gain: float = 2.0
+    own: Annotated[float, Meta(gt=0.5, le=1.0)] = 0.85
+    gain: Positive[float] = 2.0
 
     def prepare(self, signal: Signal, size: Samples) -> Extractor:
         """Return the extractor, compiled, for two channels of a known string."""
-        if not (0.5 < self.own <= 1.0 and 0.0 < self.gain < np.inf):
-            given = f"own {self.own:g}, gain {self.gain:g}"
-            raise InputError(given, "own above 0.5 and up to 1, a gain above 0")
         analyser = SpectrumAnalyser.of(signal, size)
         extractor = _TonesExtractor(analyser, self) if self.tones else _Extractor(analyser, self)
         extractor(np.zeros((1, 2, size), np.float32))

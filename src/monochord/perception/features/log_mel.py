@@ -1,10 +1,11 @@
 """Log-mel energies of a window, pooled over time alone."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from msgspec import Meta
 
-from monochord.core.errors import InputError
 from monochord.core.types import Audio, Signal
 from monochord.core.units import Samples, Seconds
 from monochord.perception.features._mel import FINE_HOP, Spectrogram
@@ -33,12 +34,8 @@ class LogMel(Feature):
     (3, 256)
     """
 
-    bins: int = 128
+    bins: Annotated[int, Meta(ge=1, le=256)] = 128
     context: Seconds = 0.0
-
-    def __post_init__(self) -> None:
-        if not 1 <= self.bins <= 256:
-            raise InputError(f"log_mel.bins {self.bins}", "1 to 256")
 
     def prepare(self, signal: Signal, size: Samples) -> Extractor:
         """Make filters and frames; raises `InputError` below 16 kHz or for a window without a frame."""

@@ -3,9 +3,12 @@
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import Annotated, Literal, TypeAlias
+
+from msgspec import Meta
 
 from monochord.core.errors import InputError
+from monochord.core.ranges import Checked, NonNegative, PartialShare, Positive
 
 Loss: TypeAlias = Literal["logistic", "square", "gauss", "laplace"]
 """Of a probability: "logistic". Of a quantity: "square" states one standard error for all windows; "gauss"
@@ -18,7 +21,7 @@ MAX_UNITS, MAX_MEMBERS = 4096, 16
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Task:
+class Task(Checked):
     """What a head learns, and from what.
 
     Parameters
@@ -65,31 +68,21 @@ class Task:
     context: bool = True
     columns: tuple[str, ...] = ()
     reference: tuple[str, ...] = ()
-    hidden: tuple[int, ...] = ()
+    hidden: tuple[Annotated[int, Meta(ge=1, le=MAX_UNITS)], ...] = ()
     linear: bool = False
-    members: int = 1
-    weight: float = 1.0
-    limit: float = math.inf
+    members: Annotated[int, Meta(ge=1, le=MAX_MEMBERS)] = 1
+    weight: Positive[float] = 1.0
+    limit: Annotated[float, Meta(gt=0.0)] = math.inf
     rise: bool = False
-    blur: float = 0.0
-    drop: float = 0.0
+    blur: NonNegative[float] = 0.0
+    drop: PartialShare = 0.0
 
     def __post_init__(self) -> None:
-        if not all(1 <= units <= MAX_UNITS for units in self.hidden):
-            given = f"hidden layers of {', '.join(map(str, self.hidden))} units"
-            raise InputError(given, f"1 to {MAX_UNITS} units each")
-        if not 1 <= self.members <= MAX_MEMBERS or (self.members > 1 and not self.hidden):
-            given = f"{self.members} members of {len(self.hidden)} hidden layers"
-            raise InputError(given, f"1 to {MAX_MEMBERS}, and hidden layers where there are several")
-        if not 0.0 < self.weight < math.inf:
-            raise InputError(f"weight {self.weight:g} of a loss", "a number above 0", "leave the head out")
+        Checked.__post_init__(self)
+        if self.members > 1 and not self.hidden:
+            raise InputError(f"{self.members} members without hidden layers", "one, or hidden layers")
         if self.linear and self.is_probability:
             raise InputError("a linear path with the logistic loss", "one with a quantity")
-        if not self.limit > 0.0:
-            raise InputError(f"limit {self.limit:g} of a standard error", "a number above 0")
-        if not (0.0 <= self.blur < math.inf and 0.0 <= self.drop < 1.0):
-            given = f"blur {self.blur:g} and drop {self.drop:g} of a head"
-            raise InputError(given, "a blur of 0 or more, and a share from 0 on and below 1")
         if self.linear and (self.blur or self.drop):
             raise InputError("blur or drop beside a linear path", "hidden layers alone", "set linear = false")
 
@@ -104,7 +97,7 @@ class Task:
         return 2 if self.loss in ("gauss", "laplace") else 1
 
 
-class Head(ABC):
+class Head(Checked, ABC):
     """Options of a head, as a frozen keyword-only dataclass."""
 
     @abstractmethod

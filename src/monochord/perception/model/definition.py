@@ -3,10 +3,13 @@
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from itertools import pairwise
-from math import inf, isfinite
-from typing import Any
+from math import inf
+from typing import Annotated, Any, TypeAlias
+
+from msgspec import Meta
 
 from monochord.core.errors import InputError, did_you_mean
+from monochord.core.ranges import Checked, Finite, InnerShare, NonNegative, Positive, Whole
 from monochord.core.types import StringParams
 from monochord.core.units import Metres, Samples, Seconds
 from monochord.perception.heads.base import CONTACT, POSITION, Task
@@ -20,6 +23,10 @@ TOUCHES_KEPT = 64
 """Touches that a correction keeps, to say which would help most."""
 MAX_COLUMNS, MAX_HEADS, MAX_LAYERS, MAX_PATTERNS, MAX_VARIABLES = 1 << 17, 64, 16, 64, 16
 """Bounds on what is read from a file, checked before it takes memory."""
+Kept: TypeAlias = Annotated[int, Meta(ge=1, le=1000)]
+"""Windows of the untouched reference."""
+Pause: TypeAlias = Annotated[Seconds, Meta(ge=0.0, le=60.0)]
+"""A time over which windows are averaged, or for which they are left out."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,7 +39,7 @@ class FeatureRecord:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Reference:
+class Reference(Checked):
     """How the untouched reference is computed; see `monochord.perception.model.context`.
 
     `feature` is the feature of its windows. A window is believed untouched where the
@@ -42,24 +49,15 @@ class Reference:
     """
 
     feature: FeatureRecord
-    below: float = 0.1
-    keep: int = 8
-    every: Seconds = 0.1
-    settle: Seconds = 0.2
-    guard: Seconds = 0.1
-
-    def __post_init__(self) -> None:
-        if not 0.0 < self.below < 1.0:
-            raise InputError(f"context.below {self.below:g}", "a probability above 0 and below 1")
-        if not 1 <= self.keep <= 1000:
-            raise InputError(f"context.keep {self.keep} windows", "1 to 1000")
-        for name in ("every", "settle", "guard"):
-            if not 0.0 <= getattr(self, name) <= 60.0:
-                raise InputError(f"context.{name} {getattr(self, name):g} s", "0 to 60 s")
+    below: InnerShare = 0.1
+    keep: Kept = 8
+    every: Pause = 0.1
+    settle: Pause = 0.2
+    guard: Pause = 0.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Calibration:
+class Calibration(Checked):
     """The calibration of a head's uncertainty on windows that it was not trained on.
 
     Logits of a probability are divided by `factor`; the standard error of a quantity is multiplied by it.
@@ -67,20 +65,15 @@ class Calibration:
     which hold `touches` separate touches.
     """
 
-    factor: float = 1.0
-    windows: int = 0
-    touches: int = 0
-    sessions: int = 0
+    factor: Positive[float] = 1.0
+    windows: Whole = 0
+    touches: Whole = 0
+    sessions: Whole = 0
     measured: dict[str, float] = field(default_factory=dict[str, float])
-
-    def __post_init__(self) -> None:
-        for name in ("windows", "touches", "sessions"):
-            if getattr(self, name) < 0:
-                raise InputError(f"{getattr(self, name)} {name} of a calibration", "0 or more")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CorrectionRecord:
+class CorrectionRecord(Checked):
     """The correction of a head's errors on one build and object; see `monochord.perception.model.correction`.
 
     `variables` are its variables beside the head's own estimate: columns of the feature or of the reference,
@@ -89,15 +82,14 @@ class CorrectionRecord:
     """
 
     variables: tuple[str, ...] = ()
-    noise: float = 1.0
+    noise: Positive[float] = 1.0
     sessions: int = 0
     touches: int = 0
 
     def __post_init__(self) -> None:
+        Checked.__post_init__(self)
         if len(self.variables) > MAX_VARIABLES:
             raise InputError(f"{len(self.variables)} variables of a correction", f"{MAX_VARIABLES} at most")
-        if not 0.0 < self.noise < inf:
-            raise InputError(f"noise {self.noise:g} of a correction", "a finite number above 0")
 
     @property
     def terms(self) -> int:
@@ -107,7 +99,7 @@ class CorrectionRecord:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class KnownRecord:
+class KnownRecord(Checked):
     """The detector of sound unlike that of the training; see `monochord.perception.model.known`.
 
     It has `hidden` layers and an output for sound like that of the training, then one for each of `reasons`.
@@ -123,17 +115,18 @@ class KnownRecord:
     hidden: tuple[int, ...] = (64,)
     columns: tuple[str, ...] = ()
     reasons: tuple[str, ...] = ()
-    memory: tuple[Seconds, ...] = ()
+    memory: tuple[Pause, ...] = ()
     touched: tuple[str, ...] = ()
     brief: tuple[str, ...] = ()
     contact_holds: tuple[str, ...] = ()
-    limit: float = 0.0
+    limit: Finite[float] = 0.0
     measured: dict[str, float] = field(default_factory=dict[str, float])
 
     def __post_init__(self) -> None:
-        if len(self.memory) != len(self.reasons) or not all(0.0 <= each <= 60.0 for each in self.memory):
-            given = f"memory {', '.join(f'{each:g}' for each in self.memory) or 'none'} of a detector"
-            raise InputError(given, f"{len(self.reasons)} times of 0 to 60 s, one for each reason")
+        Checked.__post_init__(self)
+        if len(self.memory) != len(self.reasons):
+            given = f"{len(self.memory)} times in the memory of a detector"
+            raise InputError(given, f"{len(self.reasons)}, one for each reason")
         if len(self.hidden) > MAX_LAYERS or not 1 <= len(self.reasons) <= MAX_PATTERNS:
             given = f"{len(self.hidden)} hidden layers and {len(self.reasons)} reasons of a detector"
             raise InputError(given, f"{MAX_LAYERS} at most, and 1 to {MAX_PATTERNS}")
@@ -145,12 +138,10 @@ class KnownRecord:
             raise InputError(
                 f"{len(self.columns)} patterns of columns of a detector", f"{MAX_PATTERNS} at most"
             )
-        if not isfinite(self.limit):
-            raise InputError(f"limit {self.limit:g} of a detector", "a finite number")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class HeadRecord:
+class HeadRecord(Checked):
     """A head: its task, and how its outputs relate to the label.
 
     A quantity is ``offset + scale`` times the network's output, and its standard error `scale` times the
@@ -158,16 +149,13 @@ class HeadRecord:
     """
 
     task: Task
-    offset: float = 0.0
-    scale: float = 1.0
+    offset: Finite[float] = 0.0
+    scale: Positive[float] = 1.0
     calibration: Calibration = Calibration()
     correction: CorrectionRecord | None = None
 
     def __post_init__(self) -> None:
-        scales = (self.scale, self.calibration.factor)
-        if not (isfinite(self.offset) and all(0.0 < scale < inf for scale in scales)):
-            given = f"offset {self.offset:g}, scale {self.scale:g} or factor {self.calibration.factor:g}"
-            raise InputError(given, "finite numbers, scale and factor above 0")
+        Checked.__post_init__(self)
         patterns = max(len(self.task.columns), len(self.task.reference))
         if len(self.task.hidden) > MAX_LAYERS or patterns > MAX_PATTERNS:
             given = f"{len(self.task.hidden)} hidden layers and {patterns} patterns of columns"
@@ -175,7 +163,7 @@ class HeadRecord:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Definition:
+class Definition(Checked):
     """A model without its arrays.
 
     `window` and `hop` are those of the training data, in frames. `known`, where there is one, detects sound
@@ -190,16 +178,16 @@ class Definition:
 
     format: int = FORMAT
     title: str = ""
-    sample_rate: int
-    channels: int
+    sample_rate: Annotated[int, Meta(ge=1, le=10_000_000)]
+    channels: Annotated[int, Meta(ge=1, le=256)]
     window: Samples
     hop: Samples
     feature: FeatureRecord
     reference: Reference | None = None
     heads: dict[str, HeadRecord]
     known: KnownRecord | None = None
-    clip: float = 8.0
-    quietest: float = 0.0
+    clip: Positive[float] = 8.0
+    quietest: NonNegative[float] = 0.0
     string: StringParams | None = None
     sensing_range: tuple[Metres, Metres] | None = None
     simulated: bool = False
@@ -209,9 +197,8 @@ class Definition:
     weights: str = ""
 
     def __post_init__(self) -> None:
+        Checked.__post_init__(self)
         for name, value, most in (
-            ("sample_rate", self.sample_rate, 10_000_000),
-            ("channels", self.channels, 256),
             ("window", self.window, 60 * self.sample_rate),
             ("hop", self.hop, 60 * self.sample_rate),
             ("columns", len(self.feature.columns) or 1, MAX_COLUMNS),
@@ -219,9 +206,6 @@ class Definition:
         ):
             if not 1 <= value <= most:
                 raise InputError(f"{name} {value} of a model", f"1 to {most}")
-        if not (0.0 < self.clip < inf and 0.0 <= self.quietest < inf):
-            given = f"clip {self.clip:g} or quietest {self.quietest:g} of a model"
-            raise InputError(given, "a finite clip above 0, and quietest 0 or more")
         if self.sensing_range is not None and not -inf < self.sensing_range[0] < self.sensing_range[1] < inf:
             given = f"sensing_range {self.sensing_range} of a model"
             raise InputError(given, "two places in m, the nearer one to pickup 1 first")

@@ -1,13 +1,24 @@
 """The settings of a training run."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from msgspec import Meta
 
 from monochord.core.config import Tree, from_tree, to_tree
 from monochord.core.errors import InputError, did_you_mean
+from monochord.core.ranges import (
+    Checked,
+    Count,
+    InnerShare,
+    Pair,
+    PartialShare,
+    Positive,
+    Share,
+    refuse_unordered,
+)
 from monochord.core.registry import Registry
 from monochord.core.units import Seconds
 from monochord.datasets.augment import Augmentation
@@ -16,13 +27,13 @@ from monochord.perception.features import FEATURES
 from monochord.perception.features.base import Feature
 from monochord.perception.heads import HEADS
 from monochord.perception.heads.base import Head, Task
-from monochord.perception.model.definition import FeatureRecord, Reference
+from monochord.perception.model.definition import FeatureRecord, Kept, Pause, Reference
 
 DEFAULT_HEADS = ("contact", "slip", "position", "force")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ContextSettings:
+class ContextSettings(Checked):
     """The untouched reference: whether heads have it as an input, its feature, and how it is updated.
 
     The times and numbers are those of `model.definition.Reference`. `drop` is the share of
@@ -31,16 +42,12 @@ class ContextSettings:
 
     on: bool = True
     feature: dict[str, Any] = field(default_factory=lambda: {"name": "untouched"})
-    below: float = 0.1
-    keep: int = 8
-    every: Seconds = 0.1
-    settle: Seconds = 0.2
-    guard: Seconds = 0.1
-    drop: float = 0.05
-
-    def __post_init__(self) -> None:
-        if not 0.0 <= self.drop <= 1.0:
-            raise InputError(f"context.drop {self.drop:g}", "0 to 1")
+    below: InnerShare = 0.1
+    keep: Kept = 8
+    every: Pause = 0.1
+    settle: Pause = 0.2
+    guard: Pause = 0.1
+    drop: Share = 0.05
 
     def rule(self) -> Reference:
         """Return how the reference is updated, for a feature whose columns are not known yet."""
@@ -57,26 +64,23 @@ class ContextSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ObjectSettings:
+class ObjectSettings(Checked):
     """Contact-compliance augmentation: `copies` of each training window, noisy ones too; 0 adds none.
 
     Each is the window's row for an object of another compliance, between the two multiples `compliance` of
     the real one's, log-uniform. The feature must support it: `fft_harmonic` with `tones` does.
     """
 
-    copies: int = 0
-    compliance: tuple[float, float] = (0.05, 4.0)
+    copies: Annotated[int, Meta(ge=0, le=100)] = 0
+    compliance: Pair[Positive[float]] = (0.05, 4.0)
 
     def __post_init__(self) -> None:
-        if not 0 <= self.copies <= 100:
-            raise InputError(f"objects.copies {self.copies}", "0 to 100")
-        if not 0.0 < self.compliance[0] <= self.compliance[1] < math.inf:
-            given = f"objects.compliance {self.compliance[0]:g} to {self.compliance[1]:g}"
-            raise InputError(given, "two numbers above 0, the smaller first")
+        Checked.__post_init__(self)
+        refuse_unordered("objects", compliance=self.compliance)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class KnownSettings:
+class KnownSettings(Checked):
     """The detector of sound unlike that of the training, see `monochord.perception.training.known`.
 
     Parameters
@@ -141,25 +145,17 @@ class KnownSettings:
     spared: tuple[str, ...] = ()
     memory: Seconds = 2.0
     touch_memory: Seconds = 0.2
-    share: float = 0.01
+    share: Annotated[float, Meta(gt=0.0, lt=0.5)] = 0.01
     columns: tuple[str, ...] = ()
     hidden: tuple[int, ...] = (64,)
-    rate: float = 2e-3
-    decay: float = 1e-2
-    drop: float = 0.3
-    batch: int = 256
-    epochs: int = 20
+    rate: InnerShare = 2e-3
+    decay: PartialShare = 1e-2
+    drop: PartialShare = 0.3
+    batch: Count = 256
+    epochs: Count = 20
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.share < 0.5:
-            raise InputError(f"known.share {self.share:g}", "a share above 0 and below 0.5")
-        if not 0.0 <= self.drop < 1.0:
-            raise InputError(f"known.drop {self.drop:g}", "a share from 0 on and below 1")
-        if self.batch < 1 or self.epochs < 1 or not 0.0 < self.rate < 1.0 or not 0.0 <= self.decay < 1.0:
-            given = (
-                f"known.batch {self.batch}, epochs {self.epochs}, rate {self.rate:g}, decay {self.decay:g}"
-            )
-            raise InputError(given, "1 or more, a rate above 0 and below 1, a decay from 0 on and below 1")
+        Checked.__post_init__(self)
         if self.on and not (self.faults or (self.dataset and self.reasons)):
             raise InputError("known without kinds", "a fault, or a dataset with reasons", "name one")
         for kind in self.faults:
@@ -168,7 +164,7 @@ class KnownSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OptimiserSettings:
+class OptimiserSettings(Checked):
     """The optimiser: AdamW, its rate falling to zero by half a cosine over all epochs.
 
     `rate` is its first rate, `decay` the weight decay of heads with hidden layers (their biases and linear
@@ -177,20 +173,18 @@ class OptimiserSettings:
     are torch's; the result depends slightly on their number.
     """
 
-    rate: float = 1e-3
-    decay: float = 1e-3
-    batch: int = 512
-    epochs: int = 60
-    patience: int = 20
-    threads: int = 1
+    rate: InnerShare = 1e-3
+    decay: Annotated[float, Meta(ge=0.0)] = 1e-3
+    batch: Count = 512
+    epochs: Count = 60
+    patience: Count = 20
+    threads: Count = 1
 
     def __post_init__(self) -> None:
-        for name in ("batch", "epochs", "patience", "threads"):
-            if getattr(self, name) < 1:
-                raise InputError(f"optimiser.{name} {getattr(self, name)}", "1 or more")
-        if not 0.0 < self.rate < 1.0 or not 0.0 <= self.decay < 1.0 / self.rate:
+        Checked.__post_init__(self)
+        if self.decay >= 1.0 / self.rate:
             given = f"optimiser.rate {self.rate:g} with decay {self.decay:g}"
-            raise InputError(given, "a rate above 0 and below 1, their product below 1")
+            raise InputError(given, "a product below 1")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

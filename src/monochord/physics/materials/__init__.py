@@ -1,31 +1,21 @@
 """Materials: what a touching object is made of, one TOML file each, with its source."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
+
+from msgspec import Meta
 
 from monochord.core.config import from_tree
 from monochord.core.errors import InputError
 from monochord.core.presets import Presets
+from monochord.core.ranges import Checked
 from monochord.core.units import Metres, MetresPerSecond, Pascals
 
 __all__ = ["Material", "load_material", "material_names"]
 
-_RANGES = {
-    "young_modulus": (1.0e3, 2.0e12, "Pa"),
-    "poisson_ratio": (1.0e-3, 0.5, ""),
-    "loss": (1.0e-4, 10.0, "s/m"),
-    "friction_static": (0.01, 5.0, ""),
-    "friction_kinetic": (0.01, 5.0, ""),
-    "stribeck_speed": (1.0e-5, 1.0, "m/s"),
-    "roughness": (1.0e-9, 1.0e-3, "m"),
-    "roughness_length": (1.0e-7, 1.0e-2, "m"),
-    "radius": (1.0e-4, 1.0, "m"),
-}
-"""Lowest and highest plausible value for an object on a string, and the unit."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Material:
+class Material(Checked):
     """The material and shape of an object that touches a steel string.
 
     Elastic: `young_modulus` and `poisson_ratio`, and `radius`, the object's usual radius where it touches.
@@ -33,7 +23,7 @@ class Material:
     restitution e at a small impact speed v gives as 3 (1 - e) / (2 v). Sliding on steel: `friction_static`,
     `friction_kinetic` and the speed `stribeck_speed` at which the one has mostly fallen to the other. The
     surface has an rms height `roughness` that is correlated over `roughness_length`. `notes` says which
-    values are assumed. SI units.
+    values are assumed. SI units; the ranges hold what is plausible for an object on a string.
 
     References
     ----------
@@ -44,23 +34,19 @@ class Material:
     name: str
     title: str
     source: str
-    young_modulus: Pascals
-    poisson_ratio: float
-    loss: float
-    friction_static: float
-    friction_kinetic: float
-    stribeck_speed: MetresPerSecond
-    roughness: Metres
-    roughness_length: Metres
-    radius: Metres
+    young_modulus: Annotated[Pascals, Meta(ge=1000, le=2e12)]
+    poisson_ratio: Annotated[float, Meta(ge=0.001, le=0.5)]
+    loss: Annotated[float, Meta(ge=0.0001, le=10.0)]
+    friction_static: Annotated[float, Meta(ge=0.01, le=5.0)]
+    friction_kinetic: Annotated[float, Meta(ge=0.01, le=5.0)]
+    stribeck_speed: Annotated[MetresPerSecond, Meta(ge=1e-5, le=1.0)]
+    roughness: Annotated[Metres, Meta(ge=1e-9, le=0.001)]
+    roughness_length: Annotated[Metres, Meta(ge=1e-7, le=0.01)]
+    radius: Annotated[Metres, Meta(ge=0.0001, le=1.0)]
     notes: str = ""
 
     def __post_init__(self) -> None:
-        for key, (lowest, highest, unit) in _RANGES.items():
-            value: float = getattr(self, key)
-            if not lowest <= value <= highest:
-                given = f"material {self.name}.{key} {value:g} {unit}".rstrip()
-                raise InputError(given, f"{lowest:g} to {highest:g} {unit}".rstrip())
+        Checked.__post_init__(self)
         if self.friction_static < self.friction_kinetic:
             given = f"material {self.name}.friction_static {self.friction_static:g}"
             raise InputError(given, f"friction_kinetic ({self.friction_kinetic:g}) or more")

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from monochord.core.ranges import Checked
 from monochord.core.types import Contact, Floats, StringParams
 from monochord.core.units import Seconds
 
@@ -37,7 +38,7 @@ class Sound:
     summary: Mapping[str, Any]
 
 
-class Simulator(ABC):
+class Simulator(Checked, ABC):
     """Options of a model, as a frozen keyword-only dataclass."""
 
     @classmethod

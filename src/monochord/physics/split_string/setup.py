@@ -1,10 +1,12 @@
 """The setup of a split-string simulation: string, touch, pluck, drive, microphones and grid."""
 
 from dataclasses import dataclass, field
-from math import isfinite
-from typing import Literal, TypeAlias
+from typing import Annotated, Literal, TypeAlias
+
+from msgspec import Meta
 
 from monochord.core.errors import InputError
+from monochord.core.ranges import Checked, Finite, InnerShare, Pair, Share
 from monochord.core.types import Contact, StringParams
 from monochord.core.units import Hertz, Metres, Newtons, Seconds
 from monochord.physics.theory import TensionLaw
@@ -14,7 +16,7 @@ Damping: TypeAlias = Literal["continuous", "printed"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PluckShape:
+class PluckShape(Checked):
     """The shape that a string is released from, at rest: a triangle rounded by a Gaussian.
 
     Parameters
@@ -27,18 +29,13 @@ class PluckShape:
         Standard deviation of the rounding Gaussian, in m: the breadth of what plucks.
     """
 
-    height: Metres = 1.0e-4
-    place: float = 0.4
-    width: Metres = 5.0e-3
-
-    def __post_init__(self) -> None:
-        _refuse_unless(isfinite(self.height), f"pluck height {self.height:g} m", "a finite height")
-        _refuse_unless(0.0 < self.place < 1.0, f"pluck place {self.place:g}", "between 0 and 1")
-        _refuse_unless(0.0 < self.width < 1.0, f"pluck width {self.width:g} m", "above 0, below 1 m")
+    height: Finite[Metres] = 1.0e-4
+    place: InnerShare = 0.4
+    width: Annotated[Metres, Meta(gt=0.0, lt=1.0)] = 5.0e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Drive:
+class Drive(Checked):
     """The two drivers (EBows) and their feedback.
 
     The paper's Eq. 11 and 12 are ambiguous in three ways that matter; each is an option here.
@@ -74,35 +71,26 @@ class Drive:
         which jumps in phase by 2 pi t times every change of frequency.
     """
 
-    amplitude: Newtons = 1.0e-3
-    place: float = 0.25
-    width: Metres = 5.0e-3
+    amplitude: Finite[Newtons] = 1.0e-3
+    place: InnerShare = 0.25
+    width: Annotated[Metres, Meta(gt=0.0, lt=1.0)] = 5.0e-3
     profile: Literal["normalised", "printed"] = "normalised"
-    start_frequencies: tuple[Hertz, Hertz] | None = None
+    start_frequencies: Pair[Annotated[Hertz, Meta(gt=0.0, lt=2e4)]] | None = None
     feedback: Feedback = "per-driver"
-    window: Seconds = 0.05
-    hop: Seconds = 0.02
-    pull: float = 0.5
+    window: Annotated[Seconds, Meta(le=10.0)] = 0.05
+    hop: Annotated[Seconds, Meta(ge=1e-3)] = 0.02
+    pull: Share = 0.5
     phase: Literal["accumulated", "printed"] = "accumulated"
 
     def __post_init__(self) -> None:
-        _refuse_unless(isfinite(self.amplitude), f"drive amplitude {self.amplitude:g} N", "a finite force")
-        _refuse_unless(0.0 < self.place < 1.0, f"drive place {self.place:g}", "between 0 and 1")
-        _refuse_unless(0.0 < self.width < 1.0, f"drive width {self.width:g} m", "above 0, below 1 m")
-        _refuse_unless(
-            1e-3 <= self.hop <= self.window <= 10.0,
-            f"drive window {self.window:g} s, hop {self.hop:g} s",
-            "a hop of 0.001 s or more, and a window of at least one hop and at most 10 s",
-        )
-        _refuse_unless(0.0 <= self.pull <= 1.0, f"drive pull {self.pull:g}", "0 to 1")
-        for frequency in self.start_frequencies or ():
-            _refuse_unless(
-                0.0 < frequency < 2.0e4, f"start frequency {frequency:g} Hz", "above 0, below 20 kHz"
-            )
+        Checked.__post_init__(self)
+        if self.hop > self.window:
+            given = f"drive window {self.window:g} s, hop {self.hop:g} s"
+            raise InputError(given, "a window of at least one hop")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SplitString:
+class SplitString(Checked):
     """A touched string as two independent segments, after the paper's Eq. 3-13 and its appendix.
 
     Segment k obeys mu y_tt = T(F) y_xx - d(F) y_t + f_drive with y = 0 at both ends; lengths are x and L - x.
@@ -147,28 +135,21 @@ class SplitString:
     initial: Literal["plucked", "rest"] = "plucked"
     pluck: PluckShape = field(default_factory=PluckShape)
     drive: Drive = field(default_factory=Drive)
-    mixing: tuple[float, float] = (0.85, 0.85)
-    pickup_place: float = 0.25
-    nodes: int = 256
-    time_step: Seconds | None = None
-    alpha: float = 0.95
+    mixing: Pair[Share] = (0.85, 0.85)
+    pickup_place: InnerShare = 0.25
+    nodes: Annotated[int, Meta(ge=8, le=65536)] = 256
+    time_step: Annotated[Seconds, Meta(ge=1e-9, le=1e-3)] | None = None
+    alpha: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.95
     damping: Damping = "continuous"
 
     def __post_init__(self) -> None:
+        Checked.__post_init__(self)
         if self.contact is not None:
             x, force, length = self.contact.position, self.contact.force, self.string.length
-            _refuse_unless(0.0 < x < length, f"position {x:g} m", f"strictly between 0 and {length:g} m")
-            _refuse_unless(0.0 <= force < 1.0e4, f"force {force:g} N", "0 N or more, below 10 kN")
-        for share in self.mixing:
-            _refuse_unless(0.0 <= share <= 1.0, f"mixing share {share:g}", "0 to 1")
-        _refuse_unless(
-            0.0 < self.pickup_place < 1.0, f"pickup place {self.pickup_place:g}", "between 0 and 1"
-        )
-        _refuse_unless(8 <= self.nodes <= 65536, f"{self.nodes} nodes", "8 to 65536")
-        if self.time_step is not None:
-            step = self.time_step
-            _refuse_unless(1e-9 <= step <= 1e-3, f"time step {step:g} s", "1e-9 to 1e-3 s")
-        _refuse_unless(0.0 < self.alpha <= 1.0, f"alpha {self.alpha:g}", "above 0, at most 1")
+            if not 0.0 < x < length:
+                raise InputError(f"position {x:g} m", f"strictly between 0 and {length:g} m")
+            if not 0.0 <= force < 1.0e4:
+                raise InputError(f"force {force:g} N", "0 N or more, below 10 kN")
         silent = self.drive.amplitude != 0.0 and self.drive.start_frequencies is None
         if silent and (self.initial == "rest" or self.drive.feedback == "off"):
             raise InputError(
@@ -176,8 +157,3 @@ class SplitString:
                 "drivers that have a frequency to begin with",
                 "set drive.start_frequencies, or drive.amplitude = 0",
             )
-
-
-def _refuse_unless(allowed: bool, given: str, bounds: str) -> None:  # noqa: FBT001
-    if not allowed:
-        raise InputError(given, bounds)

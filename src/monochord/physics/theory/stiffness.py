@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from monochord.core.errors import InputError
+from monochord.core.ranges import Checked, NonNegative
 from monochord.core.types import Floats, StringParams
 from monochord.core.units import Hertz, Metres
 from monochord.physics.theory._checks import Number, refuse_not_positive
@@ -176,7 +176,7 @@ def partial_numbers(highest: Hertz, f0: Hertz, inharmonicity: float = 0.0) -> Fl
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Losses:
+class Losses(Checked):
     """The loss factors of a vibrating string.
 
     `air_viscosity` in Pa s and `air_density` in kg/m^3 are those of air in a room. The others have no unit:
@@ -186,17 +186,11 @@ class Losses:
     printed fixture, and is the largest loss.
     """
 
-    air_viscosity: float = 1.8e-5
-    air_density: float = 1.2
-    viscoelastic: float = 4.5e-3
-    thermoelastic: float = 2.0e-4
-    support: float = 1.0e-3
-
-    def __post_init__(self) -> None:
-        for name in ("air_viscosity", "air_density", "viscoelastic", "thermoelastic", "support"):
-            value: float = getattr(self, name)
-            if not 0.0 <= value < np.inf:
-                raise InputError(f"{name.replace('_', ' ')} {value:g}", "0 or more, and finite")
+    air_viscosity: NonNegative[float] = 1.8e-5
+    air_density: NonNegative[float] = 1.2
+    viscoelastic: NonNegative[float] = 4.5e-3
+    thermoelastic: NonNegative[float] = 2.0e-4
+    support: NonNegative[float] = 1.0e-3
 
 
 def decay_rates(string: StringParams, losses: Losses, frequencies: Floats) -> Floats:

@@ -1,17 +1,15 @@
 """What a twin is given: the sensor as built, with its tolerances, and the scene around it."""
 
-import sys
-from collections.abc import Iterator
 from dataclasses import dataclass, field
-from functools import cache
 from math import inf, pi
-from typing import Annotated, Any, get_args, get_origin, get_type_hints
+from typing import Annotated, TypeAlias
 
 from msgspec import Meta
 
 from monochord.core.errors import InputError
+from monochord.core.ranges import Checked, Finite, Pair, Share
 from monochord.core.types import Audio, StringParams
-from monochord.core.units import Hertz, Metres, MetresPerSecond, Newtons, Seconds
+from monochord.core.units import FINITE, Hertz, Metres, MetresPerSecond, Newtons, Seconds
 from monochord.physics.materials import Material
 from monochord.physics.theory import Losses, TensionLaw
 from monochord.physics.twin.records import MAX_MOUNT_MODES
@@ -24,16 +22,14 @@ HUM_SHARES = (1.0, 0.25, 0.5, 0.1, 0.3)
 """Amplitudes of the mains' harmonics, from the first, relative to it (assumed)."""
 MAX_END_SHARE = 0.02
 """Largest admittance of an end times the string's impedance; the first order leaves out its square."""
-FINITE = sys.float_info.max
-"""Largest finite number: bound of a field without a range of its own."""
-Share = Annotated[float, Meta(ge=0.0, le=0.3)]
+Spread: TypeAlias = Annotated[float, Meta(ge=0.0, le=0.3)]
 """A relative standard deviation."""
-Small = Annotated[Metres, Meta(ge=0.0, le=0.005)]
+Small: TypeAlias = Annotated[Metres, Meta(ge=0.0, le=0.005)]
 """A standard deviation of a position or length, in m."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Ebow:
+class Ebow(Checked):
     """A driver: coils at `sense` and `drive` on the string, each `aperture` wide.
 
     The aperture is the standard deviation of a Gaussian. Its band has the centre `centre` and quality
@@ -46,8 +42,8 @@ class Ebow:
     stiffness of its magnet at the drive coil, in N/m, along its angle: it lowers one polarisation's pitch.
     """
 
-    sense: Metres
-    drive: Metres
+    sense: Finite[Metres]
+    drive: Finite[Metres]
     aperture: Annotated[Metres, Meta(ge=0.0, le=0.05)] = 4.0e-3
     centre: Annotated[Hertz, Meta(ge=20.0, le=12000.0)] = 1500.0
     quality: Annotated[float, Meta(ge=0.1, le=20.0)] = 0.5
@@ -58,12 +54,9 @@ class Ebow:
     bias: Annotated[float, Meta(ge=-1.0, le=1.0)] = 0.0
     pull: Annotated[float, Meta(ge=0.0, le=500.0)] = 0.0
 
-    def __post_init__(self) -> None:
-        refuse_outside(self)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Pickups:
+class Pickups(Checked):
     """Two contact microphones at the string's ends and what follows them.
 
     `own` is l1 and l2 of the paper's Eq. 5; `gain` in full scale a newton; `angle` is the direction in which
@@ -78,27 +71,22 @@ class Pickups:
     forces the static share of the modes beyond the bank, some 3 % of a touch's force.
     """
 
-    own: tuple[Annotated[float, Meta(ge=0.0, le=1.0)], Annotated[float, Meta(ge=0.0, le=1.0)]] = (0.85, 0.85)
-    gain: tuple[Annotated[float, Meta(ge=0.0, le=1e4)], Annotated[float, Meta(ge=0.0, le=1e4)]] = (0.5, 0.5)
+    own: Pair[Share] = (0.85, 0.85)
+    gain: Pair[Annotated[float, Meta(ge=0.0, le=1e4)]] = (0.5, 0.5)
     angle: Annotated[float, Meta(ge=-pi, le=pi)] = 0.5
     low: Annotated[Hertz, Meta(ge=1.0, le=1000.0)] = 40.0
     high: Annotated[Hertz, Meta(ge=1000.0, le=20000.0)] = 15000.0
     hiss: Annotated[float, Meta(ge=0.0, le=0.1)] = 3.0e-5
-    air: tuple[float, float] = (1.0, 0.9)
-    distortion: tuple[
-        Annotated[float, Meta(ge=-0.01, le=0.01)], Annotated[float, Meta(ge=-0.01, le=0.01)]
-    ] = (0.0, 0.0)
-    hum: tuple[Annotated[float, Meta(ge=0.0, le=0.1)], Annotated[float, Meta(ge=0.0, le=0.1)]] = (0.0, 0.0)
+    air: Pair[Finite[float]] = (1.0, 0.9)
+    distortion: Pair[Annotated[float, Meta(ge=-0.01, le=0.01)]] = (0.0, 0.0)
+    hum: Pair[Annotated[float, Meta(ge=0.0, le=0.1)]] = (0.0, 0.0)
     mains: Annotated[Hertz, Meta(ge=45.0, le=65.0)] = 50.0
-    feed: tuple[Annotated[float, Meta(ge=-1e3, le=1e3)], Annotated[float, Meta(ge=-1e3, le=1e3)]] = (0.0, 0.0)
+    feed: Pair[Annotated[float, Meta(ge=-1e3, le=1e3)]] = (0.0, 0.0)
     residual: bool = False
-
-    def __post_init__(self) -> None:
-        refuse_outside(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class End:
+class End(Checked):
     """How an end of the string yields, across the string in both directions; rigid by default.
 
     Its admittance, velocity over force, is i w C + A / (1 + i Q (w / w0 - w0 / w)): a spring of `compliance`
@@ -112,12 +100,9 @@ class End:
     frequency: Annotated[Hertz, Meta(ge=20.0, le=12000.0)] = 1000.0
     quality: Annotated[float, Meta(ge=0.1, le=100.0)] = 5.0
 
-    def __post_init__(self) -> None:
-        refuse_outside(self)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Tolerances:
+class Tolerances(Checked):
     """How another sensor of the same design differs: standard deviations, assumed unless a source is named.
 
     The wire: `diameter` is relative; ASTM A228 allows 0.3 thousandths of an inch on a music wire of .010, 3 %
@@ -130,23 +115,23 @@ class Tolerances:
     absolute, which depend on how the frame is mounted. `losses` is relative, of each loss factor.
     """
 
-    diameter: Share = 0.01
+    diameter: Spread = 0.01
     tuning: Annotated[float, Meta(ge=0.0, le=100.0)] = 10.0
     length: Small = 2.5e-4
     places: Small = 5.0e-4
-    aperture: Share = 0.05
-    gain: Share = 0.10
-    limit: Share = 0.10
-    centre: Share = 0.05
-    quality: Share = 0.05
+    aperture: Spread = 0.05
+    gain: Spread = 0.10
+    limit: Spread = 0.10
+    centre: Spread = 0.05
+    quality: Spread = 0.05
     tilt: Annotated[float, Meta(ge=0.0, le=0.3)] = 0.05
-    pickup_gain: Share = 0.12
+    pickup_gain: Spread = 0.12
     own: Annotated[float, Meta(ge=0.0, le=0.1)] = 0.03
-    losses: Share = 0.20
+    losses: Spread = 0.20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Changes:
+class Changes(Checked):
     """How the same sensor differs on another day: standard deviations, assumed.
 
     `temperature` is the change of frame and string together since tuning, in K, in a room in daily use.
@@ -158,13 +143,13 @@ class Changes:
     temperature: Annotated[float, Meta(ge=0.0, le=30.0)] = 3.0
     creep: Annotated[Newtons, Meta(ge=0.0, le=5.0)] = 0.05
     warming: Annotated[float, Meta(ge=0.0, le=60.0)] = 1.5
-    gain: Share = 0.05
-    limit: Share = 0.05
-    pickup_gain: Share = 0.035
+    gain: Spread = 0.05
+    limit: Spread = 0.05
+    pickup_gain: Spread = 0.035
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sensor:
+class Sensor(Checked):
     """A sensor as built: string, losses, two drivers, two pickups, and its sensing range.
 
     `ends` say how the string's ends yield. `drift` is the deviation of the string's tension from its nominal
@@ -179,7 +164,7 @@ class Sensor:
     name: str
     string: StringParams
     drivers: tuple[Ebow, Ebow]
-    range: tuple[Metres, Metres]
+    range: Pair[Finite[Metres]]
     title: str = ""
     source: str = ""
     notes: str = ""
@@ -195,31 +180,27 @@ class Sensor:
     changes: Changes = field(default_factory=Changes)
 
     def __post_init__(self) -> None:
-        for part in (self, self.tolerances, self.changes):
-            refuse_outside(part)
+        Checked.__post_init__(self)
         refuse_impossible(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Key:
+class Key(Checked):
     """What a touch does at a time: where it is, and how hard it presses or how far off it is.
 
     `force` is the normal force that a string at rest would press back with, `clearance` the distance of the
     surface from the string at rest, `across` the object's speed across the string.
     """
 
-    time: Seconds
-    position: Metres
+    time: Finite[Seconds]
+    position: Finite[Metres]
     force: Annotated[Newtons, Meta(ge=0.0, le=10.0)] = 0.0
     clearance: Annotated[Metres, Meta(ge=0.0, le=0.1)] = 0.0
     across: Annotated[MetresPerSecond, Meta(ge=-0.5, le=0.5)] = 0.0
 
-    def __post_init__(self) -> None:
-        refuse_outside(self)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MountMode:
+class MountMode(Checked):
     """A mode of a held object, of its gripper and of the frame, as it is felt where the object touches.
 
     `mass` is the modal mass in kg, `quality` is Q. A robot's hand and tool have them from some hundred Hz on;
@@ -228,14 +209,11 @@ class MountMode:
 
     mass: Annotated[float, Meta(ge=1e-4, le=1.0)] = 0.01
     frequency: Annotated[Hertz, Meta(ge=20.0, le=8000.0)] = 1000.0
-    quality: Annotated[float, Meta(ge=1.0)] = 20.0
-
-    def __post_init__(self) -> None:
-        refuse_outside(self)
+    quality: Annotated[float, Meta(ge=1.0, le=FINITE)] = 20.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Mount:
+class Mount(Checked):
     """How a touching object gives way to the string: up to three modes, and a spring for all that is faster.
 
     `compliance` is the spring's, in m/N: 1e-5 is 1e5 N/m. By default the object is held rigidly. Modes give
@@ -247,13 +225,13 @@ class Mount:
     compliance: Annotated[float, Meta(ge=0.0, le=1e-3)] = 0.0
 
     def __post_init__(self) -> None:
-        refuse_outside(self)
+        Checked.__post_init__(self)
         if len(self.modes) > MAX_MOUNT_MODES:
             raise InputError(f"a mount of {len(self.modes)} modes", f"{MAX_MOUNT_MODES} at most")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ContactLaw:
+class ContactLaw(Checked):
     """How an object's surface resists the string; by default as Hertz's smooth, round contact.
 
     `exponent` is the slope of log f over log delta under a press of 1 N, where the compression is Hertz's:
@@ -276,12 +254,9 @@ class ContactLaw:
     layer: Annotated[Metres, Meta(ge=0.0, le=1e-4)] = 0.0
     layer_load: Annotated[Newtons, Meta(ge=1e-4, le=1.0)] = 0.01
 
-    def __post_init__(self) -> None:
-        refuse_outside(self)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Touch:
+class Touch(Checked):
     """An object and its motion: linear between keys, constant before the first and after the last.
 
     `radius` is the object's where it touches, by default its material's. Where the position moves, the object
@@ -297,7 +272,7 @@ class Touch:
     law: ContactLaw = field(default_factory=ContactLaw)
 
     def __post_init__(self) -> None:
-        refuse_outside(self)
+        Checked.__post_init__(self)
         if not self.motion:
             raise InputError("a touch without keys", "at least one key", "give time and position")
         for before, after in zip(self.motion, self.motion[1:], strict=False):
@@ -309,7 +284,7 @@ class Touch:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Outside:
+class Outside(Checked):
     """A sound from outside: mono, at the twin's rate, repeated endlessly.
 
     Full scale is that of the converter; `level` multiplies it before it reaches microphones and frame.
@@ -318,20 +293,14 @@ class Outside:
     samples: Audio
     level: Annotated[float, Meta(ge=0.0, le=1e3)] = 1.0
 
-    def __post_init__(self) -> None:
-        refuse_outside(self)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Pluck:
+class Pluck(Checked):
     """A start from a triangle of height `height` at `position`, along `angle` from the press direction."""
 
-    position: Metres
+    position: Finite[Metres]
     height: Annotated[Metres, Meta(ge=-2e-3, le=2e-3)]
-    angle: float = 0.0
-
-    def __post_init__(self) -> None:
-        refuse_outside(self)
+    angle: Finite[float] = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -359,25 +328,6 @@ def hold(position: Metres, force: Newtons, material: Material, *, across: Metres
     1.0
     """
     return Touch(material=material, motion=(Key(time=0.0, position=position, force=force, across=across),))
-
-
-def refuse_outside(part: object) -> None:
-    """Raise `InputError` where a number of a dataclass is not finite, or outside the range of its annotation.
-
-    Fields annotated as numbers count, optional ones and those of tuples too; a range is that of `Meta`.
-
-    Examples
-    --------
-    >>> refuse_outside(Key(time=0.0, position=0.08))
-    """
-    for name, place, low, high in _ranges(type(part)):
-        value = getattr(part, name)
-        if place is not None:
-            value = value[place]
-        if value is not None and not low <= value <= high:
-            which = name if place is None else f"{name}[{place}]"
-            allowed = f"{low:g} to {high:g}" if high < FINITE else "a finite number"
-            raise InputError(f"{type(part).__name__} {which} {value:g}", allowed)
 
 
 def refuse_impossible(sensor: Sensor) -> None:
@@ -428,28 +378,3 @@ def _refuse_strong_parts(sensor: Sensor, where: str) -> None:
         ):
             given = f"{where}: an end of {end.admittance:g} s/kg and {end.compliance:g} m/N"
             raise InputError(given, "one that hardly yields to this string")
-
-
-@cache
-def _ranges(kind: type) -> tuple[tuple[str, int | None, float, float], ...]:
-    """Return each number of a dataclass: its field, its place in a tuple, its lowest and highest value."""
-    numbers: list[tuple[str, int | None, float, float]] = []
-    for name, hint in get_type_hints(kind, include_extras=True).items():
-        if get_origin(hint) is tuple:
-            for place, inner in enumerate(get_args(hint)):
-                numbers += [(name, place, *limits) for limits in _limits(inner)]
-        else:
-            numbers += [(name, None, *limits) for limits in _limits(hint)]
-    return tuple(numbers)
-
-
-def _limits(hint: Any) -> Iterator[tuple[float, float]]:
-    """Yield lowest and highest value of a number, also of an optional one; nothing for other types."""
-    if hint is float:
-        yield -FINITE, FINITE
-    elif get_origin(hint) is Annotated and hint.__origin__ is float:
-        for meta in hint.__metadata__:
-            yield (-FINITE if meta.ge is None else meta.ge), (FINITE if meta.le is None else meta.le)
-    else:
-        for inner in get_args(hint) if type(None) in get_args(hint) else ():
-            yield from _limits(inner)

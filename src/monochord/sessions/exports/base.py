@@ -6,10 +6,11 @@ from pathlib import Path
 from typing import Any
 
 from monochord.core.errors import InputError, MissingLibraryError
+from monochord.core.ranges import Checked
 from monochord.sessions import SessionReader
 
 
-class Export(ABC):
+class Export(Checked, ABC):
     """Options of an export, as a frozen keyword-only dataclass."""
 
     @abstractmethod

@@ -7,11 +7,11 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 import numpy as np
+from msgspec import Meta
 
-from monochord.core.errors import InputError
 from monochord.sessions import SessionReader, codec
 from monochord.sessions.description import NANO
 from monochord.sessions.exports.base import Export, folder_each
@@ -62,12 +62,10 @@ class Foxglove(Export):
         Gain of the sound in dB, for what was recorded too low to be audible.
     """
 
-    gain: float = 0.0
+    gain: Annotated[float, "dB", Meta(ge=-120.0, le=120.0)] = 0.0
 
     def write(self, sessions: Sequence[SessionReader], out: Path) -> list[Path]:
         """Write each session to a folder of its file's name below `out`, and the layout beside them."""
-        if not -120.0 <= self.gain <= 120.0:
-            raise InputError(f"gain {self.gain:g} dB", "-120 to 120 dB")
         written: list[Path] = []
         shown: dict[str, tuple[str, tuple[str, ...]]] = {}
         poses: dict[str, dict[str, None]] = {}

@@ -9,6 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from monochord.core.errors import InputError
+from monochord.core.ranges import Count
 from monochord.core.types import Floats
 from monochord.sessions import SessionReader
 from monochord.sessions.alignment import AUDIO, Alignment, align, aligned_readings
@@ -46,14 +47,12 @@ class LeRobot(Export):
     labels.
     """
 
-    fps: int = 50
+    fps: Count = 50
     aligned: bool = True
     force: bool = False
 
     def write(self, sessions: Sequence[SessionReader], out: Path) -> list[Path]:
         """Write the sessions as the data set `out`, episode by episode in the order given."""
-        if self.fps < 1:
-            raise InputError(f"{self.fps} frames a second", "1 or more")
         pa, pq = arrow("lerobot")
         refuse_unlike(sessions)
         new_folder(out)

@@ -17,6 +17,7 @@ from pathlib import Path
 from monochord.core.config import from_tree
 from monochord.core.errors import InputError
 from monochord.core.presets import Presets
+from monochord.core.ranges import Checked, Count
 from monochord.perception import MOVED
 
 __all__ = ["KnownWeights", "checked_sum", "find_weights", "load_known", "weight_names"]
@@ -27,7 +28,7 @@ _LOG = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class KnownWeights:
+class KnownWeights(Checked):
     """Weights that Monochord can use.
 
     `url` is where they are published, an address of https or of a local file, and `file` their name there.
@@ -42,17 +43,16 @@ class KnownWeights:
     licence: str
     url: str
     file: str
-    max_bytes: int = 1 << 30
+    max_bytes: Count = 1 << 30
     sha256: str = ""
     reader: str = ""
     exporter: str = ""
     notes: str = ""
 
     def __post_init__(self) -> None:
+        Checked.__post_init__(self)
         if self.sha256 and not re.fullmatch("[0-9a-f]{64}", self.sha256):
             raise InputError(f"sha256 '{self.sha256}'", "64 hexadecimal digits in lower case")
-        if self.max_bytes < 1:
-            raise InputError(f"max_bytes {self.max_bytes}", "1 or more")
 
     @property
     def variable(self) -> str:

@@ -1,0 +1,123 @@
+"""Ranges of numbers, declared in the annotation of a field and refused however its dataclass is built.
+
+A range is `msgspec.Meta` beside the type: ``hop: Annotated[Seconds, Meta(ge=1e-3, le=60.0)]``, or a name of
+this module: ``rate: Positive[Hertz]``. `monochord.core.config.from_tree` refuses what a file or ``--set``
+gives outside it. A dataclass that is a `Checked` refuses the same where it is built in Python.
+"""
+
+from collections.abc import Sequence
+from dataclasses import fields
+from functools import cache
+from types import UnionType
+from typing import Annotated, Any, TypeAlias, TypeVar, Union, cast, get_args, get_origin, get_type_hints
+
+from msgspec import Meta
+
+from monochord.core.config import describe_type
+from monochord.core.errors import InputError
+from monochord.core.units import FINITE, unit_of
+
+T = TypeVar("T")
+Finite: TypeAlias = Annotated[T, Meta(ge=-FINITE, le=FINITE)]
+"""A number that is not infinite, of a unit: ``Finite[Metres]``."""
+Positive: TypeAlias = Annotated[T, Meta(gt=0.0, le=FINITE)]
+"""A finite number above 0, of a unit: ``Positive[Hertz]``."""
+NonNegative: TypeAlias = Annotated[T, Meta(ge=0.0, le=FINITE)]
+"""A finite number of 0 or more, of a unit: ``NonNegative[Seconds]``."""
+Share: TypeAlias = Annotated[float, Meta(ge=0.0, le=1.0)]
+"""A share or probability, 0 and 1 too."""
+InnerShare: TypeAlias = Annotated[float, Meta(gt=0.0, lt=1.0)]
+"""A share or probability that is neither 0 nor 1."""
+PartialShare: TypeAlias = Annotated[float, Meta(ge=0.0, lt=1.0)]
+"""A share that leaves something: 0 is one, 1 is none."""
+Count: TypeAlias = Annotated[int, Meta(ge=1)]
+"""A whole number of 1 or more."""
+Whole: TypeAlias = Annotated[int, Meta(ge=0)]
+"""A whole number of 0 or more."""
+Pair: TypeAlias = tuple[T, T]
+"""Two of a kind, such as the least and the most: ``Pair[Positive[Newtons]]``."""
+
+
+class Checked:
+    """Base of a dataclass that refuses numbers outside the ranges of its annotations, see `refuse_outside`.
+
+    A dataclass with more checks of its own calls ``Checked.__post_init__(self)`` first.
+
+    >>> from monochord.live.health import HealthSettings
+    >>> HealthSettings(look=-0.1)
+    Traceback (most recent call last):
+    monochord.core.errors.InputError: HealthSettings look -0.1 s: allowed is a finite number of 0 s or more
+    """
+
+    __slots__ = ()
+
+    def __post_init__(self) -> None:
+        refuse_outside(self)
+
+
+def refuse_outside(part: Any) -> None:
+    """Raise `InputError` where a number of a dataclass is outside the range of its annotation, or NaN there.
+
+    Optional numbers and those in tuples count; None is within every range.
+    """
+    for name, kind in _ranges(type(part)).items():
+        _refuse(getattr(part, name), kind, f"{type(part).__name__} {name}")
+
+
+@cache
+def _ranges(cls: type) -> dict[str, Any]:
+    """Return the annotations of a dataclass's fields that hold a range, by name."""
+    try:
+        hints = get_type_hints(cls, include_extras=True)
+    except NameError:  # of a type that is imported for type checkers alone: `from_tree` refuses the class too
+        return {}
+    return {field.name: hints[field.name] for field in fields(cls) if _has_range(hints[field.name])}
+
+
+def _has_range(kind: Any) -> bool:
+    return bool(_metas(kind)) or any(map(_has_range, get_args(kind)))
+
+
+def _metas(kind: Any) -> list[Meta]:
+    return [each for each in getattr(kind, "__metadata__", ()) if isinstance(each, Meta)]
+
+
+def _refuse(value: Any, kind: Any, where: str) -> None:
+    """Raise `InputError` for a number outside the range that its type tells; `where` names the value."""
+    if value is None:
+        return
+    parts = get_args(kind)
+    if metas := _metas(kind):
+        if not all(_within(value, meta) for meta in metas):
+            given = value if isinstance(value, int) else f"{value:g}"
+            raise InputError(f"{where} {given}{unit_of(kind)}", describe_type(kind))
+    elif get_origin(kind) in (Union, UnionType):
+        for part in parts:
+            _refuse(value, part, where)
+    elif isinstance(value, (tuple, list)):
+        items = cast("Sequence[Any]", value)
+        inner = parts[:1] * len(items) if parts[1:] in ((), (...,)) else parts
+        for index, (each, part) in enumerate(zip(items, inner, strict=False)):
+            _refuse(each, part, f"{where}[{index}]")
+
+
+def _within(number: Any, meta: Meta) -> bool:
+    """Return whether a number meets every limit of a range; NaN meets none."""
+    return (
+        (meta.ge is None or number >= meta.ge)
+        and (meta.gt is None or number > meta.gt)
+        and (meta.le is None or number <= meta.le)
+        and (meta.lt is None or number < meta.lt)
+    )
+
+
+def refuse_unordered(where: str, **pairs: tuple[float, float] | None) -> None:
+    """Raise `InputError` where the first number of a pair is above the second; `where` names what has them.
+
+    >>> refuse_unordered("touch", forces=(2.0, 0.1))
+    Traceback (most recent call last):
+    monochord.core.errors.InputError: touch: forces 2 to 0.1: allowed is the least first
+    """
+    for name, pair in pairs.items():
+        if pair is not None and not pair[0] <= pair[1]:
+            raise InputError(f"{where}: {name} {pair[0]:g} to {pair[1]:g}", "the least first")
