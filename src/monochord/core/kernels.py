@@ -141,9 +141,9 @@ class _Compiler(Compiler):
 class _Part(CPUDispatcher):
     """A function that is compiled for kernels; without a way into its code, numba's own call would crash."""
 
-    def __call__(self, *arguments: Any) -> Any:
+    def __call__(self, *arguments: Any, **named: Any) -> Any:
         """Run it uncompiled."""
-        return self.py_func(*arguments)
+        return self.py_func(*arguments, **named)
 
 
 class _Cache(FunctionCache):
