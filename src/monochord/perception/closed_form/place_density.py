@@ -149,9 +149,12 @@ def _convolved(values: Audio, weights: Weights, bias: Weights, stride: int, dila
     pad = taps // 2 * dilation
     # Cells that are a stride apart beside each other.
     x = np.zeros((stride, inputs, out + 2 * pad // stride + 1), np.float32)
-    for i in range(inputs):
-        for k in range(cells):
-            x[(k + pad) % stride, i, (k + pad) // stride] = values[i, k]
+    for s in range(stride):
+        for i in range(inputs):
+            for q in range(x.shape[2]):
+                k = q * stride + s - pad
+                if 0 <= k < cells:
+                    x[s, i, q] = values[i, k]
     sums, zero = np.empty((bias.size, out), np.float32), np.float32(0.0)
     for o in range(0, bias.size, 4):
         s0, s1, s2, s3 = sums[o], sums[o + 1], sums[o + 2], sums[o + 3]
