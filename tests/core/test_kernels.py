@@ -1,4 +1,4 @@
-"""A kernel's cache on disk: what is damaged is compiled again, and its file replaced."""
+"""What a kernel costs to compile, and its cache on disk: what is damaged is compiled again and replaced."""
 
 import subprocess
 import sys
@@ -6,7 +6,12 @@ from collections.abc import Callable
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
+import numpy as np
 import pytest
+from numba.core import event
+
+from monochord.core.kernels import kernel, part
+from monochord.core.types import Floats
 
 MODULE = """
 from monochord.core.kernels import kernel
@@ -70,3 +75,35 @@ def test_what_cannot_be_written_is_compiled_all_the_same(module: Path) -> None:
     index.unlink()
     index.mkdir()  # what a file cannot replace, even for the superuser
     assert compilations(module) == 1
+
+
+def test_what_numba_has_of_its_own_is_compiled_once_for_kernels_and_their_parts() -> None:
+    @part()
+    def middle(values: Floats) -> float:
+        return float(np.median(values))
+
+    @kernel()
+    def above(values: Floats) -> float:
+        return np.median(values[1:]) - middle(values) + np.zeros(2)[0]
+
+    with event.install_recorder("numba:compile") as recorded:
+        assert above(np.arange(5.0)) == 0.5
+    ends = [one.data for _, one in recorded.buffer if one.is_end]
+    compiled = [(data["dispatcher"].py_func.__qualname__, data["args"]) for data in ends]
+    assert len(compiled) > 5
+    assert sorted({*map(str, compiled)}) == sorted(map(str, compiled))
+
+
+def test_a_part_runs_uncompiled_where_python_calls_it() -> None:
+    @part()
+    def first(values: Floats) -> float:
+        return values[0]
+
+    @kernel()
+    def doubled(values: Floats) -> float:
+        return 2.0 * first(values)
+
+    assert doubled(np.array([1.5])) == 3.0
+    assert first(np.array([1.5])) == 1.5
+    with pytest.raises(IndexError):
+        first(np.zeros(0))

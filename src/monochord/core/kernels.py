@@ -22,7 +22,10 @@ from numba import njit
 from numba.core import event
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.ccallback import CFunc
+from numba.core.compiler import Compiler
+from numba.core.registry import CPUDispatcher
 from numba.core.sigutils import normalize_signature
+from numba.core.targetconfig import ConfigStack
 
 from monochord.core.compilation import Bar
 
@@ -31,6 +34,17 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 COMPILE: Any = njit
 """numba's stubs know neither all of its options nor that a function keeps its signature."""
 DIGEST_SIZE = hashlib.sha256().digest_size
+
+
+def compile_lazily(function: Any, **options: Any) -> Any:
+    """Return numba's function that is compiled at its first call and kept nowhere; `options` of `numba.njit`.
+
+    Examples
+    --------
+    >>> compile_lazily(lambda x: x + 1.0)(2.0)
+    3.0
+    """
+    return COMPILE(error_model="numpy", no_cfunc_wrapper=True, pipeline_class=_Compiler, **options)(function)
 
 
 def kernel(signature: str = "", **options: Any) -> Callable[[Function], Function]:
@@ -56,13 +70,42 @@ def kernel(signature: str = "", **options: Any) -> Callable[[Function], Function
     """
 
     def compiled(function: Function) -> Function:
-        dispatcher: Any = COMPILE(error_model="numpy", no_cfunc_wrapper=True, **options)(function)
+        dispatcher = compile_lazily(function, **options)
         if hasattr(dispatcher, "py_func"):
             with suppress(RuntimeError):  # a function that stands in no file, or where none can be written
                 dispatcher._cache = _Cache(function)  # noqa: SLF001
             if signature:
                 dispatcher.compile(signature)
                 dispatcher.disable_compile()
+        return dispatcher
+
+    return compiled
+
+
+def part(**options: Any) -> Callable[[Function], Function]:
+    """Compile a function that kernels call, of the same file; it is kept on disk as a part of them.
+
+    Python has no entry to the compiled code, which would cost as much to compile as a short function. A call
+    from Python runs the function as it is written.
+
+    Parameters
+    ----------
+    options
+        Options of `numba.njit`, such as ``fastmath``.
+
+    Examples
+    --------
+    >>> @part()
+    ... def half(number: float) -> float:
+    ...     return number / 2.0
+    >>> half(1.0)
+    0.5
+    """
+
+    def compiled(function: Function) -> Function:
+        dispatcher = compile_lazily(function, no_cpython_wrapper=True, **options)
+        if hasattr(dispatcher, "py_func"):
+            dispatcher.__class__ = _Part
         return dispatcher
 
     return compiled
@@ -79,6 +122,28 @@ def callback(signature: Any) -> Callable[[Any], Any]:
         return compiled_function
 
     return compiled
+
+
+class _Compiler(Compiler):
+    """Shares what numba compiles of its own, such as ``np.zeros``, between all functions.
+
+    numba compiles these anew wherever an option of the caller is another, even one that says only which
+    entries the caller has. They see the entries of a function of numba's here.
+    """
+
+    def define_pipelines(self) -> Any:
+        """Return the usual steps."""
+        seen: Any = ConfigStack().top()  # a copy: the options of this function itself stay
+        seen.no_cpython_wrapper, seen.no_cfunc_wrapper = True, False
+        return super().define_pipelines()
+
+
+class _Part(CPUDispatcher):
+    """A function that is compiled for kernels; without a way into its code, numba's own call would crash."""
+
+    def __call__(self, *arguments: Any, **named: Any) -> Any:
+        """Run it uncompiled."""
+        return self.py_func(*arguments, **named)
 
 
 class _Cache(FunctionCache):

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monochord.core.kernels import kernel
+from monochord.core.kernels import kernel, part
 from monochord.core.types import Audio, Floats
 from monochord.core.units import Hertz, Samples, Seconds
 from monochord.dsp.spectrum import Analyser
@@ -122,7 +122,7 @@ def _changes(
     return np.where(counted, change, np.nan), np.where(counted, weight, 0.0)
 
 
-@kernel()
+@part()
 def _line(power: Floats, k: int) -> float:
     """Return where the parabola through the logarithms of three bins is highest, in bins."""
     y0, y1, y2 = np.log(power[k - 1]), np.log(power[k]), np.log(power[k + 1])

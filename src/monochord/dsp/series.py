@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from monochord.core.errors import InputError
-from monochord.core.kernels import kernel
+from monochord.core.kernels import kernel, part
 from monochord.core.shapes import alike
 from monochord.core.types import Floats
 from monochord.core.units import Hertz
@@ -59,12 +59,12 @@ class View(NamedTuple):
     residual_weight: float
 
 
-@kernel(inline="always")
+@part(inline="always")
 def _partial(f0: float, inharmonicity: float, n: float) -> float:
     return f0 * n * np.sqrt(1.0 + inharmonicity * n * n)
 
 
-@kernel()
+@part()
 def _nearest(sorted_values: Floats, value: float) -> int:
     i = int(np.searchsorted(sorted_values, value))
     if i == 0:
@@ -196,7 +196,7 @@ def _evidence(f0: Hertz, inharmonicity: float, peaks: Peaks, view: View) -> tupl
     return evidence, claimed
 
 
-@kernel(inline="always")
+@part(inline="always")
 def _neighbours(height: Floats, i: int) -> float:
     """Return the lower of the greatest heights within `AROUND` partials on the left and on the right."""
     if i + 1 >= height.size:
@@ -205,7 +205,7 @@ def _neighbours(height: Floats, i: int) -> float:
     return right if i == 0 else min(right, height[max(i - AROUND, 0) : i].max())
 
 
-@kernel()
+@part()
 def _comb(f0: float, inharmonicity: float, view: View) -> float:
     """Return the mean salience at the partials less that midway between them, low partials weighing more."""
     score, weights = 0.0, 0.0
@@ -274,7 +274,7 @@ def _found(grid: Floats, prior: tuple[float, float], peaks: Peaks, view: View) -
     return rows[order], claims[order]
 
 
-@kernel()
+@part()
 def _starts(grid: Floats, view: View) -> Floats:
     """Return guesses of (f0, B): the ten highest maxima of the comb, and the relatives of the first four."""
     score, best = np.full(grid.size, -np.inf), np.zeros(grid.size)

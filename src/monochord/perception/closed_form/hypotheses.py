@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monochord.core.kernels import kernel
+from monochord.core.kernels import kernel, part
 from monochord.core.types import Flags, Floats
 from monochord.core.units import Hertz, Metres
 
@@ -150,7 +150,7 @@ def find_hypotheses(frequency: Floats, height: Floats, string: StringModel) -> F
     return hypotheses[:count]
 
 
-@kernel()
+@part()
 def _located(a: Hertz, n1: float, b: Hertz, n2: float, string: StringModel) -> tuple[Metres, Hertz]:
     """Return position and open frequency of a pair of modes, by fixed-point iteration over the stiffness."""
     length, beta_1, beta_2 = string.length, string.stiffness * n1**2, string.stiffness * n2**2
@@ -232,7 +232,7 @@ def measure_hypotheses(
     return measures
 
 
-@kernel()
+@part()
 def _measure_tuning(row: Floats, hypothesis: Floats, string: StringModel) -> None:
     off = hypothesis[OPEN] / string.nominal - 1.0
     row[_FALL] = max(-off - string.slack, 0.0)
@@ -245,7 +245,7 @@ def _measure_tuning(row: Floats, hypothesis: Floats, string: StringModel) -> Non
         row[first + _WEAKNESS] = hypothesis[WEAKNESS_1 + segment]
 
 
-@kernel()
+@part()
 def _fill_partials(partials: Floats, numbers: Floats, hypothesis: Floats, string: StringModel) -> None:
     """Fill in the stiff partials (3, numbers) in Hz of both segments and of the whole string."""
     x, own = hypothesis[POSITION], hypothesis[OPEN]
@@ -255,7 +255,7 @@ def _fill_partials(partials: Floats, numbers: Floats, hypothesis: Floats, string
             partials[row, n] = numbers[n] * fundamental * np.sqrt(1.0 + beta * numbers[n] ** 2)
 
 
-@kernel()
+@part()
 def _measure_lines(
     row: Floats,
     hypothesis: Floats,
@@ -295,7 +295,7 @@ def _measure_lines(
             row[first + _BELOW] += weight
 
 
-@kernel()
+@part()
 def _measure_peaks(
     row: Floats, hypothesis: Floats, peaks: Floats, spacing: Hertz, partials: Floats, length: Metres
 ) -> None:
@@ -326,7 +326,7 @@ def _measure_peaks(
     row[other + _PEAKS], row[other + _PEAKS_SHARE] = weight_2, own_2
 
 
-@kernel()
+@part()
 def _measure_partials(
     row: Floats,
     mode: int,
@@ -364,7 +364,7 @@ def _measure_partials(
         row[3 * n - 1] = most
 
 
-@kernel()
+@part()
 def _mark_tones(is_tone: Flags, sustained: tuple[Hertz, Hertz], spacing: Hertz) -> None:
     """Mark the bins (bins,) nearer than one bin to a sum or difference of multiples of the two lines."""
     is_tone[:] = False
@@ -375,7 +375,7 @@ def _mark_tones(is_tone: Flags, sustained: tuple[Hertz, Hertz], spacing: Hertz) 
                 is_tone[k] = is_tone[k + 1] = True
 
 
-@kernel()
+@part()
 def _without_tones(peaks: Floats, is_tone: Flags, spacing: Hertz, others: Floats) -> tuple[int, float]:
     """Fill in the peaks that are no tones, weights as shares; return their count, and the tones' share."""
     total = peaks[:, WEIGHT].sum() + 1.0e-9
@@ -390,7 +390,7 @@ def _without_tones(peaks: Floats, is_tone: Flags, spacing: Hertz, others: Floats
     return count, tones
 
 
-@kernel()
+@part()
 def _prominent_peaks(power: Floats, prominence: Floats, spacing: Hertz, string: StringModel) -> Floats:
     """Return the peaks (n, 3) of either microphone that stand out most; a weight is in decades."""
     bins = power.shape[1]

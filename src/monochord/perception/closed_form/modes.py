@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monochord.core.kernels import kernel
+from monochord.core.kernels import kernel, part
 from monochord.core.types import Floats
 from monochord.core.units import Hertz, Metres
 from monochord.perception.closed_form import hypotheses, place_density, prominence, ranking
@@ -267,7 +267,7 @@ def _log_odds(probability: float) -> float:
     return min(max(np.log(odds), -MAX_LEAD), MAX_LEAD)
 
 
-@kernel()
+@part()
 def _is_usual(hypothesis: Floats, string: StringModel) -> bool:
     off = hypothesis[OPEN] / string.nominal - 1.0
     return (
@@ -278,7 +278,7 @@ def _is_usual(hypothesis: Floats, string: StringModel) -> bool:
     )
 
 
-@kernel()
+@part()
 def _cost(hypothesis: Floats, string: StringModel) -> float:
     """Return what a hypothesis loses in score for its modes, its weak lines, and its open frequency."""
     off = hypothesis[OPEN] / string.nominal - 1.0
@@ -308,7 +308,7 @@ def _untouched(lines: Floats, string: StringModel) -> tuple[float, Hertz]:
     return score / lines[:, WEIGHT].sum() + UNTOUCHED_GAIN, frequency
 
 
-@kernel()
+@part()
 def _explained(
     lines: Floats,
     x: Metres,

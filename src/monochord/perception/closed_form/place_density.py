@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monochord.core.kernels import kernel
+from monochord.core.kernels import kernel, part
 from monochord.core.types import Audio, Floats
 from monochord.core.units import Hertz
 from monochord.perception.closed_form.hypotheses import (
@@ -40,8 +40,8 @@ LEAST = 1.0e-5
 """Least probability that is distinguished from none."""
 UNIFORM = np.full(PLACES.size, 1.0 / PLACES.size)
 """Where nothing is known, as of a string whose pitch is not."""
-STRIDES, DILATIONS = (2, 2, 2, 1, 1), (1, 1, 1, 4, 1)
-"""Of each convolution."""
+STRIDES, DILATIONS = np.array((2, 2, 2, 1, 1)), np.array((1, 1, 1, 4, 1))
+"""Of each convolution; arrays, since numba compiles a function anew for every number of a tuple."""
 
 
 class PlaceNetwork(NamedTuple):
@@ -114,7 +114,7 @@ def cells_of(power: Floats, height: Floats, prominence: Floats, spacing: Hertz, 
     return cells
 
 
-@kernel()
+@part()
 def _between(values: Floats, at: float) -> float:
     k = int(at)
     return values[k] + (at - k) * (values[k + 1] - values[k])
@@ -132,12 +132,12 @@ def density(cells: Audio, network: PlaceNetwork) -> Floats:
     values = _convolved(values, network.convolution_4, network.bias_4, STRIDES[3], DILATIONS[3])
     values = _convolved(values, network.convolution_5, network.bias_5, STRIDES[4], DILATIONS[4])
     hidden = _connected(values.ravel(), network.hidden, network.hidden_bias)
-    logits = _connected(hidden, network.last, network.last_bias)
-    likelihoods = np.exp(logits.astype(np.float64) - logits.max())
+    logits = _connected(hidden, network.last, network.last_bias).astype(np.float64)
+    likelihoods = np.exp(logits - logits.max())
     return likelihoods / likelihoods.sum()
 
 
-@kernel(fastmath={"contract"})
+@part(fastmath={"contract"})
 def _convolved(values: Audio, weights: Weights, bias: Weights, stride: int, dilation: int) -> Audio:
     """Return the ReLU of a convolution (outputs, cells) of values (inputs, cells), zeros beyond either end.
 
@@ -149,9 +149,12 @@ def _convolved(values: Audio, weights: Weights, bias: Weights, stride: int, dila
     pad = taps // 2 * dilation
     # Cells that are a stride apart beside each other.
     x = np.zeros((stride, inputs, out + 2 * pad // stride + 1), np.float32)
-    for i in range(inputs):
-        for k in range(cells):
-            x[(k + pad) % stride, i, (k + pad) // stride] = values[i, k]
+    for s in range(stride):
+        for i in range(inputs):
+            for q in range(x.shape[2]):
+                k = q * stride + s - pad
+                if 0 <= k < cells:
+                    x[s, i, q] = values[i, k]
     sums, zero = np.empty((bias.size, out), np.float32), np.float32(0.0)
     for o in range(0, bias.size, 4):
         s0, s1, s2, s3 = sums[o], sums[o + 1], sums[o + 2], sums[o + 3]
@@ -178,7 +181,7 @@ def _convolved(values: Audio, weights: Weights, bias: Weights, stride: int, dila
     return sums
 
 
-@kernel()
+@part()
 def _connected(values: Audio, weights: Weights, bias: Weights) -> Audio:
     """Return the sums (outputs,) of a layer; `values` (inputs,) are passed through a ReLU before."""
     sums = bias.copy()
@@ -204,7 +207,7 @@ def measure_places(measures: Floats | Audio, place: Floats, probability: Floats)
         measures[k, PLACE_MEASURES], measures[k, PLACE_MEASURES + 1] = np.log(near), np.log(most)
 
 
-@kernel()
+@part()
 def _probability_near(place: float, probability: Floats) -> float:
     spacing = PLACES[1] - PLACES[0]
     total = 0.0

@@ -7,7 +7,7 @@ by a sorting network, and of the bins that noise reaches no logarithm is taken.
 import numpy as np
 from numpy.typing import NDArray
 
-from monochord.core.kernels import kernel
+from monochord.core.kernels import kernel, part
 from monochord.core.types import Floats
 
 FLOOR_BINS, FLOOR_DECADES, MAX_DECADES = 24, 0.7, 4.0
@@ -72,7 +72,7 @@ def prominences(power: Floats, height: Floats) -> Floats:
     return prominence
 
 
-@kernel()
+@part()
 def _middle_powers(power: Floats) -> tuple[Floats, Floats]:
     """Return the two powers (2, blocks) in the middle of each block, whose mean in decades is its median."""
     blocks = power.shape[1] // FLOOR_BINS

@@ -57,17 +57,15 @@ def probabilities(measures: Floats, ranking: Ranking) -> Floats:
     """Return the probability (n,) of each hypothesis of a window from their measures (n, `MEASURES`)."""
     scores = np.empty(measures.shape[0])
     scaled = np.empty_like(ranking.mean)
-    first, second = np.empty_like(ranking.bias_1), np.empty_like(ranking.bias_2)
     for k in range(measures.shape[0]):
         for i in range(scaled.size):
             value = (measures[k, i] - ranking.mean[i]) / ranking.scale[i]
             scaled[i] = min(max(value, -MAX_DEVIATION), MAX_DEVIATION)
-        first[:] = ranking.bias_1
+        first, second = ranking.bias_1.copy(), ranking.bias_2.copy()
         for i in range(scaled.size):
             entered = scaled[i]
             for h in range(first.size):
                 first[h] += entered * ranking.weight_1[i, h]
-        second[:] = ranking.bias_2
         for i in range(first.size):
             entered = first[i]
             if entered > 0.0:

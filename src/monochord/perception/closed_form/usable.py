@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from monochord.core.kernels import kernel
+from monochord.core.kernels import kernel, part
 from monochord.core.silence import SILENT_LEVEL
 from monochord.core.types import Audio, Window
 
@@ -57,7 +57,7 @@ def _measured(samples: Audio) -> tuple[float, float]:
     return deviation, extreme / samples.size
 
 
-@kernel(fastmath={"nnan", "nsz"})
+@part(fastmath={"nnan", "nsz"})
 def _extremes(samples: Audio) -> tuple[float, float]:
     """Return the lowest and the highest sample; all are numbers."""
     low = high = samples[0, 0]

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from monochord.core.kernels import kernel
+from monochord.core.kernels import kernel, part
 from monochord.core.types import Audio, Floats
 from monochord.core.units import Hertz, Metres, Newtons, Samples
 from monochord.perception.closed_form.modes import StringModel
@@ -140,7 +140,7 @@ def combination_tones(
     return columns
 
 
-@kernel()
+@part()
 def _amplitude(transform: NDArray[np.complex128], k: int, off: float, size: Samples) -> complex:
     """Return the amplitude of a tone `off` bins above bin k, but for a phase that all channels share."""
     value = 0.5 * transform[k] - 0.25 * (transform[k - 1] + transform[k + 1])
@@ -148,7 +148,7 @@ def _amplitude(transform: NDArray[np.complex128], k: int, off: float, size: Samp
     return 2.0 * value / (size * taper)
 
 
-@kernel()
+@part()
 def _side(power: Floats, frequency: Hertz, spacing: Hertz) -> float:
     """Return log10 of the power of a line's sidebands over its own, over all channels."""
     k = int(np.rint(frequency / spacing))

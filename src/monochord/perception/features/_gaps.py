@@ -8,7 +8,7 @@ noise, whose power in a bin is exponentially distributed, the median is log 2 ti
 import numpy as np
 from numpy.typing import NDArray
 
-from monochord.core.kernels import kernel
+from monochord.core.kernels import kernel, part
 from monochord.core.types import Floats
 from monochord.core.units import Hertz
 
@@ -72,7 +72,7 @@ def measure_gaps(transform: NDArray[np.complex128], power: Floats, spacing: Hert
     return measured
 
 
-@kernel()
+@part()
 def _hann(transform: NDArray[np.complex128], channel: int, k: int) -> complex:
     """Return a bin under a Hann taper."""
     return 0.5 * transform[channel, k] - 0.25 * (transform[channel, k - 1] + transform[channel, k + 1])

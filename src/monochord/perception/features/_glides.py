@@ -15,7 +15,7 @@ the glide is one between both.
 import numpy as np
 from numpy.typing import NDArray
 
-from monochord.core.kernels import kernel
+from monochord.core.kernels import kernel, part
 from monochord.core.types import Floats
 from monochord.core.units import Hertz, Metres, Seconds
 
@@ -104,7 +104,7 @@ def measure_glides(
     return measured
 
 
-@kernel()
+@part()
 def _glide(transform: NDArray[np.complex128], peak: int, window: Seconds) -> tuple[float, float]:
     """Return the change of a line's frequency in 1/s^2, and its mean square in the views."""
     seen = np.zeros(VIEWS, np.complex128)

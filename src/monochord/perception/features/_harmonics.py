@@ -1,9 +1,11 @@
 """Measures of the harmonics of several series, and of each channel as a whole."""
 
+from math import log2
+
 import numpy as np
 from numpy.typing import NDArray
 
-from monochord.core.kernels import kernel
+from monochord.core.kernels import kernel, part
 from monochord.core.types import Floats
 from monochord.core.units import Hertz, Metres
 from monochord.perception.closed_form.hypotheses import StringModel
@@ -35,8 +37,6 @@ STRETCHES = 10
 """Stretches of a window whose levels measure how steady it is."""
 CHANNEL_QUANTITIES = 10
 """Quantities of a channel as a whole."""
-ROW = 249
-"""Columns of both microphones, of their difference, and of their likeness."""
 
 
 @kernel()
@@ -134,7 +134,7 @@ def lines_near(power: Floats, partials: Floats, spacing: Hertz) -> Floats:
     return lines
 
 
-@kernel()
+@part()
 def _line_near(power: Floats, expected: float) -> tuple[int, float, float]:
     """Return the bin of the line at an expected one, its power and that of its sidebands; bin 0 of none.
 
@@ -151,7 +151,7 @@ def _line_near(power: Floats, expected: float) -> tuple[int, float, float]:
     return peak, line, below + above
 
 
-@kernel()
+@part()
 def _hann(transform: NDArray[np.complex128], channel: int, k: int) -> tuple[complex, complex]:
     """Return a bin under a Hann taper, and the difference of its neighbours over it."""
     below, above = transform[channel, k - 1], transform[channel, k + 1]
@@ -188,13 +188,13 @@ def measure_channels(samples: Floats, power: Floats, spacing: Hertz) -> Floats:
     return measured
 
 
-@kernel()
+@part()
 def _within(power: Floats, band: Floats, spacing: Hertz) -> Floats:
     first, last = int(np.ceil(band[0] / spacing)), int(np.ceil(band[1] / spacing))
     return power[min(max(first, 2), power.size) : min(last, power.size)]
 
 
-@kernel()
+@part()
 def _mean_log(power: Floats) -> float:
     """Return the mean log10 of powers; sixteen are multiplied before a logarithm is taken, which is slow."""
     total, product = 0.0, 1.0
@@ -206,7 +206,6 @@ def _mean_log(power: Floats) -> float:
     return (total + np.log10(product)) / power.size if power.size else np.log10(MIN_POWER)
 
 
-@kernel()
 def of_microphones(each: Floats, whole: Floats, place: float) -> tuple[Floats, Floats]:
     """Return the columns of both microphones, of their difference and of their likeness, and the timbre.
 
@@ -219,27 +218,21 @@ def of_microphones(each: Floats, whole: Floats, place: float) -> tuple[Floats, F
     place
         Position over the string's length, 0 of no touch.
     """
-    sides = (place, 1.0 - place)
-    octaves = [-np.log2(side) if place > 0.0 else 0.0 for side in sides]
-    columns, at = np.empty(ROW), 0
-    timbre = np.empty((2, HARMONICS))
-    for c in range(2):
-        for series in (c, 2):
-            for n in range(HARMONICS):
-                columns[at : at + LIKENESS] = each[c, series, n, :LIKENESS]
-                at += LIKENESS
-        columns[at : at + CHANNEL_QUANTITIES] = whole[c]
-        columns[at + CHANNEL_QUANTITIES] = octaves[c]
-        at += CHANNEL_QUANTITIES + 1
-        timbre[c] = each[c, c, :, LEVEL] - each[c, c, :, LEVEL].max()
-    for quantity, count in ((LEVEL, 3), (SIDE, 3), (GROWTH, 2)):
-        for series in range(count):
-            columns[at : at + HARMONICS] = each[0, series, :, quantity] - each[1, series, :, quantity]
-            at += HARMONICS
-    columns[at : at + CHANNEL_QUANTITIES] = whole[0] - whole[1]
-    columns[at + CHANNEL_QUANTITIES] = octaves[0] - octaves[1]
-    at += CHANNEL_QUANTITIES + 1
-    for series in range(3):
-        columns[at : at + HARMONICS] = each[0, series, :, LIKENESS]
-        at += HARMONICS
-    return columns, timbre
+    octaves = np.array([-log2(side) if place > 0.0 else 0.0 for side in (place, 1.0 - place)])
+    difference, likeness = each[0] - each[1], each[0, :, :, LIKENESS]
+    columns = (
+        each[0, 0::2, :, :LIKENESS],
+        whole[0],
+        octaves[0],
+        each[1, 1:, :, :LIKENESS],
+        whole[1],
+        octaves[1],
+        difference[:, :, LEVEL],
+        difference[:, :, SIDE],
+        difference[:2, :, GROWTH],
+        whole[0] - whole[1],
+        octaves[0] - octaves[1],
+        likeness,
+    )
+    timbre = np.stack((each[0, 0, :, LEVEL], each[1, 1, :, LEVEL]))
+    return np.hstack([np.ravel(column) for column in columns]), timbre - timbre.max(axis=1, keepdims=True)

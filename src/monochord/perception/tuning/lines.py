@@ -8,7 +8,7 @@ not the same ones for seconds.
 import numpy as np
 from numpy.typing import NDArray
 
-from monochord.core.kernels import kernel
+from monochord.core.kernels import kernel, part
 from monochord.core.types import Audio, Floats, Indices
 from monochord.core.units import Hertz
 from monochord.dsp.spectrum import BLUR, FLOOR_WIDTH, noise_floor
@@ -49,7 +49,8 @@ def window_lines(samples: Audio, lowest: Hertz, sample_rate: int) -> Floats:
     _, transform, power, (frequency, height) = spectrum_of(samples, spacing, lowest, highest)
     block = max(int(FLOOR_WIDTH / spacing), 8)
     salience = np.stack([np.log1p(channel / noise_floor(channel, block)) for channel in power])
-    return _merged(transform, power, salience, frequency, height, spacing)
+    lines, strength = _merged(transform, power, salience, frequency, height, spacing)
+    return lines[np.argsort(-strength, kind="stable")]
 
 
 @kernel()
@@ -60,8 +61,8 @@ def _merged(
     frequency: Floats,
     height: Floats,
     spacing: Hertz,
-) -> Floats:
-    """Return the lines of all channels; of one that two channels record, the louder record counts."""
+) -> tuple[Floats, Floats]:
+    """Return the lines of all channels and their powers; of two records of one the louder counts."""
     channels = power.shape[0]
     lines = np.zeros((channels * LINES, 5))
     strength = np.zeros(channels * LINES)
@@ -87,8 +88,7 @@ def _merged(
             lines[row, POWER_2] = power[1, k] if channels > 1 else 0.0
             lines[row, GROWTH] = -0.5 * np.pi * spacing * ratio.imag
             lines[row, BLURRED] = BLUR * spacing * np.exp(-0.5 * salience[c, k])
-    order = np.argsort(-strength[:count])
-    return lines[:count][order]
+    return lines[:count], strength[:count]
 
 
 def lasting_lines(windows: tuple[Floats, ...], spacing: Hertz) -> Floats:
@@ -107,39 +107,42 @@ def lasting_lines(windows: tuple[Floats, ...], spacing: Hertz) -> Floats:
     if not windows:
         return np.zeros((0, 9))
     number = np.repeat(np.arange(len(windows)), [len(lines) for lines in windows])
-    return _lasting(np.concatenate(windows), number, len(windows), SAME_LINE_BINS * spacing)
+    lasting = _lasting(np.concatenate(windows), number, len(windows), SAME_LINE_BINS * spacing)
+    return lasting[np.argsort(-lasting[:, LAST_POWER_1] - lasting[:, LAST_POWER_2], kind="stable")]
 
 
 @kernel()
 def _lasting(lines: Floats, window: Indices, windows: int, reach: Hertz) -> Floats:
-    group = _groups(lines, window, reach)
-    lasting = np.zeros((group.max() + 1 if group.size else 0, 9))
-    for g in range(lasting.shape[0]):
-        members = lines[group == g]
-        count = members.shape[0]
-        frequency, frequency_std = _median(members[:, FREQUENCY])
-        growth, growth_std = _median(members[:, GROWTH])
-        blurred = np.median(members[:, BLURRED]) / np.sqrt(count)
+    group, groups = _groups(lines, window, reach)
+    lasting = np.zeros((groups, 9))
+    for g in range(groups):
+        members = lines[group == g].T.copy()  # of rows in one piece a median is compiled once
+        count = members.shape[1]
+        frequency, frequency_std = _median(members[FREQUENCY])
+        growth, growth_std = _median(members[GROWTH])
+        blurred = np.median(members[BLURRED]) / np.sqrt(count)
         lasting[g, LAST_FREQUENCY], lasting[g, LAST_STD] = frequency, np.hypot(frequency_std, blurred)
-        lasting[g, LAST_POWER_1] = members[:, POWER_1].sum() / windows
-        lasting[g, LAST_POWER_2] = members[:, POWER_2].sum() / windows
+        lasting[g, LAST_POWER_1] = members[POWER_1].sum() / windows
+        lasting[g, LAST_POWER_2] = members[POWER_2].sum() / windows
         lasting[g, PRESENCE] = count / windows
         lasting[g, LAST_GROWTH], lasting[g, GROWTH_STD] = growth, growth_std
-        balance, balance_std = _median(np.log((members[:, POWER_2] + LEAST) / (members[:, POWER_1] + LEAST)))
+        balance, balance_std = _median(np.log((members[POWER_2] + LEAST) / (members[POWER_1] + LEAST)))
         lasting[g, BALANCE], lasting[g, BALANCE_STD] = balance, balance_std
-    return lasting[np.argsort(-lasting[:, LAST_POWER_1] - lasting[:, LAST_POWER_2])]
+    return lasting
 
 
-@kernel()
+@part()
 def _median(values: Floats) -> tuple[float, float]:
     """Return the median of values (n,) and its standard error, by their median deviation from it."""
     middle = np.median(values)
     return middle, 1.9 * np.median(np.abs(values - middle)) / np.sqrt(values.size)
 
 
-@kernel()
-def _groups(lines: Floats, window: Indices, reach: Hertz) -> Indices:
-    """Return the group (n,) of each line; a group has one line of a window at most, the strongest begin one.
+@part()
+def _groups(lines: Floats, window: Indices, reach: Hertz) -> tuple[Indices, int]:
+    """Return the group (n,) of each line, and their count.
+
+    A group has one line of a window at most; the strongest begin one.
 
     A group follows its line as it drifts: a line joins the group whose newest member is nearest to it.
     """
@@ -155,4 +158,4 @@ def _groups(lines: Floats, window: Indices, reach: Hertz) -> Indices:
         if best < 0:
             best, count = count, count + 1
         group[i], newest[best], last[best] = best, f, window[i]
-    return group
+    return group, count

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monochord.core.kernels import kernel
+from monochord.core.kernels import kernel, part
 from monochord.core.types import Flags, Floats
 from monochord.core.units import Hertz
 from monochord.perception.tuning.lines import (
@@ -123,12 +123,12 @@ def read_tuning(
     return TuningReading(f0, std, bend, bend_std, best, second, rival, explained, numbers, humming)
 
 
-@kernel(inline="always")
+@part(inline="always")
 def _partial(f0: Hertz, inharmonicity: float, n: float) -> Hertz:
     return f0 * n * np.sqrt(1.0 + inharmonicity * n * n)
 
 
-@kernel()
+@part()
 def _weights(lines: Floats) -> Floats:
     """Return the weight (n,) of each line: its power in decades, and how lasting it is."""
     weight = np.zeros(lines.shape[0])
@@ -139,7 +139,7 @@ def _weights(lines: Floats) -> Floats:
     return weight
 
 
-@kernel()
+@part()
 def _are_alike(lines: Floats, least_share: float) -> Flags:
     """Return which lines (n,) have this share of their power or more at either microphone."""
     alike = np.zeros(lines.shape[0], np.bool_)
@@ -149,7 +149,7 @@ def _are_alike(lines: Floats, least_share: float) -> Flags:
     return alike
 
 
-@kernel()
+@part()
 def _hums(lines: Floats) -> Flags:
     """Return which lines (n,) lie at a multiple of the mains' frequency."""
     hums = np.zeros(lines.shape[0], np.bool_)
@@ -160,7 +160,7 @@ def _hums(lines: Floats) -> Flags:
     return hums
 
 
-@kernel()
+@part()
 def _score(
     lines: Floats, weight: Floats, alike: Flags, hum: Flags, f0: Hertz, stiffness: tuple[float, float]
 ) -> float:
@@ -177,7 +177,7 @@ def _score(
     return score / total if total > 0.0 else -1.0
 
 
-@kernel()
+@part()
 def _numbers(
     lines: Floats, weight: Floats, alike: Flags, f0: Hertz, stiffness: tuple[float, float]
 ) -> Floats:
@@ -200,7 +200,7 @@ def _numbers(
     return numbers
 
 
-@kernel()
+@part()
 def _is_distortion(lines: Floats, numbers: Floats, i: int, reach: Hertz) -> bool:
     """Return whether a line is a multiple of stronger partials, or a sum or difference of two of them."""
     f = lines[i, LAST_FREQUENCY]
@@ -222,7 +222,7 @@ def _is_distortion(lines: Floats, numbers: Floats, i: int, reach: Hertz) -> bool
     return False
 
 
-@kernel()
+@part()
 def _fitted(
     lines: Floats, numbers: Floats, start: Hertz, nominal: Hertz, stiffness: tuple[float, float]
 ) -> tuple[float, float, float, float]:

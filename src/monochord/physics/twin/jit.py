@@ -11,7 +11,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, TypeVar
 
-from monochord.core.kernels import COMPILE, kernel
+from monochord.core.kernels import compile_lazily, kernel
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -36,9 +36,7 @@ def inlined(function: Function) -> Function:
     >>> inlined(lambda x: x + 1.0)(2.0)
     3.0
     """
-    return COMPILE(fastmath=FAST, forceinline=True, error_model="numpy", _nrt=False, no_cfunc_wrapper=True)(
-        function
-    )
+    return compile_lazily(function, fastmath=FAST, forceinline=True, _nrt=False)
 
 
 def called(function: Function) -> Function:
@@ -49,7 +47,7 @@ def called(function: Function) -> Function:
     >>> called(lambda x: x + 1.0)(2.0)
     3.0
     """
-    return COMPILE(fastmath=FAST, error_model="numpy", _nrt=False, no_cfunc_wrapper=True)(function)
+    return compile_lazily(function, fastmath=FAST, _nrt=False)
 
 
 def fingerprint(modules: Iterable[ModuleType]) -> int:
