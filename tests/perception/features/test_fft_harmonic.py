@@ -120,7 +120,7 @@ def test_unsuitable_signals_are_refused(feature: str) -> None:
 
 
 def test_microphones_that_mix_both_ends_alike_are_refused(signal: Signal) -> None:
-    with pytest.raises(InputError, match=r"own 0\.5"):
+    with pytest.raises(InputError, match=r"own' = 0\.5"):
         FEATURES.build("fft_harmonic", {"own": 0.5}).prepare(signal, SIZE)
 
 

@@ -191,7 +191,7 @@ NEAR = Contact(position=1e-4, force=0.0)
         ("mixing", lambda: replace(SETUP, mixing=(0.9, 1.1))),
         ("pickup", lambda: replace(SETUP, pickup_place=1.0)),
         ("nodes", lambda: replace(SETUP, nodes=3)),
-        ("time step", lambda: replace(SETUP, time_step=0.0)),
+        ("time_step", lambda: replace(SETUP, time_step=0.0)),
         ("alpha", lambda: replace(SETUP, alpha=1.5)),
         ("start_frequencies", lambda: replace(SETUP, initial="rest")),
         ("amplitude", lambda: Drive(amplitude=math.inf)),
@@ -199,10 +199,10 @@ NEAR = Contact(position=1e-4, force=0.0)
         ("width", lambda: Drive(width=0.0)),
         ("window", lambda: Drive(window=0.01, hop=0.02)),
         ("pull", lambda: Drive(pull=1.1)),
-        ("frequency", lambda: Drive(start_frequencies=(0.0, 1.0))),
-        ("pluck", lambda: PluckShape(place=1.0)),
-        ("pluck", lambda: PluckShape(width=-1.0)),
-        ("pluck", lambda: PluckShape(height=math.nan)),
+        ("frequencies", lambda: Drive(start_frequencies=(0.0, 1.0))),
+        ("Pluck", lambda: PluckShape(place=1.0)),
+        ("Pluck", lambda: PluckShape(width=-1.0)),
+        ("Pluck", lambda: PluckShape(height=math.nan)),
     ],
 )
 def test_what_cannot_be_simulated_is_refused(field: str, wrong: Callable[[], object]) -> None:
