@@ -80,7 +80,7 @@ def test_two_collections_into_one_folder_are_not_taken_at_once(
     assert [path.name for path in out.iterdir()] == ["hold_000.mcap"]
 
 
-def until(reached: Callable[[], bool], process: "subprocess.Popen[bytes]", limit: float = 60.0) -> None:
+def until(reached: Callable[[], bool], process: "subprocess.Popen[bytes]", limit: float = 240.0) -> None:
     """Wait for something that a running process does."""
     deadline = time.monotonic() + limit
     while not reached():

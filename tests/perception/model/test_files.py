@@ -148,5 +148,5 @@ def test_columns_that_are_not_there_are_refused(drawn: Model) -> None:
 
 def test_a_calibration_of_less_than_nothing_is_refused() -> None:
     for name in ("windows", "touches", "sessions"):
-        with pytest.raises(InputError, match=f"-1 {name}"):
+        with pytest.raises(InputError, match=f"'{name}' = -1"):
             from_tree(Calibration, {name: -1})
