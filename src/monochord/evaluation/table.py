@@ -27,9 +27,10 @@ NUMBERS = (
 class Scores(Sequence[Mapping[str, Any]]):
     """Scores of all touched windows: a row for each object, condition and estimator.
 
-    A row maps `LABELS` and `NUMBERS` to values: ``position_error`` and ``force_error`` are mean absolute errors in m and
-    N, ``position_within`` and ``force_within`` the shares within 5 mm and 0.2 N, ``slip_area`` the area under
-    the curve; None where there is no score. As text and in a notebook it is a table in a person's units.
+    A row maps `LABELS` and `NUMBERS` to values: ``position_error`` and ``force_error`` are mean absolute
+    errors in m and N, ``position_within`` and ``force_within`` the shares within 5 mm and 0.2 N,
+    ``slip_area`` is the area under the curve; None where there is no score. As text and in a notebook it is a
+    table in a person's units.
 
     Examples
     --------

@@ -34,6 +34,10 @@ def drawings(file: Path, results: Results) -> dict[str, str]:
 
 
 def _drawn(name: str, options: dict[str, str]) -> str:
-    text = StringIO()
-    FIGURES.build(name, options).draw().savefig(text, format="svg")
+    """Return a figure as SVG text; equal results give equal texts."""
+    figure, text = FIGURES.build(name, options).draw(), StringIO()
+    import matplotlib as mpl  # noqa: PLC0415
+
+    with mpl.rc_context({"svg.hashsalt": name}):
+        figure.savefig(text, format="svg", metadata={"Date": None})
     return text.getvalue()
