@@ -151,7 +151,7 @@ def built(
     InputError
         As `build`, but not for a leak.
     """
-    folder, files = Path(out), session_files(sessions)
+    folder, files = Path(out), find_sessions(session_names(sessions))
     held_out = (held_out,) if isinstance(held_out, str) else tuple(held_out)
     _refuse_split(split or _default_split(len(files)), files, held_out)
     options = BuildOptions(
@@ -174,17 +174,15 @@ def built(
     return LabelledData(dataset=dataset, split=made, audit=audit(dataset, made), split_file=file)
 
 
-def session_files(sessions: Sessions) -> list[Path]:
-    """Return the files that sessions stand for.
+def session_names(sessions: Sessions) -> list[str]:
+    """Return the files, folders and patterns of sessions as text.
 
-    Raises
-    ------
-    InputError
-        For a name that stands for none.
+    >>> session_names([Path("take.mcap"), "monday/*.mcap"])
+    ['take.mcap', 'monday/*.mcap']
     """
     one = isinstance(sessions, str | Path | CollectedSession)
     each = [sessions] if one else list(sessions)
-    return find_sessions(str(item.path if isinstance(item, CollectedSession) else item) for item in each)
+    return [str(item.path if isinstance(item, CollectedSession) else item) for item in each]
 
 
 def _default_split(count: int) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 from monochord.core.progress import progress_bar
 from monochord.core.types import Progress
 from monochord.datasets.build import Labelling
-from monochord.front.build import Sessions, session_files
+from monochord.front.build import Sessions, session_names
 from monochord.perception.model import Model
 from monochord.perception.training.adapt import Objects
 from monochord.perception.training.adaptation import Adaptation
@@ -94,11 +94,10 @@ def calibrate(
     2
     """
     folder = Path(out) if out is not None else None
-    files = [str(file) for file in session_files(sessions)]
     with progress_bar(progress=progress) as report:
         result = calibrated(
             model if isinstance(model, Model) else str(model),
-            files,
+            session_names(sessions),
             folder,
             touches=touches,
             objects=objects,

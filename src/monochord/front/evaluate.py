@@ -20,7 +20,7 @@ from monochord.evaluation.results import Results
 from monochord.evaluation.scorecard import Scorecard
 from monochord.evaluation.select import EvaluationSettings, Part
 from monochord.evaluation.table import Scores, score_rows
-from monochord.front.build import Sessions, session_files
+from monochord.front.build import Sessions, session_names
 from monochord.front.drawings import drawings
 from monochord.front.train import TrainedModel
 from monochord.perception.data import LabelledData
@@ -163,7 +163,6 @@ def evaluate(
     """
     if model is not None and estimator is not None:
         raise InputError(f"model {_named(model)} beside --estimator {estimator}", "one of both")
-    files = tuple(str(file) for file in session_files(sessions)) if sessions else ()
     dataset = data.path if isinstance(data, LabelledData | Dataset) else Path(data) if data else None
     if split is None and isinstance(data, LabelledData):
         split = _file_of(data)
@@ -175,7 +174,7 @@ def evaluate(
             dataset=dataset,
             split=Path(split) if split else None,
             part=part,
-            sessions=files,
+            sessions=tuple(session_names(sessions)),
             sensor=sensor,
             tuned=tuned,
             noises=(noise,) if isinstance(noise, str) else tuple(noise),
