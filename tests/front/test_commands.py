@@ -69,6 +69,14 @@ def test_a_plan_is_a_name_a_file_or_a_plan(tmp_path: Path) -> None:
         mc.collect(plan, tmp_path / "more", settings=["sensr=long"])
 
 
+def test_workers_and_a_cluster_exclude_each_other(tmp_path: Path) -> None:
+    both = {"workers": 2, "cluster": "tcp://127.0.0.1:1"}
+    for call in (mc.collect, mc.build, mc.train, mc.evaluate):
+        with pytest.raises(mc.InputError, match="a cluster has its own workers"):
+            call("quick", tmp_path / "out", **both)  # pyright: ignore[reportArgumentType, reportCallIssue]
+    assert not list(tmp_path.iterdir())
+
+
 def test_build_and_audit(collected: Path, tmp_path: Path, capsys: Capture) -> None:
     out = tmp_path / "dataset"
     (printed,) = records(capsys, "build", collected / "sessions", "--out", out, "--seed", "1")

@@ -10,6 +10,7 @@ from monochord.core.errors import InputError
 from monochord.core.progress import progress_bar
 from monochord.core.types import Progress
 from monochord.core.units import Seconds
+from monochord.core.workers import refuse_both
 from monochord.datasets.audit import audit
 from monochord.datasets.build import (
     BuildOptions,
@@ -151,6 +152,7 @@ def built(
     InputError
         As `build`, but not for a leak.
     """
+    refuse_both(workers, cluster)
     folder, files = Path(out), find_sessions(session_names(sessions))
     held_out = (held_out,) if isinstance(held_out, str) else tuple(held_out)
     _refuse_split(split or _default_split(len(files)), files, held_out)

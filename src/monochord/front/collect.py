@@ -14,6 +14,7 @@ from monochord.core.ownership import sole_use
 from monochord.core.progress import progress_bar, shows_progress
 from monochord.core.types import Progress
 from monochord.core.units import Seconds
+from monochord.core.workers import refuse_both
 from monochord.lab.collection import checksum, chosen, made_folder
 from monochord.lab.collection import collect as carry_out
 from monochord.lab.offline import CollectedSession, WindowCounts
@@ -177,6 +178,7 @@ def collect(
         chosen_plan = from_tree(Plan, override(to_tree(plan), settings), plan.name) if settings else plan
     else:
         chosen_plan = load_plan(str(plan), settings)
+    refuse_both(workers, cluster)
     _refuse_both(workers, cluster, server, real_time=real_time)
     folder, start = Path(out), time.monotonic()
     sessions = chosen(chosen_plan, seed=seed, only=only)

@@ -11,6 +11,7 @@ from monochord.core.errors import InputError
 from monochord.core.ownership import scratch_folder
 from monochord.core.progress import progress_bar
 from monochord.core.types import Progress
+from monochord.core.workers import refuse_both
 from monochord.datasets.split import SPLIT_FILE
 from monochord.datasets.store import Dataset
 from monochord.evaluation.evaluate import Evaluation, write
@@ -163,6 +164,7 @@ def evaluate(
     """
     if model is not None and estimator is not None:
         raise InputError(f"model {_named(model)} beside --estimator {estimator}", "one of both")
+    refuse_both(workers, cluster)
     dataset = data.path if isinstance(data, LabelledData | Dataset) else Path(data) if data else None
     if split is None and isinstance(data, LabelledData):
         split = _file_of(data)

@@ -9,6 +9,7 @@ from typing import Any
 from monochord.core.config import load_toml, override
 from monochord.core.progress import progress_bar
 from monochord.core.types import Progress
+from monochord.core.workers import refuse_both
 from monochord.datasets.split import SPLIT_FILE
 from monochord.datasets.store import Dataset
 from monochord.figures import FIGURES
@@ -112,6 +113,7 @@ def train(
     >>> model.scores["position"]["mae"]  # doctest: +SKIP
     0.0021
     """
+    refuse_both(workers, cluster)
     tree = load_toml(config_path(str(config)))
     if data is not None:
         path = data.path if isinstance(data, LabelledData | Dataset) else Path(data)
