@@ -16,6 +16,14 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from monochord.core.errors import DeviceError, InputError
+    from monochord.front.audit import audit
+    from monochord.front.build import build
+    from monochord.front.calibrate import calibrate
+    from monochord.front.collect import collect
+    from monochord.front.evaluate import evaluate
+    from monochord.front.record import record
+    from monochord.front.train import train
     from monochord.live.listen import listen, listen_async
     from monochord.live.tuning import tune
     from monochord.perception.data import features, load_dataset
@@ -28,29 +36,47 @@ if TYPE_CHECKING:
 __version__ = version("monochord")
 
 __all__ = [
+    "DeviceError",
+    "InputError",
     "TouchEstimator",
     "VirtualSensor",
     "__version__",
+    "audit",
+    "build",
+    "calibrate",
+    "collect",
+    "evaluate",
     "features",
     "listen",
     "listen_async",
     "load",
     "load_dataset",
     "read_session",
+    "record",
     "simulate",
+    "train",
     "tune",
 ]
 
 _HOMES = {
+    "DeviceError": "monochord.core.errors",
+    "InputError": "monochord.core.errors",
     "TouchEstimator": "monochord.perception.learner",
     "VirtualSensor": "monochord.physics.twin.virtual_sensor",
+    "audit": "monochord.front.audit",
+    "build": "monochord.front.build",
+    "calibrate": "monochord.front.calibrate",
+    "collect": "monochord.front.collect",
+    "evaluate": "monochord.front.evaluate",
     "features": "monochord.perception.data",
     "listen": "monochord.live.listen",
     "listen_async": "monochord.live.listen",
     "load": "monochord.perception.model",
     "load_dataset": "monochord.perception.data",
     "read_session": "monochord.sessions",
+    "record": "monochord.front.record",
     "simulate": "monochord.physics.simulate",
+    "train": "monochord.front.train",
     "tune": "monochord.live.tuning",
 }
 

@@ -7,9 +7,7 @@ from pathlib import Path
 import click
 
 from monochord.cli._output import echo
-from monochord.datasets.audit import audit as audit_split
-from monochord.datasets.split import SPLIT_FILE, Split
-from monochord.datasets.store import open_dataset
+from monochord.front.audit import audit as audit_dataset
 
 
 @click.command()
@@ -27,7 +25,7 @@ def audit(dataset: Path, *, file: Path | None, as_json: bool) -> None:
     \b
     monochord audit dataset --json
     """  # noqa: D301
-    report = audit_split(open_dataset(dataset), Split.read(file or dataset / SPLIT_FILE))
+    report = audit_dataset(dataset, file)
     if as_json:
         leaks = [dataclasses.asdict(leak) for leak in report.leaks]
         echo(json.dumps({"clean": report.clean, "leaks": leaks, "notes": list(report.notes)}))

@@ -1,36 +1,16 @@
 """The command `build`: sessions into a dataset with labels, split and audited."""
 
 import json
-from collections.abc import Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import click
 
 from monochord.cli._options import amount, completes, sensor_option, worker_options
-from monochord.cli._output import echo, progress_bar
-from monochord.core.errors import InputError
-from monochord.datasets.audit import audit as audit_split
-from monochord.datasets.build import (
-    BuildOptions,
-    Labelling,
-    build_dataset,
-    find_sessions,
-    named_sessions,
-)
+from monochord.cli._output import echo
 from monochord.datasets.kinds import KINDS, table_of
-from monochord.datasets.split import (
-    PARTS,
-    SPLIT_FILE,
-    Split,
-    refuse_impossible,
-    refuse_too_few,
-    split_dataset,
-)
-from monochord.datasets.store import Dataset
-from monochord.perception.tuning.sessions import estimate_tension
-from monochord.sessions import Description, read_session
+from monochord.front.build import built
+from monochord.perception.data import LabelledData
 
 
 @click.command()
@@ -51,7 +31,6 @@ from monochord.sessions import Description, read_session
 )
 @click.option(
     "--split",
-    "by",
     metavar="BY",
     help="By session, object, time, day or build.  [default: session; time with fewer than 3 sessions]",
     **completes(lambda: ("session", "object", "time", "day", "build")),
@@ -68,23 +47,7 @@ from monochord.sessions import Description, read_session
 @click.option("--skip", is_flag=True, help="Leave out sessions that cannot be used.")
 @worker_options
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
-def build(
-    sessions: tuple[str, ...],
-    *,
-    out: Path,
-    window: float,
-    hop: float,
-    labels: Labelling | None,
-    by: str | None,
-    held_out: tuple[str, ...],
-    seed: int,
-    force: bool,
-    sensor: str | None,
-    skip: bool,
-    workers: int | None,
-    cluster: str,
-    as_json: bool,
-) -> None:
+def build(sessions: tuple[str, ...], *, out: Path, as_json: bool, **options: Any) -> None:
     """Build a dataset of SESSIONS: files, folders or patterns.
 
     Cut them into windows with labels, split these into training, validation and test, and audit the split:
@@ -94,52 +57,14 @@ def build(
     \b
     monochord build sessions --out dataset --held-out wood --held-out 'music*'
     """  # noqa: D301
-    files = find_sessions(sessions)
-    _refuse_split(by or _default_split(len(files)), files, held_out)
-    options = BuildOptions(
-        window=window, hop=hop, labels=labels or "", force=force, skip=skip, sensor=sensor or ""
-    )
-    with progress_bar() as progress:
-        dataset = build_dataset(
-            files, out, options, progress, estimate_tension, workers=workers, cluster=cluster
-        )
-    for line in dataset.manifest.refused.values():
-        echo(f"left out: {line}", err=True)
-    by = by or _default_split(len(dataset.manifest.parts))
-    try:
-        split = split_dataset(dataset, by=by, seed=seed, held_out=held_out)
-    except InputError as error:
-        remedy = f"{error.remedy}; {out} stands without a split".removeprefix("; ")
-        raise InputError(error.given, error.allowed, remedy) from error
-    split.write(out / SPLIT_FILE)
-    audit = audit_split(dataset, split)
-    result = _result(dataset, split, out)
-    result |= {"leaks": [str(leak) for leak in audit.leaks], "notes": list(audit.notes)}
+    data = built(sessions, out, note=lambda line: echo(line, err=True), **options)
+    result = _result(data, out)
     echo(*([json.dumps(result)] if as_json else _lines(result)))
-    audit.refuse_leaks()
+    data.refuse_leaks()
 
 
-def _default_split(count: int) -> str:
-    """Return how so many sessions are split by default."""
-    return "session" if count >= len(PARTS) else "time"
-
-
-def _refuse_split(by: str, files: Sequence[Path], held_out: Sequence[str]) -> None:
-    """Refuse an impossible split before anything is built."""
-    refuse_impossible(by, held_out=held_out)
-    descriptions: dict[str, Description] = {}
-    for name, file in named_sessions(files).items():
-        with suppress(InputError):  # refused when it is built
-            descriptions[name] = read_session(file).description
-    if descriptions:
-        objects = [one.material or one.object for one in descriptions.values()]
-        days = [one.day for one in descriptions.values()]
-        builds = [one.build for one in descriptions.values()]
-        refuse_too_few(by, objects, days, held_out, list(descriptions), builds)
-
-
-def _result(dataset: Dataset, split: Split, out: Path) -> dict[str, Any]:
-    manifest = dataset.manifest
+def _result(data: LabelledData, out: Path) -> dict[str, Any]:
+    manifest, split, audit = data.manifest, data.split, data.audit
     return {
         "path": str(out),
         "sessions": len(manifest.parts),
@@ -151,7 +76,9 @@ def _result(dataset: Dataset, split: Split, out: Path) -> dict[str, Any]:
         "split": split.by,
         "seed": split.seed,
         "left_out": split.left_out,
-        "parts": table_of(dataset, split),
+        "parts": table_of(data.dataset, split),
+        "leaks": [str(leak) for leak in audit.leaks] if audit else [],
+        "notes": list(audit.notes) if audit else [],
     }
 
 

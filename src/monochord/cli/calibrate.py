@@ -1,17 +1,14 @@
 """The command `calibrate`: a model adapted to one build by a few known touches."""
 
-import dataclasses
 import json
 from pathlib import Path
 from typing import Any
 
 import click
 
-from monochord.cli._output import echo, progress_bar
-from monochord.datasets.build import Labelling
-from monochord.perception.training.adapt import Objects
-from monochord.perception.training.adaptation import Adaptation
-from monochord.perception.training.calibration import calibrated
+from monochord.cli._output import echo
+from monochord.core.errors import InputError
+from monochord.front.calibrate import calibrate as adapted
 
 
 @click.command()
@@ -40,15 +37,7 @@ from monochord.perception.training.calibration import calibrated
 @click.option("--force", is_flag=True, help="Accept sessions whose streams are not on one clock.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def calibrate(
-    model: str,
-    *,
-    sessions: tuple[str, ...],
-    touches: int | None,
-    objects: Objects,
-    labels: Labelling | None,
-    out: Path | None,
-    force: bool,
-    as_json: bool,
+    model: str, *, sessions: tuple[str, ...], out: Path | None, as_json: bool, **options: Any
 ) -> None:
     """Adapt MODEL to one sensor and object by touches of known position and force.
 
@@ -65,34 +54,13 @@ def calibrate(
     monochord live mine
     monochord calibrate mine --sessions more.mcap --touches 0
     """  # noqa: D301
-    with progress_bar() as progress:
-        result = calibrated(
-            model,
-            sessions,
-            out,
-            touches=touches,
-            objects=objects,
-            labels=labels or "",
-            force=force,
-            progress=progress,
-        )
+    if out is None and options["touches"] != 0:
+        raise InputError("no --out", "a new folder for the model", "or --touches 0, which judges it alone")
+    result = adapted(model, sessions, out, **options)
     if as_json:
-        echo(json.dumps(_tree(result, out)))
+        echo(json.dumps(result.tree()))
         return
-    kind = ", simulated" if result.model.definition.simulated else ""
-    how = "errors of touches that were left out, by cross-validation" if result.learned else "as it is"
-    echo(f"{out or model}{kind}: {how}", *result.lines())
-
-
-def _tree(result: Adaptation, out: Path | None) -> dict[str, Any]:
-    return {
-        "path": str(out) if out else None,
-        "simulated": result.model.definition.simulated,
-        "heads": {name: dataclasses.asdict(head) for name, head in result.heads.items()},
-        "mistaken": result.mistaken,
-        "trust": dataclasses.asdict(result.trust),
-        "next_touch": dataclasses.asdict(result.next_touch) if result.next_touch else None,
-        "sensing_range": result.sensing_range,
-        "outside": result.outside,
-        "weights": result.model.definition.weights,
-    }
+    kind = ", simulated" if result.definition.simulated else ""
+    learned = result.calibration.learned
+    how = "errors of touches that were left out, by cross-validation" if learned else "as it is"
+    echo(f"{out or model}{kind}: {how}", *result.calibration.lines())

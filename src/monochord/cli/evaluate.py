@@ -6,26 +6,18 @@ from typing import Any
 
 import click
 
-from monochord import evaluation
-from monochord.cli._drawings import drawings, note_missing_figures
 from monochord.cli._moved import refuse_moved
 from monochord.cli._options import completes, refuse_without, set_option, worker_options
-from monochord.cli._output import echo, progress_bar
-from monochord.core.config import override
-from monochord.core.errors import InputError
+from monochord.cli._output import echo
+from monochord.core.errors import InputError, MissingLibraryError
 from monochord.evaluation.evaluate import PAGE, refuse_unwritable
-from monochord.evaluation.paper import keep_rows, paper_rows
-from monochord.evaluation.scorecard import Scorecard, ScoreTable
-from monochord.evaluation.scores import Detection, Regression
-from monochord.evaluation.select import EvaluationSettings
+from monochord.figures.base import require_matplotlib
+from monochord.front.evaluate import DEFAULT_ESTIMATOR
+from monochord.front.evaluate import evaluate as evaluated
 from monochord.perception.model.bundled import bundled_names
 
 PARTS = ("test", "validation")
 SUITE = "noise"
-DEFAULT_ESTIMATOR = "closed_form"
-HEADS = ("windows", "answered", "error", "<= 5 mm", "r", "error", "<= 0.2 N", "r", "contact", "slip area")
-WIDTHS = (9, 10, 10, 9, 7, 10, 10, 7, 9, 11)
-"""Columns of the table of scores."""
 
 
 @click.command()
@@ -77,8 +69,8 @@ def evaluate(
     assignments: tuple[str, ...],
     as_json: bool,
     suite: str | None,
-    workers: int | None,
-    cluster: str,
+    dataset: Path | None,
+    noises: tuple[str, ...],
     **options: Any,
 ) -> None:
     """Test MODEL, or the estimator NAME, on sessions that it was not trained on.
@@ -103,73 +95,31 @@ def evaluate(
     if suite not in (None, SUITE):
         given = f"--suite {suite}" if suite else "--suite without a name"
         raise InputError(given, SUITE, "write --suite noise for every kind of noise")
-    if not (options["noises"] or suite):
+    if not (noises or suite):
         refuse_without("--seed without noise", "beside --noise or --suite, whose it is", "seed")
-    settings = EvaluationSettings(
-        model=model,
-        estimator=estimator or DEFAULT_ESTIMATOR,
-        options=override({}, assignments),
+    if out is not None:
+        refuse_unwritable(out)
+    report = evaluated(
+        model,
+        dataset,
+        estimator=estimator,
+        settings=assignments,
+        noise=noises,
         suite=suite == SUITE,
         **options,
     )
     if out is not None:
-        refuse_unwritable(out)
-    with progress_bar() as progress:
-        outcome = evaluation.evaluate(settings, progress=progress, workers=workers, cluster=cluster)
-    if out is not None:
-        evaluation.write(out, outcome, drawings)
-        note_missing_figures()
-    card = outcome.card
+        report.write(out)
+        _note_missing_figures()
     if rows is not None:
-        keep_rows(rows, paper_rows(card, feature or outcome.label, settings.part))
+        report.keep_rows(rows, feature)
     written = [] if out is None else [f"report: {out / PAGE}"]
-    echo(*([json.dumps(card.tree(), allow_nan=False)] if as_json else [*_lines(card), *written]))
+    echo(*([json.dumps(report.tree(), allow_nan=False)] if as_json else [*report.lines(), *written]))
 
 
-def _lines(card: Scorecard) -> list[str]:
-    """Return the table of a scorecard: a line for each object and condition, over all touched windows."""
-    kind = ", simulated" if card.simulated else ""
-    lines = [f"{card.estimator}{kind}: {card.windows} windows of {card.sessions} sessions"]
-    lines += [f"note: {note}" for note in card.notes]
-    own = ScoreTable(table=card.table, contact=card.contact, slip=card.slip)
-    tables = {card.estimator: own, **card.baselines}
-    rows: list[tuple[str, str, str, tuple[str, ...]]] = [("object", "condition", "estimator", HEADS)]
-    for body, condition in [(row.object, row.condition) for row in card.table if row.state == "touched"]:
-        for name, table in tables.items():
-            rows.append((body, condition, name.replace("_", " "), _cells(table, body, condition)))
-    widths = [max(len(row[column]) for row in rows) for column in range(3)]
-    for row in rows:
-        texts = "  ".join(f"{text:<{width}}" for text, width in zip(row[:3], widths, strict=True))
-        numbers = "".join(f"{text:>{width}}" for text, width in zip(row[3], WIDTHS, strict=True))
-        lines.append(f"  {texts}{numbers}")
-    return lines
-
-
-def _cells(scores: ScoreTable, body: str, condition: str) -> tuple[str, ...]:
-    key = (body, condition, "touched")
-    row = next((row for row in scores.table if (row.object, row.condition, row.state) == key), None)
-    if row is None:
-        return ("-",) * len(HEADS)
-    contact = scores.contact.get(body, {}).get(condition)
-    slip = scores.slip.get(body, {}).get(condition)
-    return (
-        str(row.position.windows),
-        _share(row.position.answered),
-        *_errors(row.position, 1e3, "mm"),
-        *_errors(row.force, 1.0, "N"),
-        _share(contact.accuracy.value if contact else None),
-        _area(slip),
-    )
-
-
-def _errors(score: Regression, factor: float, unit: str) -> tuple[str, str, str]:
-    error = "-" if score.mae.value is None else f"{factor * score.mae.value:.3g} {unit}"
-    return error, _share(score.within.value), "-" if score.r.value is None else f"{score.r.value:.3f}"
-
-
-def _share(value: float | None) -> str:
-    return "-" if value is None else f"{100.0 * value:.1f} %"
-
-
-def _area(slip: Detection | None) -> str:
-    return "-" if slip is None or slip.area.value is None else f"{slip.area.value:.4f}"
+def _note_missing_figures() -> None:
+    """Say on standard error how to have figures, where what draws them is not installed."""
+    try:
+        require_matplotlib()
+    except MissingLibraryError as error:
+        echo(f"note: no figures: {error}", err=True)

@@ -1,10 +1,7 @@
 """A recording of microphones and instruments on one clock."""
 
 import json
-import re
 import sys
-from collections.abc import Iterable, Sequence
-from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -12,16 +9,12 @@ import click
 from rich.console import Console
 
 from monochord.capture.instruments import INSTRUMENTS
-from monochord.capture.recording import RecordingSettings
+from monochord.capture.recording import RecordingJob
 from monochord.capture.recording import record as run
-from monochord.capture.recording.settings import kind_of
-from monochord.capture.recording.streams import free_name
 from monochord.capture.recording.view import viewed
 from monochord.cli._options import (
     amount,
     completes,
-    first_field,
-    put,
     put_source,
     radius,
     sensor_option,
@@ -29,11 +22,9 @@ from monochord.cli._options import (
     source_options,
 )
 from monochord.cli._output import echo
-from monochord.core.config import Tree, load_toml, override, table
-from monochord.core.errors import DeviceError, InputError
-
-RESERVED = tuple(field.name for field in fields(RecordingSettings))
-"""Tables that --set reaches by their first word, and so no instrument's name."""
+from monochord.core.config import Tree, load_toml
+from monochord.core.errors import DeviceError
+from monochord.front.record import recording_job
 
 
 @click.command()
@@ -69,8 +60,7 @@ def record(out: Path, **options: Any) -> None:
     monochord record take.mcap --instrument net_ft=192.168.1.1 --set net_ft.bias=true
     monochord record take.mcap --instrument left:pose_udp=9871 --instrument right:pose_udp=9872
     """  # noqa: D301
-    settings = RecordingSettings.read(_tree(options))
-    job = settings.job(out)
+    job = _job(out, options)
     with viewed(out, Console(file=sys.stderr, highlight=False)) as view:
         summary = run(job, view.show)
     echo(*([json.dumps(summary.tree())] if options["as_json"] else summary.lines()))
@@ -78,61 +68,16 @@ def record(out: Path, **options: Any) -> None:
         raise DeviceError(summary.failure)
 
 
-def _tree(options: dict[str, Any]) -> Tree:
+def _job(out: Path, options: dict[str, Any]) -> RecordingJob:
+    """Return the recording that options name, its source as a table."""
     tree: Tree = load_toml(options["config"]) if options["config"] else {}
     put_source(tree, options)
-    instruments = _instruments(table(tree, "instruments"), options["instruments"])
-    put(tree, "about", object=options["object_"], simulated=options["simulated"])
-    about = {key: options[key] for key in ("material", "radius", "sensor")}
-    put(tree, "about", **about, note=options["notes"])
-    put(tree, "instruments", **instruments)
-    if options["seconds"] is not None:
-        tree["seconds"] = options["seconds"]
-    return override(tree, _in_full(options["assignments"], instruments))
-
-
-def _instruments(configured: Tree, named: Sequence[str]) -> Tree:
-    """Return the tables of instruments: those of the configuration, with those of --instrument over them."""
-    tables: Tree = {name.replace("-", "_"): table(configured, name) for name in configured}
-    if len(tables) < len(configured):
-        raise InputError(f"instruments {', '.join(configured)}", "names that differ by more than - and _")
-    given: set[str] = set()
-    for text in named:
-        head, equals, where = text.partition("=")
-        stream, _, kind = (part.replace("-", "_") for part in head.rpartition(":"))
-        if (
-            not stream and kind in tables and kind not in INSTRUMENTS.names()
-        ):  # one of the configuration's own
-            stream, kind = kind, kind_of(kind, tables[kind])
-        if head.count(":") and not re.fullmatch("[a-z][a-z0-9_]*", stream):
-            raise InputError(f"stream '{stream}'", "small letters, digits and _, a letter first")
-        name = stream or free_name(kind, given)
-        if name in given or name in RESERVED:
-            allowed = (
-                "a name of its own for each" if name in given else f"a name other than {', '.join(RESERVED)}"
-            )
-            raise InputError(f"--instrument {text} called '{name}'", allowed, "name it: STREAM:NAME=WHERE")
-        given.add(name)
-        known = tables.get(name, {})
-        tables[name] = {
-            **(known if kind_of(name, known) == kind else {}),
-            **({first_field(INSTRUMENTS, kind): where} if equals else {}),
-            **({"name": kind} if stream else {}),
-        }
-    return tables
-
-
-def _in_full(assignments: Sequence[str], instruments: Iterable[str]) -> list[str]:
-    """Return assignments, those that begin with an instrument's name put into the table of them."""
-    names = set(instruments)
-    full: list[str] = []
-    for text in assignments:
-        head, dot, rest = text.removeprefix("instruments.").partition(".")
-        name = head.replace("-", "_")
-        if text.startswith("instruments.") or (dot and name in names):
-            full.append(f"instruments.{name}{dot}{rest}")
-            continue
-        if name in INSTRUMENTS.names():
-            raise InputError(f"--set {text}", f"options of what is recorded; add --instrument {name}")
-        full.append(text)
-    return full
+    about = {key: options[key] for key in ("material", "radius", "sensor", "notes", "simulated", "seconds")}
+    return recording_job(
+        out,
+        tree,
+        instruments=options["instruments"],
+        settings=options["assignments"],
+        object=options["object_"],
+        **about,
+    )

@@ -10,10 +10,10 @@ from monochord.cli._options import completes, refuse_unwritable, set_option
 from monochord.cli._output import echo
 from monochord.core.errors import InputError
 from monochord.core.files import replacing, sound_written
-from monochord.core.types import Contact
 from monochord.physics.sensors import sensor_names
-from monochord.physics.simulators import SIMULATORS, Case, Sound
-from monochord.physics.strings import StringPreset, load_string, string_names
+from monochord.physics.simulate import simulate as simulated
+from monochord.physics.simulators import SIMULATORS, Sound
+from monochord.physics.strings import string_names
 
 SUBTYPES = {".wav": "FLOAT", ".flac": "PCM_24"}
 
@@ -58,10 +58,18 @@ def simulate(
     """  # noqa: D301
     if out is not None:
         refuse_unwritable(out, SUBTYPES)
-    string = load_string(preset)
-    contact = _contact(string, at, force, untouched=untouched)
-    case = Case(string=string.string, contact=contact, seconds=seconds, assignments=assignments)
-    sound = SIMULATORS.build(model, {} if route is None else {"route": route}).run(case)
+    if untouched and not (at is None and force is None):
+        raise InputError("--untouched with --at or --force", "one of them")
+    sound = simulated(
+        preset,
+        position=at,
+        force=force,
+        touched=not untouched,
+        seconds=seconds,
+        simulator=model,
+        settings=assignments,
+        **({} if route is None else {"route": route}),
+    )
     result: dict[str, Any] = {
         "preset": preset,
         "model": model,
@@ -72,21 +80,6 @@ def simulate(
     if out is not None:
         result |= {"out": str(out), "gain": _write(out, sound)}
     echo(*([json.dumps(result)] if as_json else _lines(result)))
-
-
-def _contact(
-    string: StringPreset, at: float | None, force: float | None, *, untouched: bool
-) -> Contact | None:
-    """Return the touch; what is left out is the preset's."""
-    if untouched:
-        if at is not None or force is not None:
-            raise InputError("--untouched with --at or --force", "one of them")
-        return None
-    usual = string.usual_contact
-    return Contact(
-        position=usual.position if at is None else at,
-        force=usual.force if force is None else force,
-    )
 
 
 def _write(path: Path, sound: Sound) -> float:

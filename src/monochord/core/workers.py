@@ -33,6 +33,12 @@ ANSWER_TIMEOUT: Seconds = 10.0
 """How long a scheduler may take to answer the first call."""
 
 
+def refuse_both(workers: int | None, cluster: str) -> None:
+    """Raise `InputError` for a number of workers beside a cluster, which has its own."""
+    if workers and cluster:
+        raise InputError("workers beside a cluster", "one of both", "a cluster has its own workers")
+
+
 def run_all(
     jobs: Sequence[Job], work: Callable[[Job], Result], *, cluster: str = "", workers: int | None = None
 ) -> Generator[tuple[Job, Result]]:

@@ -12,6 +12,8 @@ from monochord.core.errors import InputError
 from monochord.core.shapes import sound
 from monochord.core.types import Audio, Floats, Indices, Signal
 from monochord.core.units import Seconds
+from monochord.datasets.audit import Audit
+from monochord.datasets.manifest import Manifest
 from monochord.datasets.split import SPLIT_FILE, Split
 from monochord.datasets.store import Dataset, open_dataset, window_starts
 from monochord.perception.features import FEATURES
@@ -105,7 +107,8 @@ def load_dataset(path: str | Path, split: str | Path | None = None) -> "Labelled
         If there is no dataset, or it or its split is damaged.
     """
     dataset = open_dataset(Path(path))
-    return LabelledData(dataset=dataset, split=Split.read(Path(split or dataset.path / SPLIT_FILE)))
+    file = Path(split or dataset.path / SPLIT_FILE)
+    return LabelledData(dataset=dataset, split=Split.read(file), split_file=file)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,10 +121,34 @@ class LabelledData:
         Windows with labels on disk.
     split
         Which windows are for training, for validation and for the test.
+    audit
+        The leaks and notes of the split, where it was audited, as by `monochord.build`.
+    split_file
+        The file of the split, where it stands in one.
     """
 
     dataset: Dataset
     split: Split
+    audit: Audit | None = None
+    split_file: Path | None = None
+
+    def __len__(self) -> int:
+        return len(self.dataset)
+
+    @property
+    def path(self) -> Path:
+        """The dataset's folder."""
+        return self.dataset.path
+
+    @property
+    def manifest(self) -> Manifest:
+        """What the dataset is made of: sessions, windows, labels, checksums."""
+        return self.dataset.manifest
+
+    def refuse_leaks(self) -> None:
+        """Raise `InputError`, in one line, if the audit found a leak."""
+        if self.audit is not None:
+            self.audit.refuse_leaks()
 
     def rows(self, part: str | None = None) -> Indices:
         """Return the numbers (n,) of the usable windows of a part, or of all parts, in order of time."""

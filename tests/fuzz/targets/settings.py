@@ -7,7 +7,6 @@ from typing import Any
 
 from tests.fuzz.base import Input, Target
 
-from monochord.capture.recording import RecordingSettings
 from monochord.cli import live as live_command
 from monochord.cli import record as record_command
 from monochord.core.config import dump_toml, load_toml, override
@@ -90,7 +89,7 @@ def _record(file: Path, assignments: Sequence[str]) -> None:
         "instruments": ("pose_udp",),
         "assignments": assignments,
     }
-    RecordingSettings.read(record_command._tree(options)).job(Path("take.mcap"))
+    record_command._job(Path("take.mcap"), options)
 
 
 def _plan(file: Path, assignments: Sequence[str]) -> None:

@@ -17,7 +17,7 @@ from monochord.capture.recording.summary import REQUESTED, RecordingSummary
 from monochord.capture.recording.watch import Watch
 from monochord.core.clock import clock_offsets
 from monochord.core.errors import InputError, MonochordError
-from monochord.core.interruption import interruption
+from monochord.core.interruption import Interruption, interruption
 from monochord.core.units import Seconds
 from monochord.sessions import Event, SessionClock, SessionWriter
 from monochord.sessions.file import size_limit
@@ -36,7 +36,9 @@ NICE = -11
 Show = Callable[[Progress, Sequence[Event]], None]
 
 
-def record(job: RecordingJob, show: Show = lambda _now, _notices: None) -> RecordingSummary:
+def record(
+    job: RecordingJob, show: Show = lambda _now, _notices: None, stop: Interruption | None = None
+) -> RecordingSummary:
     """Record until the source ends, the time is over, the disk is full or the end is requested.
 
     Source and instruments are read by threads of their own; this one writes, every 0.1 s, so that a kill
@@ -48,6 +50,8 @@ def record(job: RecordingJob, show: Show = lambda _now, _notices: None) -> Recor
         Source, instruments and file.
     show
         Called after each write with the state of the recording and new notices; must return quickly.
+    stop
+        Requests the end from another thread; by default the signals named below do.
 
     Returns
     -------
@@ -65,7 +69,7 @@ def record(job: RecordingJob, show: Show = lambda _now, _notices: None) -> Recor
     """
     refuse_place(job.path, job.disk.start)
     with ExitStack() as stack:
-        stop = stack.enter_context(interruption())
+        stop = stop or stack.enter_context(interruption())
         stack.enter_context(raised_priority())
         clock = SessionClock.now()
         with stop.at_once():

@@ -14,7 +14,7 @@ from monochord.core.types import Progress
 from monochord.core.units import Metres
 from monochord.datasets.build import BuildOptions, Labelling, build_dataset, find_sessions
 from monochord.datasets.store import Dataset
-from monochord.perception.model import load, save
+from monochord.perception.model import Model, load, save
 from monochord.perception.training.adapt import Objects, adapt, judge
 from monochord.perception.training.adaptation import Adaptation
 from monochord.perception.training.examples import touches_of
@@ -34,7 +34,7 @@ class SensorRange:
 
 
 def calibrated(
-    model: str,
+    model: str | Model,
     sessions: Iterable[str],
     out: Path | None,
     *,
@@ -52,11 +52,11 @@ def calibrated(
     Parameters
     ----------
     model
-        Folder of a model, or the name of a bundled one.
+        A model, its folder, or the name of a bundled one.
     sessions
         Files, folders or patterns of sessions with known touches.
     out
-        Folder of the new model; None, with no touch to use, for none.
+        Folder of the new model; None to save none.
     touches
         How many touches to use, the first in time; all by default. With 0 the model stays as it is, and all
         touches say how good it is.
@@ -75,16 +75,14 @@ def calibrated(
     Raises
     ------
     InputError
-        If the folder exists, or is needed and not given, all touches are outside the sensing range, or the
+        If the folder exists, all touches are outside the sensing range, or the
         model or the sessions cannot be used; see `adapt`.
     """
-    given = load(model)
+    given = model if isinstance(model, Model) else load(model)
     if touches == 0 and objects == "others":
         raise InputError(
             "--objects others with --touches 0", "touches to learn from", "leave one of both out"
         )
-    if out is None and touches != 0:
-        raise InputError("no --out", "a new folder for the model", "or --touches 0, which judges it alone")
     if out is not None and out.exists():
         raise InputError(f"folder {out} (exists)", "a new folder", "choose another name with --out")
     trained = given.definition

@@ -4,25 +4,15 @@ from contextlib import suppress
 from io import StringIO
 from pathlib import Path
 
-from monochord.cli._output import echo
-from monochord.core.errors import InputError, MissingLibraryError
+from monochord.core.errors import InputError
 from monochord.evaluation.results import Results
 from monochord.evaluation.scorecard import conditions_of
 from monochord.figures import FIGURES
-from monochord.figures.base import require_matplotlib
 
 OF_A_CONDITION = ("scatter", "error_map", "confusion")
 OVER_NOISE = "snr_curves"
 MAX_CONDITIONS = 2
 """Conditions that have figures of their own: the clean one, and the first with ambient noise."""
-
-
-def note_missing_figures() -> None:
-    """Say on standard error how to have figures, where what draws them is not installed."""
-    try:
-        require_matplotlib()
-    except MissingLibraryError as error:
-        echo(f"note: no figures: {error}", err=True)
 
 
 def drawings(file: Path, results: Results) -> dict[str, str]:
@@ -44,6 +34,10 @@ def drawings(file: Path, results: Results) -> dict[str, str]:
 
 
 def _drawn(name: str, options: dict[str, str]) -> str:
-    text = StringIO()
-    FIGURES.build(name, options).draw().savefig(text, format="svg")
+    """Return a figure as SVG text; equal results give equal texts."""
+    figure, text = FIGURES.build(name, options).draw(), StringIO()
+    import matplotlib as mpl  # noqa: PLC0415
+
+    with mpl.rc_context({"svg.hashsalt": name}):
+        figure.savefig(text, format="svg", metadata={"Date": None})
     return text.getvalue()

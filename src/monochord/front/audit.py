@@ -1,0 +1,49 @@
+"""Whether anything leaks between the parts of a dataset's split: what ``monochord audit`` does."""
+
+from pathlib import Path
+
+from monochord.datasets.audit import Audit
+from monochord.datasets.audit import audit as audit_split
+from monochord.datasets.split import SPLIT_FILE, Split
+from monochord.datasets.store import Dataset, open_dataset
+from monochord.perception.data import LabelledData
+
+
+def audit(data: LabelledData | Dataset | str | Path, split: str | Path | Split | None = None) -> Audit:
+    """Look for leaks between training, validation and test of a dataset.
+
+    A leak is a window, a sample, a session, a day or an object that two parts share, a guard gap that is too
+    small, or a recording that is there twice: under another name, shifted, scaled or with noise added.
+
+    Parameters
+    ----------
+    data
+        What `build` or `load_dataset` returned, or the dataset's folder.
+    split
+        A split, or its file; the dataset's own by default.
+
+    Returns
+    -------
+    Audit
+        Its `leaks`, its `notes`, and `clean`; `refuse_leaks` raises where there is a leak.
+
+    Raises
+    ------
+    InputError
+        If the dataset or the split is absent or damaged.
+
+    Examples
+    --------
+    >>> from tempfile import mkdtemp
+    >>> import monochord as mc
+    >>> folder, twin = mkdtemp(), ["groups=[{name='hold', grid=[2, 1], hold=0.3}]"]
+    >>> data = mc.build(mc.collect("quick", folder, settings=twin), f"{folder}/dataset")
+    >>> mc.audit(data).clean
+    True
+    """
+    if isinstance(split, str | Path):
+        split = Split.read(Path(split))
+    if isinstance(data, LabelledData):
+        return audit_split(data.dataset, split or data.split)
+    dataset = data if isinstance(data, Dataset) else open_dataset(Path(data))
+    return audit_split(dataset, split or Split.read(dataset.path / SPLIT_FILE))

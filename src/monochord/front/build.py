@@ -1,0 +1,206 @@
+"""Sessions into a dataset with labels, split and audited: what ``monochord build`` does."""
+
+import logging
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import TypeAlias
+
+from monochord.core.errors import InputError
+from monochord.core.progress import progress_bar
+from monochord.core.types import Progress
+from monochord.core.units import Seconds
+from monochord.core.workers import refuse_both
+from monochord.datasets.audit import audit
+from monochord.datasets.build import (
+    BuildOptions,
+    Labelling,
+    build_dataset,
+    find_sessions,
+    named_sessions,
+)
+from monochord.datasets.split import (
+    PARTS,
+    SPLIT_FILE,
+    refuse_impossible,
+    refuse_too_few,
+    split_dataset,
+)
+from monochord.lab.offline import CollectedSession
+from monochord.perception.data import LabelledData
+from monochord.perception.tuning.sessions import estimate_tension
+from monochord.sessions import Description, read_session
+
+Sessions: TypeAlias = str | Path | CollectedSession | Iterable[str | Path | CollectedSession]
+"""Session files, folders with any below, patterns, or what `collect` returned; one of these or several."""
+_log = logging.getLogger("monochord")
+
+
+def build(
+    sessions: Sessions,
+    out: str | Path = "dataset",
+    *,
+    window: Seconds = 0.1,
+    hop: Seconds = 0.1,
+    labels: Labelling | None = None,
+    split: str | None = None,
+    held_out: Sequence[str] = (),
+    seed: int = 0,
+    force: bool = False,
+    sensor: str | None = None,
+    skip: bool = False,
+    workers: int | None = None,
+    cluster: str = "",
+    progress: Progress | None = None,
+) -> LabelledData:
+    """Build a dataset of sessions: windows with labels, split, and audited for leaks.
+
+    Equal sessions and options give equal bytes, in however many processes. The string is tuned as a session
+    says, else as `sensor` does, else as its untouched beginning sounds.
+
+    Parameters
+    ----------
+    sessions
+        Session files, folders, patterns, or what `collect` returned.
+    out
+        Folder of the dataset, a new one.
+    window, hop
+        Length of a window and distance of window starts, in s.
+    labels
+        ``"recorded"`` takes the labels of a session, ``"measured"`` those that force and pose give; by
+        default the recorded ones where there are any.
+    split
+        By ``"session"``, ``"object"``, ``"time"``, ``"day"`` or ``"build"``; by default by session, by time
+        with fewer than 3 sessions.
+    held_out
+        Objects, or patterns of sessions' names such as ``"music*"``, for the test alone.
+    seed
+        Random seed of the split.
+    force
+        Whether to accept sessions whose streams are not on one clock.
+    sensor
+        A sensor's preset, or the file of one as tuned.
+    skip
+        Whether to leave out sessions that cannot be used; `manifest.refused` of the result names them.
+    workers, cluster
+        Worker processes, or the address of a dask scheduler.
+    progress
+        Called with the progress; by default there is a bar on a terminal and in a notebook.
+
+    Returns
+    -------
+    LabelledData
+        The dataset on disk, with `split`, `audit` and `manifest`. `train` and `evaluate` take it.
+
+    Raises
+    ------
+    InputError
+        If `out` exists, a session cannot be used, the split is not possible, or it leaks.
+
+    Examples
+    --------
+    >>> from tempfile import mkdtemp
+    >>> import monochord as mc
+    >>> folder, twin = mkdtemp(), ["groups=[{name='hold', grid=[2, 1], hold=0.3}]"]
+    >>> sessions = mc.collect("quick", folder, settings=twin)
+    >>> data = mc.build(sessions, f"{folder}/dataset")
+    >>> data.split.by, data.audit.clean, data.manifest.simulated
+    ('time', True, True)
+    """
+    data = built(
+        sessions,
+        out,
+        window=window,
+        hop=hop,
+        labels=labels,
+        split=split,
+        held_out=held_out,
+        seed=seed,
+        force=force,
+        sensor=sensor,
+        skip=skip,
+        workers=workers,
+        cluster=cluster,
+        progress=progress,
+    )
+    data.refuse_leaks()
+    return data
+
+
+def built(
+    sessions: Sessions,
+    out: str | Path,
+    *,
+    window: Seconds,
+    hop: Seconds,
+    labels: Labelling | None,
+    split: str | None,
+    held_out: Sequence[str],
+    seed: int,
+    force: bool,
+    sensor: str | None,
+    skip: bool,
+    workers: int | None,
+    cluster: str,
+    progress: Progress | None = None,
+    note: Callable[[str], None] = lambda line: _log.warning("monochord: %s", line),
+) -> LabelledData:
+    """Return the dataset of `build` with its audit, whether it leaks or not; `note` takes what is left out.
+
+    Raises
+    ------
+    InputError
+        As `build`, but not for a leak.
+    """
+    refuse_both(workers, cluster)
+    folder, files = Path(out), find_sessions(session_names(sessions))
+    held_out = (held_out,) if isinstance(held_out, str) else tuple(held_out)
+    _refuse_split(split or _default_split(len(files)), files, held_out)
+    options = BuildOptions(
+        window=window, hop=hop, labels=labels or "", force=force, skip=skip, sensor=sensor or ""
+    )
+    with progress_bar(progress=progress) as report:
+        dataset = build_dataset(
+            files, folder, options, report, estimate_tension, workers=workers, cluster=cluster
+        )
+    for line in dataset.manifest.refused.values():
+        note(f"left out: {line}")
+    by = split or _default_split(len(dataset.manifest.parts))
+    try:
+        made = split_dataset(dataset, by=by, seed=seed, held_out=held_out)
+    except InputError as error:
+        remedy = f"{error.remedy}; {out} stands without a split".removeprefix("; ")
+        raise InputError(error.given, error.allowed, remedy) from error
+    file = dataset.path / SPLIT_FILE
+    made.write(file)
+    return LabelledData(dataset=dataset, split=made, audit=audit(dataset, made), split_file=file)
+
+
+def session_names(sessions: Sessions) -> list[str]:
+    """Return the files, folders and patterns of sessions as text.
+
+    >>> session_names([Path("take.mcap"), "monday/*.mcap"])
+    ['take.mcap', 'monday/*.mcap']
+    """
+    one = isinstance(sessions, str | Path | CollectedSession)
+    each = [sessions] if one else list(sessions)
+    return [str(item.path if isinstance(item, CollectedSession) else item) for item in each]
+
+
+def _default_split(count: int) -> str:
+    """Return how so many sessions are split by default."""
+    return "session" if count >= len(PARTS) else "time"
+
+
+def _refuse_split(by: str, files: Sequence[Path], held_out: Sequence[str]) -> None:
+    """Refuse an impossible split before anything is built."""
+    refuse_impossible(by, held_out=held_out)
+    descriptions: dict[str, Description] = {}
+    for name, file in named_sessions(files).items():
+        with suppress(InputError):  # refused when it is built
+            descriptions[name] = read_session(file).description
+    if descriptions:
+        objects = [one.material or one.object for one in descriptions.values()]
+        days = [one.day for one in descriptions.values()]
+        builds = [one.build for one in descriptions.values()]
+        refuse_too_few(by, objects, days, held_out, list(descriptions), builds)

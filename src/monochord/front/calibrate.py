@@ -1,0 +1,109 @@
+"""A model adapted to one sensor by known touches: what ``monochord calibrate`` does."""
+
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+from monochord.core.progress import progress_bar
+from monochord.core.types import Progress
+from monochord.datasets.build import Labelling
+from monochord.front.build import Sessions, session_names
+from monochord.perception.model import Model
+from monochord.perception.training.adapt import Objects
+from monochord.perception.training.adaptation import Adaptation
+from monochord.perception.training.calibration import calibrated
+
+
+@dataclass(frozen=True, kw_only=True)
+class CalibratedModel(Model):
+    """A model adapted to known touches; `calibration` says what these did for it, and `out` is its folder."""
+
+    calibration: Adaptation = field(repr=False)
+    out: Path | None = None
+
+    def tree(self) -> dict[str, Any]:
+        """Return the result as plain values."""
+        result = self.calibration
+        return {
+            "path": str(self.out) if self.out else None,
+            "simulated": self.definition.simulated,
+            "heads": {name: asdict(head) for name, head in result.heads.items()},
+            "mistaken": result.mistaken,
+            "trust": asdict(result.trust),
+            "next_touch": asdict(result.next_touch) if result.next_touch else None,
+            "sensing_range": result.sensing_range,
+            "outside": result.outside,
+            "weights": self.definition.weights,
+        }
+
+
+def calibrate(
+    model: str | Path | Model,
+    sessions: Sessions,
+    out: str | Path | None = None,
+    *,
+    touches: int | None = None,
+    objects: Objects = "same",
+    labels: Labelling | None = None,
+    force: bool = False,
+    progress: Progress | None = None,
+) -> CalibratedModel:
+    """Adapt a model to one sensor and object by a few touches of known position and force.
+
+    Every error that is stated is of touches that were left out. The model that is given stays as it is.
+
+    Parameters
+    ----------
+    model
+        A model, its folder, that of a training run, or a bundled model's name.
+    sessions
+        Known touches: session files, folders or patterns.
+    out
+        Folder of the new model; without one it is not saved.
+    touches
+        How many touches to use, the first in time; all by default. With 0 the model stays as it is, and all
+        touches say how good it is.
+    objects
+        What will touch the sensor: ``"same"`` for the object of these touches, or ``"others"`` too.
+    labels
+        ``"recorded"`` takes the labels of a session, ``"measured"`` those that force and pose give; by
+        default the recorded ones where there are any.
+    force
+        Whether to accept sessions whose streams are not on one clock.
+    progress
+        Called with the progress; by default there is a bar on a terminal and in a notebook.
+
+    Returns
+    -------
+    CalibratedModel
+        The adapted model; its `calibration` has the errors by head, in m and N, where it can be trusted, and
+        the touch that would help most next.
+
+    Raises
+    ------
+    InputError
+        If `out` exists, or the model or the sessions cannot be used.
+
+    Examples
+    --------
+    >>> from tempfile import mkdtemp
+    >>> import monochord as mc
+    >>> twin = ["groups=[{name='hold', grid=[2, 1], hold=0.3}]"]
+    >>> judged = mc.calibrate("demo", mc.collect("quick", mkdtemp(), settings=twin), touches=0)
+    >>> judged.calibration.heads["position"].touches
+    2
+    """
+    folder = Path(out) if out is not None else None
+    with progress_bar(progress=progress) as report:
+        result = calibrated(
+            model if isinstance(model, Model) else str(model),
+            session_names(sessions),
+            folder,
+            touches=touches,
+            objects=objects,
+            labels=labels or "",
+            force=force,
+            progress=report,
+        )
+    known = {each.name: getattr(result.model, each.name) for each in fields(Model)}
+    return CalibratedModel(**known, calibration=result, out=folder)

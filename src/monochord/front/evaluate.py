@@ -1,0 +1,221 @@
+"""Scores of a model or an estimator on test sessions: what ``monochord evaluate`` does."""
+
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from monochord.core.config import override
+from monochord.core.errors import InputError
+from monochord.core.ownership import scratch_folder
+from monochord.core.progress import progress_bar
+from monochord.core.types import Progress
+from monochord.core.workers import refuse_both
+from monochord.datasets.split import SPLIT_FILE
+from monochord.datasets.store import Dataset
+from monochord.evaluation.evaluate import Evaluation, write
+from monochord.evaluation.evaluate import evaluate as evaluate_settings
+from monochord.evaluation.paper import keep_rows, paper_rows
+from monochord.evaluation.results import Results
+from monochord.evaluation.scorecard import Scorecard
+from monochord.evaluation.select import EvaluationSettings, Part
+from monochord.evaluation.table import Scores, score_rows
+from monochord.front.build import Sessions, session_names
+from monochord.front.drawings import drawings
+from monochord.front.train import TrainedModel
+from monochord.perception.data import LabelledData
+from monochord.perception.model import Model, folder_of, load, save
+
+DEFAULT_ESTIMATOR = "closed_form"
+"""What is evaluated where neither a model nor an estimator is named."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EvaluationReport:
+    """The outcome of an evaluation: estimates beside the truth, and all scores."""
+
+    evaluation: Evaluation
+    part: Part
+
+    @property
+    def results(self) -> Results:
+        """Estimates beside the truth, a row a window, in SI units."""
+        return self.evaluation.results
+
+    @property
+    def card(self) -> Scorecard:
+        """All scores, with their intervals."""
+        return self.evaluation.card
+
+    def __str__(self) -> str:
+        return "\n".join(self.lines())
+
+    def _repr_html_(self) -> str:
+        return self.table()._repr_html_()
+
+    def table(self) -> Scores:
+        """Return the table that the command prints: a row for each object, condition and estimator."""
+        return score_rows(self.card)
+
+    def tree(self) -> dict[str, Any]:
+        """Return all scores as plain values, which JSON can hold."""
+        return self.card.tree()
+
+    def lines(self) -> list[str]:
+        """Return the number of windows, the notes and the table as lines of text."""
+        card = self.card
+        kind = ", simulated" if card.simulated else ""
+        first = f"{card.estimator}{kind}: {card.windows} windows of {card.sessions} sessions"
+        return [first, *(f"note: {note}" for note in card.notes), *self.table().lines()]
+
+    def write(self, folder: str | Path) -> None:
+        """Write results, their table, the scores and a report with figures into a folder.
+
+        Figures need matplotlib. Raises `InputError` if the folder cannot be made.
+        """
+        write(Path(folder), self.evaluation, drawings)
+
+    def keep_rows(self, file: str | Path, feature: str | None = None) -> None:
+        """Put the table's rows into a JSON file, in place of those of the same name, and print all beside it.
+
+        `feature` is their name; by default that of the model's feature, or of the estimator. Raises
+        `InputError` if the file holds something else.
+        """
+        keep_rows(Path(file), paper_rows(self.card, feature or self.evaluation.label, self.part))
+
+
+def evaluate(
+    model: str | Path | Model | None = None,
+    data: LabelledData | Dataset | str | Path | None = None,
+    *,
+    sessions: Sessions = (),
+    split: str | Path | None = None,
+    part: Part = "test",
+    estimator: str | None = None,
+    settings: Sequence[str] = (),
+    sensor: str | None = None,
+    tuned: bool = False,
+    noise: Sequence[str] = (),
+    suite: bool = False,
+    seed: int = 0,
+    baselines: bool = True,
+    workers: int | None = None,
+    cluster: str = "",
+    progress: Progress | None = None,
+) -> EvaluationReport:
+    """Test a model, or another estimator, on sessions that it was not trained on.
+
+    Every test session is replayed window by window, as live. Ridge regression and extra trees on the same
+    features are fitted to the training windows and stand below, where there are any.
+
+    Parameters
+    ----------
+    model
+        A model, its folder, that of a training run, or a bundled model's name.
+    data
+        What `build` or `load_dataset` returned, or the dataset's folder; that of the training run by default.
+    sessions
+        Session files, folders or patterns to test on instead.
+    split
+        File of the split; by default that of the training run, or of `data`.
+    part
+        Part of the split: ``"test"`` or ``"validation"``.
+    estimator
+        Name of an estimator instead of a model; ``"closed_form"`` by default.
+    settings
+        Overrides of the estimator's options, such as ``"tension_law=geometric"``.
+    sensor
+        Preset of the sensor whose string the estimator is given.
+    tuned
+        Whether it is given that string as tuned, by each session's untouched beginning.
+    noise
+        Noises to test with too, such as ``"music:10"``: a kind, and the ratio in dB.
+    suite
+        Whether to test with every kind of noise too, at 0 to 25 dB.
+    seed
+        Random seed of the noise.
+    baselines
+        Whether ridge regression and extra trees are evaluated beside.
+    workers, cluster
+        Worker processes, or the address of a dask scheduler.
+    progress
+        Called with the progress; by default there is a bar on a terminal and in a notebook.
+
+    Returns
+    -------
+    EvaluationReport
+        Its `table` has the rows that the command prints; `write` makes a folder of results.
+
+    Raises
+    ------
+    InputError
+        If something cannot be used, the split leaks, or a session was trained on.
+
+    Examples
+    --------
+    >>> from tempfile import mkdtemp
+    >>> import monochord as mc
+    >>> twin = ["groups=[{name='hold', grid=[2, 1], hold=0.3}]"]
+    >>> report = mc.evaluate("demo", sessions=mc.collect("quick", mkdtemp(), settings=twin))
+    >>> row = report.table()[0]
+    >>> row["object"], row["estimator"], row["position_error"] < 2e-3
+    ('plastic', 'model', True)
+    """
+    if model is not None and estimator is not None:
+        raise InputError(f"model {_named(model)} beside --estimator {estimator}", "one of both")
+    refuse_both(workers, cluster)
+    dataset = data.path if isinstance(data, LabelledData | Dataset) else Path(data) if data else None
+    if split is None and isinstance(data, LabelledData):
+        split = _file_of(data)
+    with _folder(model) as folder:
+        read = EvaluationSettings(
+            model=folder,
+            estimator=estimator or DEFAULT_ESTIMATOR,
+            options=override({}, settings),
+            dataset=dataset,
+            split=Path(split) if split else None,
+            part=part,
+            sessions=tuple(session_names(sessions)),
+            sensor=sensor,
+            tuned=tuned,
+            noises=(noise,) if isinstance(noise, str) else tuple(noise),
+            suite=suite,
+            seed=seed,
+            baselines=baselines,
+        )
+        with progress_bar(progress=progress) as report:
+            outcome = evaluate_settings(read, progress=report, workers=workers, cluster=cluster)
+    return EvaluationReport(evaluation=outcome, part=part)
+
+
+def _named(model: str | Path | Model) -> str:
+    return "in memory" if isinstance(model, Model) else str(model)
+
+
+def _file_of(data: LabelledData) -> Path | None:
+    """Return the file of a dataset's split where it is another than the dataset's own."""
+    file = data.split_file
+    return None if file is None or file.absolute() == (data.path / SPLIT_FILE).absolute() else file
+
+
+@contextmanager
+def _folder(model: str | Path | Model | None) -> Generator[str | None]:
+    """Yield the folder or name of a model; one in memory is written into a temporary folder.
+
+    That of a training run stays where it is, if it is the same still: dataset and split are in its settings.
+    """
+    if not isinstance(model, Model):
+        yield None if model is None else str(model)
+        return
+    if isinstance(model, TrainedModel) and _is_on_disk(model):
+        yield str(model.run)
+        return
+    with scratch_folder() as scratch:
+        save(model, scratch / "model")
+        yield str(scratch / "model")
+
+
+def _is_on_disk(model: TrainedModel) -> bool:
+    """Return whether the folder of a model's run holds this very model."""
+    return folder_of(model.run) is not None and load(model.run).definition == model.definition

@@ -1,0 +1,157 @@
+"""A dataset into a model: what ``monochord train`` does."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from monochord.core.config import load_toml, override
+from monochord.core.progress import progress_bar
+from monochord.core.types import Progress
+from monochord.core.workers import refuse_both
+from monochord.datasets.split import SPLIT_FILE
+from monochord.datasets.store import Dataset
+from monochord.figures import FIGURES
+from monochord.perception.data import LabelledData
+from monochord.perception.heads.base import Task
+from monochord.perception.model import Model
+from monochord.perception.training.configs import DEFAULT, config_path
+from monochord.perception.training.settings import TrainingSettings
+from monochord.perception.training.train import HeadScores
+from monochord.perception.training.train import train as train_model
+
+LEARNING = "learning"
+"""The figure that is drawn into the folder of a run, under its own name."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainedModel(Model):
+    """A model as it was trained, with the folder of its `run`, its `scores` by head, and its `epochs`.
+
+    The scores are those of the validation part, in SI units: of a quantity ``windows``, ``mae``,
+    ``median_error``, ``r``, ``std`` and ``baseline_mae``, of contact and slip ``windows``, ``accuracy``,
+    ``auc`` and ``baseline_accuracy``.
+    """
+
+    run: Path
+    scores: Mapping[str, HeadScores] = field(repr=False)
+    epochs: int
+
+    def tree(self) -> dict[str, Any]:
+        """Return the run, the scores and the checksum of the weights as plain values."""
+        return {
+            "path": str(self.run),
+            "simulated": self.definition.simulated,
+            "feature": self.definition.feature.name,
+            "epochs": self.epochs,
+            "part": "validation",
+            "heads": self.scores,
+            "weights": self.definition.weights,
+        }
+
+    def lines(self) -> list[str]:
+        """Return the run and its scores as lines of text, in a person's units."""
+        definition = self.definition
+        kind = ", simulated" if definition.simulated else ""
+        beside = f" beside the reference {definition.reference.feature.name}" if definition.reference else ""
+        tasks = {name: record.task for name, record in definition.heads.items()}
+        return [
+            f"{self.run}{kind}: feature {definition.feature.name}{beside}, {self.epochs} epochs",
+            "on the validation part, which chose the epoch of each head and its calibration:",
+            *score_lines(self.scores, tasks),
+        ]
+
+
+def train(
+    data: LabelledData | Dataset | str | Path | None = None,
+    out: str | Path = "run",
+    *,
+    config: str | Path = DEFAULT,
+    settings: Sequence[str] = (),
+    workers: int | None = None,
+    cluster: str = "",
+    progress: Progress | None = None,
+) -> TrainedModel:
+    """Train a model on a dataset, or go on where a run of the same settings was interrupted.
+
+    The folder of the run holds its settings, its history, also drawn where matplotlib is installed, the model
+    and its scores on the validation part.
+
+    Parameters
+    ----------
+    data
+        What `build` or `load_dataset` returned, or the dataset's folder; that of `config` by default.
+    out
+        Folder of the run: new, or one with the same settings.
+    config
+        A preset's name or a TOML file; by default that of the published results.
+    settings
+        Overrides of the configuration, such as ``"optimiser.epochs=20"``.
+    workers, cluster
+        Processes that compute the features, or the address of a dask scheduler.
+    progress
+        Called with the progress; by default there is a bar on a terminal and in a notebook.
+
+    Returns
+    -------
+    TrainedModel
+        The model, with its run's folder, its scores and its epochs.
+
+    Raises
+    ------
+    InputError
+        If a setting, the dataset or the split cannot be used, `out` is something else, or torch is not
+        installed: the error says how to install it.
+
+    Examples
+    --------
+    It takes a minute, so that the tests do not run it:
+
+    >>> import monochord as mc
+    >>> model = mc.train(data, "run", settings=["optimiser.epochs=20"])  # doctest: +SKIP
+    >>> model.scores["position"]["mae"]  # doctest: +SKIP
+    0.0021
+    """
+    refuse_both(workers, cluster)
+    tree = load_toml(config_path(str(config)))
+    if data is not None:
+        path = data.path if isinstance(data, LabelledData | Dataset) else Path(data)
+        tree["dataset"] = str(path)
+        file = data.split_file if isinstance(data, LabelledData) else None
+        if file is not None and file.absolute() != (path / SPLIT_FILE).absolute():
+            tree["split"] = str(file)
+    read, folder = TrainingSettings.read(override(tree, settings)), Path(out)
+    with progress_bar("windows", progress) as report:
+        result = train_model(read, folder, report, workers=workers, cluster=cluster)
+    _draw(folder)
+    known = {each.name: getattr(result.model, each.name) for each in fields(Model)}
+    return TrainedModel(**known, run=folder, scores=result.scores, epochs=result.epochs)
+
+
+def score_lines(scores: Mapping[str, HeadScores], tasks: Mapping[str, Task]) -> list[str]:
+    """Return scores by head as lines of text, with the units that a person reads."""
+    lines: list[str] = []
+    for name, score in scores.items():
+        count = f"{score['windows']:.0f} windows"
+        if tasks[name].is_probability:
+            text = f"{100 * score['accuracy']:.2f} % right, area under the curve {score['auc']:.4f}"
+            text += f" ({count}; always the same answer: {100 * score['baseline_accuracy']:.1f} %)"
+        else:
+            factor, unit = (1e3, "mm") if tasks[name].unit == "m" else (1.0, tasks[name].unit)
+            error, std, mean = (f"{factor * score[key]:.3g} {unit}" for key in ("mae", "std", "baseline_mae"))
+            text = f"mean error {error}, stated +-{std} (median), r {score['r']:.3f}"
+            text += f" ({count}; the mean label: {mean})"
+        lines.append(f"  {name:<10} {text}")
+    return lines
+
+
+def _draw(out: Path) -> None:
+    """Draw the history of a run into its folder if matplotlib is installed; equal runs give equal bytes."""
+    if find_spec("matplotlib") is None:
+        return
+    import matplotlib as mpl  # noqa: PLC0415
+
+    with mpl.rc_context({"svg.hashsalt": LEARNING}):
+        figure = FIGURES.build(LEARNING, {"run": str(out)}).draw()
+        figure.savefig(out / f"{LEARNING}.svg", metadata={"Date": None})
