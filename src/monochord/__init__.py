@@ -19,8 +19,7 @@ if TYPE_CHECKING:
     from monochord.live.listen import listen, listen_async
     from monochord.live.tuning import tune
     from monochord.perception.data import features, load_dataset
-    from monochord.perception.learner import TouchEstimator
-    from monochord.perception.model import load
+    from monochord.perception.model import PredictionTable, load
     from monochord.physics.simulate import simulate
     from monochord.physics.twin.virtual_sensor import VirtualSensor
     from monochord.sessions import read_session
@@ -28,7 +27,7 @@ if TYPE_CHECKING:
 __version__ = version("monochord")
 
 __all__ = [
-    "TouchEstimator",
+    "PredictionTable",
     "VirtualSensor",
     "__version__",
     "features",
@@ -42,7 +41,7 @@ __all__ = [
 ]
 
 _HOMES = {
-    "TouchEstimator": "monochord.perception.learner",
+    "PredictionTable": "monochord.perception.model",
     "VirtualSensor": "monochord.physics.twin.virtual_sensor",
     "features": "monochord.perception.data",
     "listen": "monochord.live.listen",
@@ -55,7 +54,14 @@ _HOMES = {
 }
 
 
+_GONE = {
+    "TouchEstimator": "a pipeline of scikit-learn on mc.features, as in examples/study_a_feature.py",
+}
+
+
 def __getattr__(name: str) -> Any:
+    if name in _GONE:
+        raise ImportError(f"monochord.{name}: use {_GONE[name]}", name="monochord")
     if name not in _HOMES:
         raise AttributeError(f"module 'monochord' has no attribute '{name}'")
     value = getattr(import_module(_HOMES[name]), name)

@@ -1,0 +1,37 @@
+"""A session over time, drawn for a notebook."""
+
+from typing import TYPE_CHECKING
+
+from monochord.core.curves import thinned
+from monochord.core.notebook import panels
+from monochord.sessions.tracks import AUDIO, LABELS
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from monochord.sessions.reader import SessionReader
+
+TOUCH = {"position": ("position (mm)", 1e3), "force": ("force (N)", 1.0)}
+"""Labels that are drawn, with their axis and its scale."""
+
+
+def session_plot(session: "SessionReader") -> "tuple[Axes, ...]":
+    """Draw the sound, each stream of readings, and the labels of a touch, on axes of their own."""
+    labels = session.labels
+    touch = [name for name in TOUCH if name in labels.columns]
+    names = [AUDIO, *session.streams, *(f"{LABELS}: {TOUCH[name][0]}" for name in touch)]
+    axes = panels(names)
+    audio = session.audio
+    time = audio.time(range(audio.samples.shape[1]))
+    for number, row in enumerate(audio.samples, 1):
+        axes[0].plot(*thinned(time, row), linewidth=0.7, label=f"microphone {number}")
+    for stream, panel in zip(session.streams, axes[1:], strict=False):
+        track = session.readings(stream)
+        for name in track.feed.columns:
+            panel.plot(*thinned(track.time, track.column(name)), linewidth=0.7, label=name)
+    for name, panel in zip(touch, axes[1 + len(session.streams) :], strict=True):
+        panel.plot(*thinned(labels.time, TOUCH[name][1] * labels.columns[name]), linewidth=1.0)
+    for panel in axes:
+        if panel.get_legend_handles_labels()[0]:
+            panel.legend(fontsize="x-small", ncols=4, loc="upper right")
+    return axes
