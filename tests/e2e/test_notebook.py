@@ -4,7 +4,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
+from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
@@ -29,7 +29,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def plt(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     """Pyplot, drawing into memory."""
     monkeypatch.setenv("MPLBACKEND", "Agg")
-    from matplotlib import pyplot as plt  # noqa: PLC0415
+    from matplotlib import pyplot as plt
 
     plt.switch_backend("Agg")
     yield plt
@@ -38,7 +38,7 @@ def plt(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
 
 def cells(shown: Any) -> list[str]:
     """Return the texts of an object's table in a notebook; an HTML that is not well-formed fails."""
-    root = ElementTree.fromstring(shown._repr_html_())  # noqa: S314
+    root = ET.fromstring(shown._repr_html_())  # noqa: S314
     assert root.tag == "table"
     return [(cell.text or "") for cell in root.iter() if cell.tag in {"td", "th", "caption"}]
 
@@ -74,7 +74,10 @@ def test_a_session_shows_its_streams_length_and_what_touches(recorded: Path, plt
     axes = session.plot()
     assert axes[0].get_ylabel() == "audio"
     assert len(axes[0].lines) == 2
-    assert {each.get_ylabel() for each in axes} >= set(session.streams)
+    drawn = {each.get_ylabel(): [line.get_label() for line in each.lines] for each in axes}
+    assert drawn["wrench (N)"] == ["fx", "fy", "fz"]
+    assert drawn["pose (m)"] == ["x", "y", "z"]
+    assert {"labels: position (mm)", "labels: force (N)"} <= set(drawn)
     plt.gcf().canvas.draw()
 
 

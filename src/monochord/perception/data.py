@@ -71,7 +71,7 @@ def features(
     >>> silence = np.zeros((2, 8820), np.float32)
     >>> rows = features(silence, sensor="prototype")
     >>> rows.shape, rows.columns[0]
-    ((11, 300), 'XX')
+    ((11, 300), 'mic 1 own 1 level')
     """
     samples = sound(audio)
     if samples.shape[0] > 2:

@@ -9,8 +9,8 @@ def facts(definition: Definition) -> tuple[str, list[tuple[str, str]]]:
 
     >>> from monochord.perception.model import load
     >>> title, rows = facts(load("demo").definition)
-    >>> title, dict(rows)["sensor"].partition(",")[0]
-    ('Model: Heads across builds, on the harmonics of a window', 'prototype')
+    >>> title, dict(rows)["feature"]
+    ('Model: Heads across builds, on the harmonics of a window', 'fft_harmonic, 392 columns')
     """
     return f"Model: {definition.title or 'untitled'}", [
         ("sensor", _sensor(definition)),
