@@ -7,7 +7,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+from sklearn.linear_model import RidgeCV
 from sklearn.model_selection import GroupKFold, cross_val_score
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
 
 import monochord as mc
 from monochord.datasets.build import build_dataset
@@ -27,8 +30,9 @@ def main() -> None:
         features, labels, _ = mc.load_dataset(dataset.path).arrays("fft_harmonic")
         contact = labels["contact"] == 1.0
         touch = np.cumsum(np.diff(contact, prepend=False) & contact)[contact]
+        estimator = make_pipeline(StandardScaler(), RidgeCV(np.logspace(0.0, 6.0, 13)))
         for head in ("position", "force"):
-            estimator, label = mc.TouchEstimator(head), labels[head][contact]
+            label = labels[head][contact]
             scores = cross_val_score(estimator, features[contact], label, groups=touch, cv=GroupKFold(4))
             print(f"{head}: R^2 {np.median(scores):.2f} (median of 4 folds of whole touches, simulated)")
 

@@ -36,7 +36,7 @@ def main() -> None:
         model, state = load(folder / "run"), ModelState()
         errors: list[float] = []
         for row in split.test.tolist():
-            state, estimates = model.predict(state, window_of(dataset, row))
+            state, estimates = model.step(state, window_of(dataset, row))
             position = estimates["position"]
             if position.valid and dataset.label("contact")[row] == 1.0:
                 errors.append(position.value - float(dataset.label("position")[row]))

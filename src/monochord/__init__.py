@@ -27,8 +27,7 @@ if TYPE_CHECKING:
     from monochord.live.listen import listen, listen_async
     from monochord.live.tuning import tune
     from monochord.perception.data import features, load_dataset
-    from monochord.perception.learner import TouchEstimator
-    from monochord.perception.model import load
+    from monochord.perception.model import PredictionTable, load
     from monochord.physics.simulate import simulate
     from monochord.physics.twin.virtual_sensor import VirtualSensor
     from monochord.sessions import read_session
@@ -38,7 +37,7 @@ __version__ = version("monochord")
 __all__ = [
     "DeviceError",
     "InputError",
-    "TouchEstimator",
+    "PredictionTable",
     "VirtualSensor",
     "__version__",
     "audit",
@@ -61,7 +60,7 @@ __all__ = [
 _HOMES = {
     "DeviceError": "monochord.core.errors",
     "InputError": "monochord.core.errors",
-    "TouchEstimator": "monochord.perception.learner",
+    "PredictionTable": "monochord.perception.model",
     "VirtualSensor": "monochord.physics.twin.virtual_sensor",
     "audit": "monochord.front.audit",
     "build": "monochord.front.build",
@@ -81,7 +80,14 @@ _HOMES = {
 }
 
 
+_GONE = {
+    "TouchEstimator": "a pipeline of scikit-learn on mc.features, as in examples/study_a_feature.py",
+}
+
+
 def __getattr__(name: str) -> Any:
+    if name in _GONE:
+        raise ImportError(f"monochord.{name}: use {_GONE[name]}", name="monochord")
     if name not in _HOMES:
         raise AttributeError(f"module 'monochord' has no attribute '{name}'")
     value = getattr(import_module(_HOMES[name]), name)

@@ -79,7 +79,7 @@ def entries() -> dict[str, Callable[[Sound], Any]]:
     taper = np.hanning(SIZE)
     own: dict[str, Callable[[Sound], Any]] = {
         "two: model": of_window(
-            lambda window: [each.value for each in model.predict(ModelState(), window)[1].values()]
+            lambda window: [each.value for each in model.step(ModelState(), window)[1].values()]
         ),
         "two: model's outputs": of_window(lambda window: len(model.outputs(ModelState(), window)[1])),
         "two: estimator model": of_estimator("model", path="demo"),

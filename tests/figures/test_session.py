@@ -6,9 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from monochord.core.curves import MAX_POINTS
 from monochord.core.errors import InputError
 from monochord.core.types import POSE, WRENCH, Block, Feed, Floats, Readings
-from monochord.figures.session import MAX_POINTS, SessionFigure, levels
+from monochord.figures.session import SessionFigure, levels
 from monochord.figures.taps import LATE, Taps, tapped
 from monochord.sessions import Description, SessionWriter, read_session
 

@@ -91,7 +91,7 @@ def _estimate(model: Model, signal: Signal, size: int) -> Prepared:
 
     def estimate(window: Window) -> Estimates:
         nonlocal state
-        state, estimates = model.predict(state, window)
+        state, estimates = model.step(state, window)
         return estimates
 
     return estimate

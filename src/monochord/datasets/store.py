@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monochord.core.errors import InputError, did_you_mean
+from monochord.core.notebook import html_table, lines
 from monochord.core.types import Audio, Flags, Floats, Indices
 from monochord.core.units import Samples
 from monochord.datasets.checksums import REMEDY, check_blocks
@@ -57,6 +58,30 @@ class Dataset:
 
     def __len__(self) -> int:
         return len(self.start)
+
+    def __repr__(self) -> str:
+        return lines(*self.facts())
+
+    def _repr_html_(self) -> str:
+        return html_table(*self.facts())
+
+    def facts(self) -> tuple[str, list[tuple[str, str]]]:
+        """Return a title and what there is to know of it, as texts for a person."""
+        about = self.manifest
+        bodies = dict.fromkeys(part.body for part in about.parts if part.body)
+        seconds = sum(part.frames for part in about.parts) / about.sample_rate
+        span, hop = (1e3 * frames / about.sample_rate for frames in (about.window, about.hop))
+        labels = ", ".join(f"{name} {int(valid.sum())}" for name, valid in self.valid.items())
+        return f"Dataset: {self.path.name}", [
+            ("windows", f"{len(self)} of {span:g} ms every {hop:g} ms, {int(self.usable.sum())} usable"),
+            (
+                "sessions",
+                f"{len(about.parts)}{', simulated' if about.simulated else ''}, {seconds:.1f} s of sound",
+            ),
+            ("sound", f"{about.channels} channels at {about.sample_rate} Hz"),
+            ("touched by", ", ".join(bodies) or "not known"),
+            ("labels", labels or "none"),
+        ]
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _reopened, (self.path,)

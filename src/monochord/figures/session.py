@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 from msgspec import Meta
 
+from monochord.core.curves import thinned
 from monochord.core.printable import printable
 from monochord.core.types import Floats
 from monochord.core.units import Seconds
@@ -21,8 +22,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
 
-MAX_POINTS = 4000
-"""Largest number of points of a curve; of more, the extremes of each stretch are drawn."""
 MIN_LEVEL = -100.0
 """Level in dB relative to full scale at which silence is drawn."""
 MAX_EVENTS = 30
@@ -107,11 +106,11 @@ def _levels(axes: Axes, session: SessionReader, step: Seconds) -> None:
 
 def _force(axes: Axes, session: SessionReader, step: Seconds) -> None:  # noqa: ARG001
     track = session.readings("wrench")
-    axes.plot(*_thinned(track.time, track.column("fz")), linewidth=0.7, color=_style.INK, label="measured")
+    axes.plot(*thinned(track.time, track.column("fz")), linewidth=0.7, color=_style.INK, label="measured")
     labels = session.labels
     if "force" in labels.columns:
         known = np.nan_to_num(labels.columns["force"])
-        axes.plot(*_thinned(labels.time, known), linewidth=0.7, color=_style.SEGMENTS[1], label="known")
+        axes.plot(*thinned(labels.time, known), linewidth=0.7, color=_style.SEGMENTS[1], label="known")
     axes.set_ylabel("normal force (N)")
     _key(axes)
 
@@ -129,7 +128,7 @@ def _height(axes: Axes, session: SessionReader, step: Seconds) -> None:  # noqa:
 def _pose(axes: Axes, session: SessionReader, columns: tuple[str, ...]) -> None:
     track = session.readings("pose")
     for name, colour in zip(columns, _style.SEGMENTS, strict=False):
-        time, place = _thinned(track.time, track.column(name))
+        time, place = thinned(track.time, track.column(name))
         axes.plot(time, 1e3 * place, linewidth=0.7, color=colour, label=name)
     _key(axes)
 
@@ -148,17 +147,6 @@ def _labels(axes: Axes, session: SessionReader, step: Seconds) -> None:  # noqa:
         axes.plot(labels.time, position, linewidth=1.2, color=_style.SEGMENTS[0], label="position")
     axes.set_ylabel("position x (mm)")
     _key(axes)
-
-
-def _thinned(time: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """Return a curve of at most `MAX_POINTS` points that keeps every peak."""
-    size = -(-len(time) // (MAX_POINTS // 2))
-    if size <= 2:
-        return time, values
-    count = len(time) // size
-    parts = values[: count * size].reshape(count, size)
-    ends = np.stack([parts.min(axis=1), parts.max(axis=1)], axis=1)
-    return np.repeat(time[: count * size : size], 2), ends.ravel()
 
 
 def _key(axes: Axes) -> None:

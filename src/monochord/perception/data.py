@@ -1,14 +1,15 @@
-"""Features of audio and of datasets, for programs: arrays, and data sets of torch."""
+"""Features of sounds and of datasets, for programs: arrays, and data sets of torch."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from monochord.core.errors import InputError
+from monochord.core.errors import InputError, did_you_mean
+from monochord.core.notebook import html_table, lines
 from monochord.core.shapes import sound
 from monochord.core.types import Audio, Floats, Indices, Signal
 from monochord.core.units import Seconds
@@ -37,7 +38,7 @@ def features(
     window: Seconds = 0.1,
     hop: Seconds = 0.01,
     **options: Any,
-) -> Audio:
+) -> "FeatureRows":
     """Return the features of every window of a recording.
 
     Parameters
@@ -57,8 +58,9 @@ def features(
 
     Returns
     -------
-    ndarray
-        Rows (windows, columns) float32; row k is of the window that starts at k `hop`.
+    FeatureRows
+        Rows (windows, columns) float32, an array whose `columns` are named; row k is of the window that
+        starts at k `hop`.
 
     Raises
     ------
@@ -69,8 +71,9 @@ def features(
     Examples
     --------
     >>> silence = np.zeros((2, 8820), np.float32)
-    >>> features(silence, sensor="prototype").shape
-    (11, 300)
+    >>> rows = features(silence, sensor="prototype")
+    >>> rows.shape, rows.columns[0]
+    ((11, 300), 'mic 1 own 1 level')
     """
     samples = sound(audio)
     if samples.shape[0] > 2:
@@ -88,7 +91,83 @@ def features(
     for first in range(0, len(starts), BATCH):
         batch = [samples[:, start : start + size] for start in starts[first : first + BATCH].tolist()]
         rows[first : first + BATCH] = extractor(np.stack(batch))
-    return rows
+    return FeatureRows(rows, extractor.columns)
+
+
+class FeatureRows(np.ndarray[tuple[int, ...], np.dtype[np.float32]]):
+    """Features (windows, columns) float32, an array of NumPy whose columns have names.
+
+    Rows, columns and copies of it keep the names; what is computed from it is a plain array.
+
+    Parameters
+    ----------
+    rows
+        The features (windows, columns).
+    columns
+        The name of each column.
+
+    Attributes
+    ----------
+    columns : tuple of str
+        The name of each column; empty where it is no table of columns any more, such as one row.
+
+    Raises
+    ------
+    InputError
+        If there is not one name for each column.
+
+    Examples
+    --------
+    >>> rows = FeatureRows(np.eye(3, dtype=np.float32), ("a", "b", "c"))
+    >>> rows[:2, [0, 2]].columns, rows.column("b").tolist(), float(rows.mean())
+    (('a', 'c'), [0.0, 1.0, 0.0], 0.3333333432674408)
+    """
+
+    columns: tuple[str, ...]
+
+    def __new__(cls, rows: Audio, columns: Sequence[str]) -> Self:
+        """Return a view of the rows with these names."""
+        if rows.ndim != 2 or rows.shape[1] != len(columns):
+            given = f"rows of shape {rows.shape} with {len(columns)} names"
+            raise InputError(given, "(windows, columns), one name for each column")
+        view = rows.view(cls)
+        view.columns = tuple(columns)
+        return view
+
+    def __array_finalize__(self, obj: Any) -> None:
+        is_alike = isinstance(obj, FeatureRows) and obj.shape == self.shape
+        is_alike = is_alike and (self.flags.owndata or self.strides == obj.strides)  # not transposed
+        self.columns = obj.columns if is_alike else ()
+
+    def __array_wrap__(self, array: Any, context: Any = None, return_scalar: bool = False) -> Any:  # noqa: FBT001, FBT002
+        plain = array.view(np.ndarray)
+        return plain[()] if return_scalar else plain
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        if not self.columns:
+            return super().__reduce__()  # pyright: ignore[reportReturnType]
+        return FeatureRows, (self.values, self.columns)
+
+    def __getitem__(self, key: Any) -> Any:
+        part = super().__getitem__(key)
+        if isinstance(part, FeatureRows):
+            part.columns = ()
+            own = key if isinstance(key, tuple) else (key,)
+            if self.columns and part.ndim == 2 and len(own) <= 2:
+                names = np.array(self.columns)[own[1] if len(own) == 2 else slice(None)].ravel().tolist()
+                part.columns = tuple(names) if len(names) == part.shape[1] else ()
+        return part
+
+    @property
+    def values(self) -> Audio:
+        """The same numbers as a plain array, without a copy."""
+        return self.view(np.ndarray)
+
+    def column(self, name: str) -> Audio:
+        """Return the values (windows,) of a column; raises `InputError` where there is none of this name."""
+        if name not in self.columns:
+            raise InputError(f"column '{name}'", "one of rows.columns", did_you_mean(name, self.columns))
+        return self.values[:, self.columns.index(name)]
 
 
 def load_dataset(path: str | Path, split: str | Path | None = None) -> "LabelledData":
@@ -149,6 +228,17 @@ class LabelledData:
         """Raise `InputError`, in one line, if the audit found a leak."""
         if self.audit is not None:
             self.audit.refuse_leaks()
+
+    def __repr__(self) -> str:
+        return lines(*self._facts())
+
+    def _repr_html_(self) -> str:
+        return html_table(*self._facts())
+
+    def _facts(self) -> tuple[str, list[tuple[str, str]]]:
+        title, facts = self.dataset.facts()
+        parts = ", ".join(f"{name} {len(rows)}" for name, rows in self.split.parts.items())
+        return title, [*facts, ("split", parts)]
 
     def rows(self, part: str | None = None) -> Indices:
         """Return the numbers (n,) of the usable windows of a part, or of all parts, in order of time."""

@@ -11,9 +11,12 @@ from numpy.typing import NDArray
 
 from monochord.core.errors import InputError, MissingLibraryError, did_you_mean
 from monochord.core.labels import LabelTrack
+from monochord.core.notebook import html_table, lines
 from monochord.core.types import Feed, Floats
+from monochord.core.units import Seconds
 from monochord.sessions import codec, walk
 from monochord.sessions._layout import BEGIN, END, rewritten
+from monochord.sessions._picture import session_plot
 from monochord.sessions._places import named, places, records_of
 from monochord.sessions.bounds import (
     MAX_COLUMNS,
@@ -26,6 +29,7 @@ from monochord.sessions.description import NANO, Description, SessionClock
 from monochord.sessions.tracks import AUDIO, LABELS, AudioTrack, ClockTrack, Event, ReadingTrack
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from pandas import DataFrame
 
 
@@ -278,6 +282,57 @@ class SessionReader:
             If there is no such stream, or pandas is not installed.
         """
         return frame(self, stream)
+
+    def plot(self) -> "tuple[Axes, ...]":
+        """Draw the session over time: the sound, the streams of readings, and the labels of a touch.
+
+        Returns
+        -------
+        tuple of Axes
+            One for each, of a new pyplot figure.
+
+        Raises
+        ------
+        MissingLibraryError
+            If matplotlib is not installed; the error says how to install it.
+        """
+        return session_plot(self)
+
+    def __repr__(self) -> str:
+        return lines(*self._facts())
+
+    def _repr_html_(self) -> str:
+        return html_table(*self._facts())
+
+    def _facts(self) -> tuple[str, list[tuple[str, str]]]:
+        about = self.description
+        channels = f"{about.channels} channel{'s' * (about.channels != 1)}"
+        streams = [f"{feed.stream} ({', '.join(feed.columns)})" for feed in about.feeds]
+        sensor = str(about.sensor.get("name", "")) or "not known"
+        length = f"{self.length:.2f} s" + ("" if self.complete else ", cut off or damaged")
+        return f"Session: {about.name}{', simulated' if about.simulated else ''}", [
+            ("file", str(self.path)),
+            ("length", length),
+            ("sensor", sensor),
+            ("touched by", about.material or about.object or "not known"),
+            ("audio", f"{channels} at {about.sample_rate} Hz"),
+            ("streams", ", ".join(streams) or "none beside the audio"),
+        ]
+
+    @cached_property
+    def length(self) -> Seconds:
+        """Length of its audio in s, gaps included, by its last block; nothing else of it is read."""
+        rows = self._places.get("/audio")
+        for row in [] if rows is None else rows[::-1]:
+            _, part, start, stop = row.tolist()
+            try:
+                block = self._decode(
+                    "/audio", walk.message(walk.contents(self._parts[part]).records[start:stop])
+                )
+            except InputError:
+                continue
+            return (block.start + len(block.samples) // block.channels) / self.description.sample_rate
+        return 0.0
 
     def readings(self, stream: str) -> ReadingTrack:
         """Return a stream of readings; raises `InputError` where there is none of this name."""

@@ -13,8 +13,8 @@ from monochord.perception.features import FEATURES
 from monochord.perception.heads import HEADS
 from monochord.perception.model import Definition, Model, ModelState, load
 from monochord.perception.model.definition import FeatureRecord, HeadRecord, Reference
-from monochord.perception.model.files import TEXT, WEIGHTS, save
 from monochord.perception.model.probe import probed
+from monochord.perception.model.saving import TEXT, WEIGHTS, save
 
 RATE, SIZE = 16000, 400
 SIGNAL = Signal(sample_rate=RATE, channels=2)
@@ -62,6 +62,6 @@ class Fuzz(Target):
         model.check(SIGNAL)
         for number in range(3):
             samples = np.random.default_rng(number).normal(size=(2, SIZE)).astype(np.float32)
-            state, _ = model.predict(
+            state, _ = model.step(
                 state, Window(samples=samples, start=number * SIZE, sample_rate=RATE, has_gap=False)
             )

@@ -104,7 +104,7 @@ from monochord.perception.model import ModelState, load
 from monochord.core.types import Window
 model = load({str(trained)!r})
 window = Window(samples=open_dataset(Path({str(learnable)!r})).window(15).copy(), start=0, sample_rate=16000)
-assert model.predict(ModelState(), window)[1]["contact"].valid
+assert model.step(ModelState(), window)[1]["contact"].valid
 print(sorted({{"torch", "matplotlib", "pyarrow", "sklearn"}} & set(sys.modules)))
 """
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

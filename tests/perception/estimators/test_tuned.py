@@ -168,7 +168,7 @@ def test_force_goes_as_the_tension() -> None:
     model = load("demo").tuned(replace(DESIGN, tension=0.94**2 * DESIGN.tension))
     sound, labels = played("prototype", -6, 3)
     pressed = next(w for w in windows(sound) if labels["contact"][w.start : w.start + SIZE].min() == 1.0)
-    _, estimates = model.predict(ModelState(), pressed)
+    _, estimates = model.step(ModelState(), pressed)
     _, outputs = model.outputs(ModelState(), pressed)
     as_trained = estimates_of(model.definition, outputs, model.corrections)
     assert estimates["force"].value == pytest.approx(0.94**3 * as_trained["force"].value)

@@ -71,7 +71,7 @@ def test_the_features_are_what_they_were_when_it_was_trained(name: str) -> None:
         pytest.fail(f"{error}\n{AGAIN}")
     rng = np.random.default_rng(0)
     samples = 0.1 * rng.standard_normal((2, 4410), np.float32)
-    _, estimates = model.predict(ModelState(), Window(samples=samples, start=0, sample_rate=44100))
+    _, estimates = model.step(ModelState(), Window(samples=samples, start=0, sample_rate=44100))
     assert estimates.keys() == {"contact", "slip", "position", "force"}
 
 
@@ -106,7 +106,7 @@ def test_a_silent_driver_is_named_when_something_touches_and_remembered(dead: in
     touched: dict[float, bool] = {}
     for start in range(0, sound.shape[1] - 4410, 2205):
         samples = np.ascontiguousarray(sound[:, start : start + 4410])
-        state, estimates = model.predict(state, Window(samples=samples, start=start, sample_rate=44100))
+        state, estimates = model.step(state, Window(samples=samples, start=start, sample_rate=44100))
         time, contact = start / 44100, estimates["contact"]
         reasons[time] = contact.why_not if time < 1.9 else estimates["slip"].why_not
         if contact.valid:

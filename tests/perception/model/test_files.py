@@ -28,7 +28,7 @@ def test_what_was_saved_is_what_is_loaded(drawn: Model, folder: Path, sound: Sou
     loaded = load(folder)
     assert {**drawn.weights}.keys() == loaded.weights.keys()
     for k in range(8):
-        one, other = (each.predict(ModelState(), sound(k))[1] for each in (drawn, loaded))
+        one, other = (each.step(ModelState(), sound(k))[1] for each in (drawn, loaded))
         assert str(one) == str(other)
 
 

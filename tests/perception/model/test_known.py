@@ -47,21 +47,21 @@ def with_detector(
 def test_every_head_abstains_with_the_likely_reason(
     drawn: Model, sound: Sound, bias: tuple[float, ...], reason: str
 ) -> None:
-    _, estimates = with_detector(drawn, bias).predict(ModelState(), sound(0))
+    _, estimates = with_detector(drawn, bias).step(ModelState(), sound(0))
     assert {each.why_not for each in estimates.values()} == {reason}
     assert set(estimates) == set(drawn.definition.heads)
 
 
 def test_contact_is_estimated_beside_a_reason_that_leaves_it_right(drawn: Model, sound: Sound) -> None:
-    expected = drawn.predict(ModelState(), sound(0))[1]["contact"]
+    expected = drawn.step(ModelState(), sound(0))[1]["contact"]
     for bias, reason in (((0.0, 4.0, 0.0), REASONS[0]), ((0.0, 0.0, 4.0), REASONS[1])):
         model = with_detector(drawn, bias, contact_holds=REASONS[1:])
-        estimates = model.predict(ModelState(), sound(0))[1]
+        estimates = model.step(ModelState(), sound(0))[1]
         withheld = Estimate.abstain("", reason)
         assert str(estimates["contact"]) == str(expected if reason == REASONS[1] else withheld)
         assert {each.why_not for name, each in estimates.items() if name != "contact"} == {reason}
         silence = dataclasses.replace(sound(0), samples=np.zeros_like(sound(0).samples))
-        assert not model.predict(ModelState(), silence)[1]["contact"].valid
+        assert not model.step(ModelState(), silence)[1]["contact"].valid
     misspelt = "two things seems to touch"
     with pytest.raises(InputError, match=misspelt):
         with_detector(drawn, (0.0, 0.0, 0.0), contact_holds=(misspelt,))
@@ -78,7 +78,7 @@ def test_contact_abstains_where_it_denies_a_touch_that_the_reason_speaks_of(
     last = max(name for name in model.weights if name.startswith(f"{gate}.") and name.endswith("bias"))
     sure = np.full_like(model.weights[last], 60.0 if touched else -60.0)
     model = dataclasses.replace(model, weights={**model.weights, last: sure})
-    contact = model.predict(ModelState(), sound(0))[1][gate]
+    contact = model.step(ModelState(), sound(0))[1][gate]
     assert (contact.valid, contact.why_not) == ((True, "") if touched else (False, REASONS[1]))
 
 
@@ -86,8 +86,8 @@ def test_known_sound_is_estimated_as_without_a_detector(drawn: Model, sound: Sou
     model = with_detector(drawn, (9.0, 0.0, 0.0))
     state, other = ModelState(), ModelState()
     for k in range(20):
-        state, estimates = model.predict(state, sound(k))
-        other, expected = drawn.predict(other, sound(k))
+        state, estimates = model.step(state, sound(k))
+        other, expected = drawn.step(other, sound(k))
         assert str(estimates) == str(expected)
     assert state.median is not None
     np.testing.assert_array_equal(state.median, other.median)
@@ -96,7 +96,7 @@ def test_known_sound_is_estimated_as_without_a_detector(drawn: Model, sound: Sou
 def test_the_limit_decides(drawn: Model, sound: Sound) -> None:
     bias = (0.0, 1.0, 0.0)
     for limit, is_valid in ((1.0, False), (2.0, True)):
-        _, estimates = with_detector(drawn, bias, limit).predict(ModelState(), sound(0))
+        _, estimates = with_detector(drawn, bias, limit).step(ModelState(), sound(0))
         assert estimates["contact"].valid is is_valid
 
 
@@ -149,8 +149,8 @@ def test_the_first_window_that_counts_says_no_more_than_others(untouched: int) -
 
 def test_another_stream_begins_without_what_was_said(drawn: Model, sound: Sound) -> None:
     model = with_detector(drawn, (0.0, 4.0, 0.0))
-    state, _ = model.predict(ModelState(), sound(5))
-    again, _ = model.predict(state, sound(0))
+    state, _ = model.step(ModelState(), sound(5))
+    again, _ = model.step(state, sound(0))
     assert again.known.odds is not None
     np.testing.assert_array_equal(again.known.odds, [4.0, 0.0])
     assert again.known.time == 0.0
@@ -159,7 +159,7 @@ def test_another_stream_begins_without_what_was_said(drawn: Model, sound: Sound)
 def test_unlike_sound_is_never_a_reference(drawn: Model, sound: Sound) -> None:
     model, state = with_detector(drawn, (0.0, 4.0, 0.0)), ModelState()
     for k in range(30):
-        state, _ = model.predict(state, sound(k))
+        state, _ = model.step(state, sound(k))
     assert state.median is None
     assert not state.pending
 

@@ -26,7 +26,7 @@ def predict(model: Model, windows: Iterable[Window], state: ModelState | None = 
     """Return the estimates of windows of one stream."""
     state, results = state or ModelState(), list[Estimates]()
     for window in windows:
-        state, estimates = model.predict(state, window)
+        state, estimates = model.step(state, window)
         results.append(estimates)
     return results
 
@@ -55,7 +55,7 @@ def test_a_gap_or_silence_is_an_abstention_and_keeps_the_reference(drawn: Model,
     model = dataclasses.replace(drawn, definition=dataclasses.replace(drawn.definition, quietest=1e-3))
     state = ModelState()
     for k in range(5):
-        state, _ = model.predict(state, sound(k))
+        state, _ = model.step(state, sound(k))
     for window, reason in (
         (dataclasses.replace(sound(5), samples=5e-3 * sound(5).samples), "silence"),
         (sound(5, has_gap=True), "gap"),
@@ -65,7 +65,7 @@ def test_a_gap_or_silence_is_an_abstention_and_keeps_the_reference(drawn: Model,
             "samples that are not numbers",
         ),
     ):
-        after, estimates = model.predict(state, window)
+        after, estimates = model.step(state, window)
         assert {each.why_not for each in estimates.values()} == {reason}
         assert dataclasses.replace(after, start=state.start) == state
         assert estimates["force"].unit == "N"
@@ -78,7 +78,7 @@ def test_another_signal_is_refused(drawn: Model, signal: Signal, sound: Sound) -
         drawn.check(Signal(sample_rate=8000, channels=1))
     short = dataclasses.replace(sound(0), samples=sound(0).samples[:, :700])
     with pytest.raises(InputError, match=r"700 frames.*800 frames"):
-        drawn.predict(ModelState(), short)
+        drawn.step(ModelState(), short)
     with pytest.raises(InputError, match=r"700 frames.*800 frames"):
         drawn.check(signal, 700)
     own = load_string("prototype").string

@@ -64,7 +64,7 @@ def touched(place: float, model: Model) -> list[Estimates]:
     sound = np.concatenate(sounds, axis=1).astype(np.float32)
     for start in range(0, sound.shape[1] - 4410, 4410):
         window = Window(samples=sound[:, start : start + 4410], start=start, sample_rate=RATE)
-        state, estimates = model.predict(state, window)
+        state, estimates = model.step(state, window)
         results.append(estimates)
     return results[-4:]
 

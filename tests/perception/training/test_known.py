@@ -33,7 +33,7 @@ def reasons(model: Model, dataset: Path, fault: str = "") -> list[str]:
             add, rate = Fault(kind=fault), window.sample_rate
             spoilt: Audio = add(window.samples[None], [row], seed=5, sample_rate=rate)[0]
             window = dataclasses.replace(window, samples=spoilt)
-        state, estimates = model.predict(state, window)
+        state, estimates = model.step(state, window)
         result.append(estimates["contact"].why_not)
     return result
 

@@ -36,7 +36,7 @@ def test_it_beats_the_mean_label_by_far_on_sessions_not_trained_on(lesson_run: P
     model, state = load(lesson_run), ModelState()
     errors, right = dict[str, list[float]](), list[bool]()
     for row in test.tolist():
-        state, estimates = model.predict(state, window_of(dataset, row))
+        state, estimates = model.step(state, window_of(dataset, row))
         contact = dataset.label("contact")[row]
         if np.isfinite(contact):
             right.append((estimates["contact"].value >= 0.5) == (contact == 1.0))

@@ -2,7 +2,18 @@
 
 from monochord.perception.model.context import ModelState
 from monochord.perception.model.definition import Definition
-from monochord.perception.model.files import folder_of, load, save
+from monochord.perception.model.files import folder_of, load
 from monochord.perception.model.model import Model
+from monochord.perception.model.saving import save
+from monochord.perception.model.table import EstimateColumn, PredictionTable
 
-__all__ = ["Definition", "Model", "ModelState", "folder_of", "load", "save"]
+__all__ = [
+    "Definition",
+    "EstimateColumn",
+    "Model",
+    "ModelState",
+    "PredictionTable",
+    "folder_of",
+    "load",
+    "save",
+]

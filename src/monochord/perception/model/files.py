@@ -9,26 +9,23 @@ There is no pickle in it, so that reading one runs no code. Bundled pretrained m
 names (`monochord.perception.model.bundled`).
 """
 
-import dataclasses
 import hashlib
-import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from math import prod
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from monochord.core.config import from_tree, load_json, to_tree
+from monochord.core.config import from_tree, load_json
 from monochord.core.errors import InputError
-from monochord.core.files import refuse_endless, replacing, similar_name
-from monochord.core.ownership import part_folder
+from monochord.core.files import refuse_endless, similar_name
 from monochord.core.types import Audio
 from monochord.perception.model.bundled import bundled_folder, bundled_names
 from monochord.perception.model.definition import FORMAT, Definition
 from monochord.perception.model.model import Model
+from monochord.perception.model.saving import TEXT, WEIGHTS
 
-TEXT, WEIGHTS = "model.json", "weights.safetensors"
 INSIDE_A_RUN = "model"
 """Folder of the model in the folder of a training run."""
 MAX_HEADER = 1 << 20
@@ -49,34 +46,6 @@ def folder_of(path: Path) -> Path | None:
     """
     folders = (folder for folder in (path, path / INSIDE_A_RUN) if (folder / TEXT).is_file())
     return next(folders, None if path.exists() else bundled_folder(str(path)))
-
-
-def save(model: Model, folder: Path) -> Model:
-    """Write a model into a folder, and return it with the checksum that it then has.
-
-    The same model gives the same bytes. The text is written last, so that a folder with a text is whole.
-    """
-    from safetensors.numpy import save as packed  # noqa: PLC0415
-
-    names = model.definition.shapes()
-    blob = packed({name: np.ascontiguousarray(model.weights[name], np.float32) for name in names})
-    definition = dataclasses.replace(model.definition, weights=hashlib.sha256(blob).hexdigest())
-    text = json.dumps(_finite(to_tree(definition)), indent=1, ensure_ascii=False, allow_nan=False)
-    content = ((WEIGHTS, blob), (TEXT, text.encode() + b"\n"))
-    if folder.exists():
-        _write(folder, content)
-    else:
-        folder.absolute().parent.mkdir(parents=True, exist_ok=True)
-        with part_folder(folder) as part:
-            _write(part, content)
-            part.rename(folder)
-    return dataclasses.replace(model, definition=definition)
-
-
-def _write(folder: Path, content: Iterable[tuple[str, bytes]]) -> None:
-    for name, each in content:
-        with replacing(folder / name) as part:
-            part.write_bytes(each)
 
 
 def load(path: Path | str) -> Model:
@@ -161,17 +130,8 @@ def _weights(file: Path, blob: bytes, definition: Definition) -> Mapping[str, Au
     return {name: arrays[name] for name in definition.shapes()}
 
 
-def _finite(tree: Any) -> Any:
-    """Return a tree without infinities, which JSON does not have."""
-    if isinstance(tree, dict):
-        return {key: _finite(value) for key, value in tree.items()}
-    if isinstance(tree, list):
-        return [_finite(value) for value in tree]
-    return "inf" if tree == float("inf") else tree
-
-
 def _infinite(tree: Any) -> Any:
-    """Return a tree as it was before `_finite`."""
+    """Return a tree as it was before it was saved."""
     if isinstance(tree, dict):
         return {key: _infinite(value) for key, value in tree.items()}
     if isinstance(tree, list):

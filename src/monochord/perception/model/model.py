@@ -3,15 +3,22 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import isfinite
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from monochord.core.errors import InputError
-from monochord.core.shapes import refuse_other_channels, sound
+from monochord.core.labels import LabelTrack, window_labels
+from monochord.core.notebook import html_table, lines
+from monochord.core.shapes import refuse_other_channels
+from monochord.core.shapes import sound as checked
 from monochord.core.types import (
     OUTSIDE_RANGE,
     Audio,
+    Block,
     Estimate,
     Estimates,
     Floats,
@@ -19,8 +26,9 @@ from monochord.core.types import (
     StringParams,
     Window,
 )
-from monochord.core.units import Metres, Samples
-from monochord.metrics import DECISION
+from monochord.core.units import Metres, Samples, Seconds
+from monochord.core.windows import windows
+from monochord.metrics import DECISION, hit_rate
 from monochord.perception.closed_form.usable import why_unusable
 from monochord.perception.features import FEATURES
 from monochord.perception.features.base import Extractor
@@ -38,8 +46,13 @@ from monochord.perception.model.place import (
     why_not_stated,
 )
 from monochord.perception.model.probe import probed, refuse_another
+from monochord.perception.model.saving import save
+from monochord.perception.model.stream import Fixed, Followed, ModelStream
+from monochord.perception.model.summary import facts
+from monochord.perception.model.table import PredictionTable
 from monochord.perception.tuning.sessions import force_scale, refuse_other_length
-from monochord.physics.sensors import retuned
+from monochord.physics.sensors import Sensor, load_sensor, retuned, with_sensor
+from monochord.physics.strings import load_string
 from monochord.physics.theory import open_frequency
 
 MAX_RETUNING = 0.12
@@ -63,7 +76,9 @@ class WindowReading(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Model:
-    """What was trained. It has no state: that of a stream is passed in and out.
+    """What was trained: `predict` takes a whole sound, `step` a window.
+
+    It is frozen; the state of a stream is passed in and out of `step`.
 
     Parameters
     ----------
@@ -83,7 +98,7 @@ class Model:
     >>> model, state = load("demo"), ModelState()
     >>> silence = np.zeros((2, model.definition.window), np.float32)
     >>> window = Window(samples=silence, start=0, sample_rate=44100, has_gap=False)
-    >>> state, estimates = model.predict(state, window)
+    >>> state, estimates = model.step(state, window)
     >>> estimates["position"].why_not
     'silence'
     """
@@ -163,7 +178,180 @@ class Model:
             self.check_size(size)
         _ = self.extractors
 
-    def predict(self, state: ModelState, window: Window) -> tuple[ModelState, Estimates]:
+    def predict(
+        self,
+        sound: ArrayLike,
+        *,
+        sample_rate: int = 44100,
+        hop: Seconds = 0.01,
+        sensor: str | Sensor = "",
+        string: str = "",
+    ) -> PredictionTable:
+        """Return the estimates for every window of a sound, as the live loop gives them.
+
+        The sound is a stream of its own: the untouched reference and the string's pitch are followed from its
+        beginning, so the first seconds count, and so does their order.
+
+        Parameters
+        ----------
+        sound
+            Samples (channels, n) in full scale, as float32 or what converts to it.
+        sample_rate
+            Frames a second; that of the training.
+        hop
+            Distance of window starts in s. A window has the length of the training.
+        sensor
+            A sensor, its preset, or the file that ``monochord tune`` wrote: its string counts.
+        string
+            A string preset, where no sensor is given.
+
+        Returns
+        -------
+        PredictionTable
+            A row for each window; row k starts at k `hop`.
+
+        Raises
+        ------
+        InputError
+            If the sound is shorter than a window, or its shape, rate or string is not that of the training.
+
+        Examples
+        --------
+        >>> from monochord.perception.model import load
+        >>> table = load("demo").predict(np.zeros((2, 8820)), sample_rate=44100)
+        >>> len(table), table.position.valid.any(), str(table.position.reason[0])
+        (11, np.False_, 'silence')
+        """
+        samples = checked(sound)
+        size, step = self.definition.window, round(hop * sample_rate) if isfinite(hop) else 0
+        if step < 1:
+            raise InputError(f"hop {hop:g} s", f"{1.0 / sample_rate:.1g} s, one sample, or more")
+        signal = Signal(sample_rate=sample_rate, channels=samples.shape[0])
+        if sensor:
+            signal = with_sensor(signal, load_sensor(sensor) if isinstance(sensor, str) else sensor)
+        elif string:
+            signal = replace(signal, string=load_string(string).string)
+        estimate = self.stream(signal, size)
+        if samples.shape[1] < size:
+            given = f"sound of {samples.shape[1]} frames"
+            raise InputError(given, f"{size} frames, one window, or more")
+        blocks = [Block(samples=samples, start=0)]
+        starts: list[int] = []
+        rows: list[Estimates] = []
+        for window in windows(blocks, size=size, hop=step, sample_rate=sample_rate):
+            estimates = estimate(window)
+            starts.append(window.start)
+            rows.append({name: estimates[name] for name in self.definition.heads})
+        return PredictionTable.of(starts, sample_rate, rows)
+
+    def score(
+        self,
+        sound: ArrayLike,
+        truth: LabelTrack | Mapping[str, Floats],
+        *,
+        sample_rate: int = 44100,
+        hop: Seconds = 0.01,
+        sensor: str | Sensor = "",
+        string: str = "",
+        tolerance: Metres = 0.005,
+    ) -> float:
+        """Return the share of touched windows whose position is estimated within a tolerance, 0 to 1.
+
+        An abstention is a miss. As in scikit-learn, more is better. Windows that hold the beginning or the
+        end of a touch do not count.
+
+        Parameters
+        ----------
+        sound, sample_rate, hop, sensor, string
+            As in `predict`.
+        truth
+            ``contact`` (0 or 1) and ``position`` in m by name, (n,) for n samples, as
+            `VirtualSensor.advance` returns them; or a `LabelTrack`, whose times count from the sound's
+            beginning.
+        tolerance
+            In m.
+
+        Raises
+        ------
+        InputError
+            If no window is touched at a known position, or for what `predict` refuses.
+
+        Examples
+        --------
+        >>> from monochord.physics.twin.virtual_sensor import VirtualSensor
+        >>> from monochord.perception.model import load
+        >>> twin = VirtualSensor("prototype", seed=1)
+        >>> _ = twin.press(0.08, 1.0, material="plastic")
+        >>> sound, truth = twin.advance(1.0)
+        >>> load("demo").score(sound, truth, sensor="prototype") > 0.5
+        True
+        """
+        frames = checked(sound).shape[1]
+        track = truth if isinstance(truth, LabelTrack) else _track(frames, sample_rate, truth)
+        table = self.predict(sound, sample_rate=sample_rate, hop=hop, sensor=sensor, string=string)
+        end = table.time + self.definition.window / sample_rate
+        labels = window_labels(track, table.time, end)
+        rows = np.isfinite(labels["position"])
+        if self.definition.place is None or not rows.any():
+            given = "a sound without a touch at a known position"
+            raise InputError(given, "truth with contact and position")
+        return hit_rate(labels["position"][rows], table[self.definition.place].value[rows], tolerance)
+
+    def save(self, folder: str | Path) -> "Model":
+        """Write the model into a folder, which `load` reads, and return it with its checksum.
+
+        The same model gives the same bytes. A model that the folder holds is replaced.
+
+        Raises
+        ------
+        InputError
+            If the folder cannot be written.
+
+        Examples
+        --------
+        >>> from tempfile import TemporaryDirectory
+        >>> from monochord.perception.model import load
+        >>> with TemporaryDirectory() as folder:
+        ...     saved = load("demo").save(f"{folder}/mine")
+        ...     load(f"{folder}/mine").definition == saved.definition
+        True
+        """
+        try:
+            return save(self, Path(folder))
+        except OSError as error:
+            raise InputError(f"folder {folder} ({error.strerror})", "a folder that can be written") from error
+
+    def stream(self, signal: Signal, size: Samples) -> ModelStream:
+        """Return the model for one stream of windows in order, as the live loop runs it.
+
+        It is called with each window of `size` frames and returns its estimates. Features are relative to
+        the string as the signal's sensor is tuned, and follow it where untouched windows show that it is
+        tuned otherwise by now.
+
+        Raises
+        ------
+        InputError
+            If rate, channels, string or window are not those of the training.
+        """
+        model = self.tuned(signal.string) if signal.string else self
+        model = model.within(signal.sensing_range) if signal.sensing_range else model
+        model.check(signal, size)
+        string = model.string or model.definition.string
+        if string is not None and model.definition.channels == 2:
+            own = Signal(sample_rate=signal.sample_rate, channels=2, string=string)
+            try:
+                return Followed(model, own, size)
+            except InputError:  # windows too short for a pitch
+                pass
+        return Fixed(model)
+
+    def __repr__(self) -> str:
+        return lines(*facts(self.definition))
+
+    def _repr_html_(self) -> str:
+        return html_table(*facts(self.definition))
+
+    def step(self, state: ModelState, window: Window) -> tuple[ModelState, Estimates]:
         """Return the state after a window, and the estimates for it.
 
         Parameters
@@ -179,7 +367,7 @@ class Model:
         InputError
             If the window has another length.
         """
-        return Model.predict_all([(self, state)], [window])[0]
+        return Model.step_all([(self, state)], [window])[0]
 
     def outputs(self, state: ModelState, window: Window) -> tuple[ModelState, Mapping[str, Output]]:
         """Return the state after a window, and the output of each head, before calibration and correction.
@@ -192,10 +380,10 @@ class Model:
         return reading.state, reading.outputs
 
     @staticmethod
-    def predict_all(
+    def step_all(
         streams: Sequence[tuple["Model", ModelState]], windows: Sequence[Window]
     ) -> list[tuple[ModelState, Estimates]]:
-        """Return what `predict` does for a window of each of several streams, with the same bits.
+        """Return what `step` does for a window of each of several streams, with the same bits.
 
         The heads are computed for all at once, so the models are one that was trained, each as it is or tuned
         to a string.
@@ -261,7 +449,7 @@ class Model:
         results: list[WindowReading] = []
         for (model, before), window in zip(streams, windows, strict=True):
             model.check_size(window.samples.shape[1])
-            sound(window.samples, model.definition.channels)
+            checked(window.samples, model.definition.channels)
             state = replace(before if window.start > before.start else ModelState(), start=window.start)
             results.append(WindowReading(state, {}, model.why_not(window)))
         usable = [k for k, reading in enumerate(results) if not reading.why_not]
@@ -415,6 +603,20 @@ class Model:
             extractor(trained.feature, "scaler"),
             extractor(reference.feature, "context") if reference else None,
         )
+
+
+def _track(frames: Samples, sample_rate: int, truth: Mapping[str, Floats]) -> LabelTrack:
+    """Return labels (n,), one a sample, on the clock of the sound."""
+    columns = {name: np.asarray(values, np.float64) for name, values in truth.items()}
+    for name in ("contact", "position"):
+        if name not in columns or columns[name].shape != (frames,):
+            given = (
+                f"truth with {name} of shape {columns[name].shape}"
+                if name in columns
+                else f"truth without {name}"
+            )
+            raise InputError(given, f"{name} ({frames},), one value a sample")
+    return LabelTrack(time=np.arange(frames) / sample_rate, columns=columns)
 
 
 def _refuse_other_columns(record: FeatureRecord, columns: tuple[str, ...]) -> None:

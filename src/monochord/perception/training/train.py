@@ -16,9 +16,10 @@ from monochord.metrics import detection_score, mean_absolute_error, regression_s
 from monochord.perception.model.context import ModelState
 from monochord.perception.model.correction import Correction
 from monochord.perception.model.definition import Calibration, Definition
-from monochord.perception.model.files import INSIDE_A_RUN, save
+from monochord.perception.model.files import INSIDE_A_RUN
 from monochord.perception.model.model import Model
 from monochord.perception.model.network import Output, probability, quantity
+from monochord.perception.model.saving import save
 from monochord.perception.training._torch import torch_library
 from monochord.perception.training.calibrate import calibrate_probability, calibrate_quantity
 from monochord.perception.training.checkpoint import Checkpoint

@@ -3,11 +3,18 @@
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from monochord.core.curves import thinned
+from monochord.core.notebook import html_table, lines, panels
 from monochord.core.ranges import Checked
 from monochord.core.types import Contact, Floats, StringParams
 from monochord.core.units import Seconds
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,6 +43,39 @@ class Sound:
     microphones: Floats
     sample_rate: int
     summary: Mapping[str, Any]
+
+    def plot(self) -> "tuple[Axes, ...]":
+        """Draw both microphones over time.
+
+        Returns
+        -------
+        tuple of Axes
+            One for each microphone, of a new pyplot figure.
+
+        Raises
+        ------
+        MissingLibraryError
+            If matplotlib is not installed; the error says how to install it.
+        """
+        axes = panels([f"microphone {number + 1}" for number in range(len(self.microphones))])
+        time = np.arange(self.microphones.shape[1]) / self.sample_rate
+        for row, panel in zip(self.microphones, axes, strict=True):
+            panel.plot(*thinned(time, row), linewidth=0.7)
+        return axes
+
+    def __repr__(self) -> str:
+        return lines(*self._facts())
+
+    def _repr_html_(self) -> str:
+        return html_table(*self._facts())
+
+    def _facts(self) -> tuple[str, list[tuple[str, str]]]:
+        channels, frames = self.microphones.shape
+        length = f"{frames / self.sample_rate:g} s of {channels} microphones at {self.sample_rate} Hz"
+        place, force = (self.summary.get(name) for name in ("position", "force"))
+        touch = "nothing" if place is None else f"{1e3 * place:g} mm from pickup 1 with {force or 0.0:g} N"
+        peaks = ", ".join(f"{peak:.1f} Hz" for peak in self.summary.get("peaks") or ())
+        return "Sound, simulated", [("length", length), ("touch", touch), ("peaks", peaks or "not measured")]
 
 
 class Simulator(Checked, ABC):

@@ -5,6 +5,7 @@ from typing import Any
 
 from monochord.core.config import from_tree, to_tree
 from monochord.core.errors import InputError
+from monochord.core.notebook import html_table
 from monochord.core.presets import Presets
 from monochord.core.types import Contact, StringParams
 from monochord.core.units import Hertz
@@ -28,6 +29,19 @@ class StringPreset:
     string: StringParams
     notes: str = ""
     contact: Contact | None = None
+
+    def _repr_html_(self) -> str:
+        string = self.string
+        return html_table(
+            f"String: {self.title}",
+            [
+                ("name", self.name),
+                ("length", f"{1e3 * string.length:g} mm"),
+                ("tension", f"{string.tension:g} N"),
+                ("open frequency", f"{self.open_frequency:g} Hz"),
+                ("source", self.source),
+            ],
+        )
 
     @property
     def usual_contact(self) -> Contact:

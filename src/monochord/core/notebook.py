@@ -1,0 +1,61 @@
+"""Objects in a notebook: tables in HTML, and axes to draw on."""
+
+from collections.abc import Iterable, Sequence
+from html import escape
+from typing import TYPE_CHECKING
+
+from monochord.core.errors import MissingLibraryError
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+ROW_HEIGHT, WIDTH = 1.8, 7.2
+"""Size of a panel, in inches."""
+
+
+def html_table(title: str, rows: Iterable[Sequence[str]], header: Sequence[str] = ()) -> str:
+    """Return a table in HTML: a title, column names where given, and rows of texts.
+
+    >>> html_table("a < b", [("length", "0.2 m")])
+    '<table><caption>a &lt; b</caption><tbody><tr><td>length</td><td>0.2 m</td></tr></tbody></table>'
+    """
+    head = f"<thead>{_row(header, 'th')}</thead>" if header else ""
+    body = "".join(_row(row, "td") for row in rows)
+    return f"<table><caption>{escape(title)}</caption>{head}<tbody>{body}</tbody></table>"
+
+
+def _row(cells: Sequence[str], tag: str) -> str:
+    return f"<tr>{''.join(f'<{tag}>{escape(cell)}</{tag}>' for cell in cells)}</tr>"
+
+
+def lines(title: str, facts: Iterable[tuple[str, str]]) -> str:
+    r"""Return a title and facts as text, a line each.
+
+    >>> lines("model", [("sensor", "prototype")])
+    'model\n  sensor: prototype'
+    """
+    return "\n".join([title, *(f"  {name}: {value}" for name, value in facts)])
+
+
+def panels(names: Sequence[str], across: str = "time (s)") -> "tuple[Axes, ...]":
+    """Return axes of a new pyplot figure, one below the other, each with the name of what it shows.
+
+    Raises
+    ------
+    MissingLibraryError
+        If matplotlib is not installed; the error says how to install it.
+    """
+    try:
+        from matplotlib import pyplot as plt  # noqa: PLC0415
+    except ImportError as error:
+        raise MissingLibraryError("A plot", "matplotlib >= 3.9", "figures") from error
+    size = (WIDTH, ROW_HEIGHT * len(names) + 0.6)
+    figure = plt.figure(figsize=size, layout="constrained")
+    rows: list[Axes] = []
+    for number, name in enumerate(names, 1):
+        axes = figure.add_subplot(len(names), 1, number, sharex=rows[0] if rows else None)
+        axes.set_ylabel(name)
+        axes.tick_params(labelbottom=number == len(names))
+        rows.append(axes)
+    rows[-1].set_xlabel(across)
+    return tuple(rows)

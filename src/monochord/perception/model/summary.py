@@ -1,0 +1,55 @@
+"""What a model is, in a few lines for a person."""
+
+from monochord.perception.model.definition import Definition, HeadRecord
+from monochord.physics.sensors import designs_with
+
+
+def facts(definition: Definition) -> tuple[str, list[tuple[str, str]]]:
+    """Return a title, and what there is to know of a model: sensor, training, feature and stated errors.
+
+    >>> from monochord.perception.model import load
+    >>> title, rows = facts(load("demo").definition)
+    >>> title, dict(rows)["feature"]
+    ('Model: Heads across builds, on the harmonics of a window', 'fft_harmonic, 392 columns')
+    """
+    return f"Model: {definition.title or 'untitled'}", [
+        ("sensor", _sensor(definition)),
+        ("training", f"{_sessions(len(definition.sessions))}{', simulated' if definition.simulated else ''}"),
+        ("input", _input(definition)),
+        ("feature", f"{definition.feature.name}, {len(definition.feature.columns)} columns"),
+        *((name, _head(record)) for name, record in definition.heads.items()),
+    ]
+
+
+def _sensor(definition: Definition) -> str:
+    string = definition.string
+    if string is None:
+        return "not known"
+    names = " or ".join(designs_with(string)) or "not among the presets"
+    text = f"{names}, string of {1e3 * string.length:g} mm"
+    places = definition.sensing_range
+    return f"{text}, senses {1e3 * places[0]:g} to {1e3 * places[1]:g} mm" if places else text
+
+
+def _sessions(count: int) -> str:
+    return f"{count} session{'s' * (count != 1)}"
+
+
+def _input(definition: Definition) -> str:
+    length = definition.window / definition.sample_rate
+    return f"{definition.channels} channels at {definition.sample_rate} Hz, windows of {length:g} s"
+
+
+def _head(record: HeadRecord) -> str:
+    """Return what a head estimates, and how well its stated error holds where that was measured."""
+    measured, unit = record.calibration.measured, record.task.unit
+    if record.task.is_probability:
+        text, error = "probability", measured.get("calibration_error")
+        stated = f"calibration error {100.0 * error:.1g} %" if error is not None else ""
+    else:
+        text, share = f"quantity in {unit}" if unit else "quantity", measured.get("coverage_1")
+        stated = f"standard error covers {100.0 * share:.0f} % of errors" if share is not None else ""
+    where = f"{stated}, measured on {_sessions(record.calibration.sessions)}"
+    touches = record.correction.touches if record.correction else 0
+    calibrated = f"; calibrated by {touches} touches" if touches else ""
+    return f"{text}; {where if stated else 'stated error not measured'}{calibrated}"

@@ -1,0 +1,128 @@
+"""A session in a notebook: what objects show of themselves, as text, as HTML and as a plot."""
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+
+import monochord as mc
+from monochord.core.errors import MissingLibraryError
+from monochord.datasets.build import build_dataset
+from monochord.datasets.split import split_dataset
+from monochord.lab.offline import make
+from monochord.lab.plan import assignments
+from monochord.lab.plans import load_plan
+from monochord.physics.strings import load_string
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A simulated session, as ``monochord collect`` makes it."""
+    return make(assignments(load_plan("quick"))[0], tmp_path_factory.mktemp("sessions")).path
+
+
+@pytest.fixture
+def plt(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
+    """Pyplot, drawing into memory."""
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    from matplotlib import pyplot as plt
+
+    plt.switch_backend("Agg")
+    yield plt
+    plt.close("all")
+
+
+def cells(shown: Any) -> list[str]:
+    """Return the texts of an object's table in a notebook; an HTML that is not well-formed fails."""
+    root = ET.fromstring(shown._repr_html_())  # noqa: S314
+    assert root.tag == "table"
+    return [(cell.text or "") for cell in root.iter() if cell.tag in {"td", "th", "caption"}]
+
+
+def test_a_model_shows_its_sensor_training_and_errors() -> None:
+    model = mc.load("demo")
+    text = repr(model)
+    for fact in ("prototype", "200 mm", "1442 sessions, simulated", "fft_harmonic", "44100 Hz"):
+        assert fact in text
+    lines = dict(line.strip().split(": ", 1) for line in text.splitlines())
+    measured = model.definition.heads["position"].calibration.measured["coverage_1"]
+    assert f"covers {100 * measured:.0f} % of errors" in lines["position"]
+    assert "calibration error" in lines["contact"]
+    assert len(text) < 1000
+    assert lines["position"] in cells(model)
+
+
+def test_a_session_shows_its_streams_length_and_what_touches(recorded: Path, plt: Any) -> None:
+    session = mc.read_session(recorded)
+    text = repr(session)
+    assert "audio" not in vars(session)  # the sound itself is not read for it
+    seconds = session.audio.samples.shape[1] / 44100
+    assert session.length == seconds
+    for fact in (
+        f"{seconds:.2f} s",
+        session.description.material,
+        "simulated",
+        "prototype",
+        *session.streams,
+    ):
+        assert fact in text
+    assert str(recorded) in cells(session)
+    axes = session.plot()
+    assert axes[0].get_ylabel() == "audio"
+    assert len(axes[0].lines) == 2
+    drawn = {each.get_ylabel(): [line.get_label() for line in each.lines] for each in axes}
+    assert drawn["wrench (N)"] == ["fx", "fy", "fz"]
+    assert drawn["pose (m)"] == ["x", "y", "z"]
+    assert {"labels: position (mm)", "labels: force (N)"} <= set(drawn)
+    plt.gcf().canvas.draw()
+
+
+def test_a_dataset_shows_its_windows_sessions_and_labels(recorded: Path, tmp_path: Path) -> None:
+    dataset = build_dataset([recorded], tmp_path / "dataset")
+    split_dataset(dataset, by="time").write(dataset.path / "split.json")
+    data = mc.load_dataset(dataset.path)
+    text = repr(data)
+    for fact in (f"{len(dataset)} of 100 ms", "1, simulated", "position", f"train {len(data.split.train)}"):
+        assert fact in text
+    assert f"train {len(data.split.train)}" in " ".join(cells(data))
+    assert "split" not in repr(data.dataset)
+    assert cells(data.dataset)[0] == "Dataset: dataset"
+
+
+def test_predictions_are_a_table_and_a_plot(plt: Any) -> None:
+    twin = mc.VirtualSensor("prototype", seed=1)
+    twin.press(0.08, 1.0, material="plastic")
+    table = mc.load("demo").predict(twin.advance(0.6)[0], sensor="prototype")
+    shown = cells(table)
+    assert {"51 windows", "position (mm)", "force (N)", "...", f"{table.time[-1]:.3f}"} <= set(shown)
+    last = table.position[-1]
+    assert f"{1e3 * last.value:.2f} \N{PLUS-MINUS SIGN} {1e3 * last.std:.2f}" in shown
+    axes = table.plot()
+    assert {each.get_ylabel() for each in axes} == {"contact", "slip", "position (mm)", "force (N)"}
+    drawn = next(each for each in axes if each.get_ylabel() == "position (mm)").lines[0]
+    assert np.array_equal(drawn.get_ydata(), 1e3 * table.position.value, equal_nan=True)
+    plt.gcf().canvas.draw()
+
+
+def test_a_simulated_sound_and_a_string_show_themselves(plt: Any) -> None:
+    sound = mc.simulate("appendix", position=0.2275, force=0.0, route="modal")
+    assert "227.5 mm" in repr(sound)
+    assert "0.4 s of 2 microphones at 44100 Hz" in cells(sound)
+    assert "nothing" in repr(mc.simulate("appendix", touched=False, route="modal", seconds=0.1))
+    first, second = sound.plot()
+    assert np.max(first.lines[0].get_ydata()) == np.max(sound.microphones[0])
+    assert second.get_xlabel() == "time (s)"
+    plt.gcf().canvas.draw()
+    assert "65 N" in cells(load_string("appendix"))
+
+
+def test_a_plot_without_matplotlib_is_refused_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    sound = mc.simulate("appendix", route="modal", seconds=0.1)
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    with pytest.raises(MissingLibraryError, match=r"^A plot requires matplotlib .*pip install") as refusal:
+        sound.plot()
+    assert "\n" not in str(refusal.value)
