@@ -6,7 +6,7 @@ import statistics
 from monochord.core.errors import InputError
 from monochord.live.loop import run
 from monochord.live.settings import LiveRun
-from monochord.live.sinks.base import Listener, Moment
+from monochord.live.sinks.base import Listener, Update
 
 
 def medians(take: LiveRun) -> dict[str, float]:
@@ -35,11 +35,11 @@ class _Estimates(Listener):
         self.values: dict[str, list[float]] = {}
         self.why_not = ""
 
-    def write(self, moment: Moment) -> None:
-        frequency = moment.prediction.estimate("frequency")
+    def write(self, update: Update) -> None:
+        frequency = update.prediction.estimate("frequency")
         if not frequency.valid:
             self.why_not = frequency.why_not
             return
-        for name, estimate in moment.prediction.estimates.items():
+        for name, estimate in update.prediction.estimates.items():
             if estimate.valid:
                 self.values.setdefault(name, []).append(estimate.value)

@@ -100,14 +100,14 @@ async def listen_async(
     setup = _live_run(source, model, **{**defaults, **given}, options=options)
     with ExitStack() as stack:
         live = await asyncio.to_thread(stack.enter_context, opened(setup))
-        moments, waiting = iter(live), None
+        updates, waiting = iter(live), None
         try:
             while True:
-                waiting = asyncio.create_task(asyncio.to_thread(next, moments, None))
-                moment = await asyncio.shield(waiting)
-                if moment is None:
+                waiting = asyncio.create_task(asyncio.to_thread(next, updates, None))
+                update = await asyncio.shield(waiting)
+                if update is None:
                     return
-                yield moment.prediction
+                yield update.prediction
         finally:
             live.close()
             if waiting is not None:
@@ -116,8 +116,8 @@ async def listen_async(
 
 def _predictions(setup: LiveRun) -> Generator[Prediction]:
     with opened(setup) as live:
-        for moment in live:
-            yield moment.prediction
+        for update in live:
+            yield update.prediction
 
 
 def _live_run(

@@ -28,7 +28,7 @@ NO_STRINGS: Mapping[str, Signal] = MappingProxyType({})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Moment:
+class Update:
     """What a sink takes for each window: the prediction, and beside it what a view of it shows.
 
     `prediction` is of this window alone, and `condition` what its estimator knows of the string by then, None
@@ -40,7 +40,7 @@ class Moment:
     `truth` is empty for real hardware; `skipped` counts windows left out so far because the reader was late.
     `adc_time` is the monotonic-clock time of the window's first frame at the converter, where the source
     knows it, and `at_hand` that at which the last one was at hand. `string` is the name of the string, of a
-    run that has several; empty for one alone. Sinks in several threads share a moment.
+    run that has several; empty for one alone. Sinks in several threads share an update.
     """
 
     prediction: Prediction
@@ -87,7 +87,7 @@ class Writer(ABC):
     """An open sink."""
 
     @abstractmethod
-    def write(self, moment: Moment) -> None:
+    def write(self, update: Update) -> None:
         """Take one prediction; a slow writer loses the oldest that wait for it, and delays nobody else.
 
         Calls come one at a time, from a thread of the sink's own or from the live loop. A writer that raises
@@ -119,7 +119,7 @@ class Sink(Checked, ABC):
 
     @property
     def is_for_each_string(self) -> bool:
-        """Whether each of several strings has one of its own; otherwise one takes the moments of all."""
+        """Whether each of several strings has one of its own; otherwise one takes the updates of all."""
         return False
 
 
