@@ -7,8 +7,8 @@ What a program needs first stands here and is loaded when it is used, so that th
 
     import monochord as mc
 
-    for prediction in mc.listen("twin", model="demo", seconds=2.0):
-        print(prediction.time, prediction["position"].value, prediction["position"].std)
+    for update in mc.listen("twin", model="demo", seconds=2.0):
+        print(update.time, update.position, update.force, update.tracked.position)
 """
 
 from importlib import import_module
@@ -16,7 +16,9 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from monochord.core.types import Estimate
     from monochord.live.listen import listen, listen_async
+    from monochord.live.sinks.base import Update
     from monochord.live.tuning import tune
     from monochord.perception.data import features, load_dataset
     from monochord.perception.learner import TouchEstimator
@@ -28,7 +30,9 @@ if TYPE_CHECKING:
 __version__ = version("monochord")
 
 __all__ = [
+    "Estimate",
     "TouchEstimator",
+    "Update",
     "VirtualSensor",
     "__version__",
     "features",
@@ -42,7 +46,9 @@ __all__ = [
 ]
 
 _HOMES = {
+    "Estimate": "monochord.core.types",
     "TouchEstimator": "monochord.perception.learner",
+    "Update": "monochord.live.sinks.base",
     "VirtualSensor": "monochord.physics.twin.virtual_sensor",
     "features": "monochord.perception.data",
     "listen": "monochord.live.listen",

@@ -18,7 +18,7 @@ from monochord.core.types import Estimate, Prediction, Signal, StreamHealth, Win
 from monochord.core.windows import windows
 from monochord.figures import FIGURES
 from monochord.live.sinks import SINKS
-from monochord.live.sinks.base import Update, Run
+from monochord.live.sinks.base import Run, Update
 from monochord.perception.estimators import ESTIMATORS
 from monochord.perception.features import FEATURES
 from monochord.perception.heads import HEADS

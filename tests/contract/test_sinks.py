@@ -15,7 +15,7 @@ from monochord.core.errors import InputError
 from monochord.core.types import Audio, Estimate, Prediction, Signal, StreamHealth, StringParams, Window
 from monochord.live.delivery import Delivery
 from monochord.live.sinks import SINKS
-from monochord.live.sinks.base import Update, Run
+from monochord.live.sinks.base import Run, Update
 
 STRING = StringParams(length=0.65, linear_density=6.5e-4, tension=65.0)
 TONE = (0.3 * np.sin(np.arange(4410) * 0.1)).astype(np.float32)

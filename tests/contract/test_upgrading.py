@@ -123,13 +123,16 @@ def test_a_calibrated_model_estimates_as_it_did() -> None:
     updates = list(mc.listen(V0_1 / "touches.mcap", model=V0_1 / "model"))
     assert len(updates) == 181
     held = [each for each in updates if 1.1 <= each.time <= 1.5]
-    means = {name: np.mean([each[name].value for each in held]) for name in ("contact", "position", "force")}
+    means = {
+        name: np.mean([getattr(each, name).value for each in held])
+        for name in ("contact", "position", "force")
+    }
     assert means["contact"] == pytest.approx(0.994, abs=0.01)
     assert means["position"] == pytest.approx(PLACE, abs=5e-4)
     assert means["force"] == pytest.approx(FORCE, abs=0.1)
     untouched = [each for each in updates if 0.3 <= each.time <= 0.7]
-    assert max(each["contact"].value for each in untouched) < 0.1
-    assert not any(each["force"].valid for each in untouched)
+    assert max(each.contact.value for each in untouched) < 0.1
+    assert not any(each.force.valid for each in untouched)
 
 
 def test_a_sink_of_a_third_party_is_refused_in_one_line(

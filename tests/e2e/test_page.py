@@ -14,7 +14,7 @@ from tests.e2e.browser import Page, chromium, opened
 from tests.e2e.test_web import READY, String, choose, demonstration
 from tests.live.web.test_server import SIGNAL, Keep, update
 
-from monochord.core.types import OUTSIDE_RANGE, Estimate, Signal
+from monochord.core.types import OUTSIDE_RANGE, Estimate, Signal, Tracked
 from monochord.live.health import Note
 from monochord.live.sinks.base import Update
 from monochord.live.web.server import Server
@@ -60,7 +60,7 @@ def telling(estimates: dict[str, Estimate]) -> Update:
     plain = update(1)
     contact = Estimate(value=0.999, std=0.001, unit="")
     prediction = replace(plain.prediction, estimates={"contact": contact, **estimates})
-    return replace(plain, prediction=prediction, truth=TRUTH, notes=NOTES, tracked={})
+    return replace(plain, prediction=prediction, truth=TRUTH, notes=NOTES, tracked=Tracked())
 
 
 @contextmanager

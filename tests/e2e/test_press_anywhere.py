@@ -99,9 +99,9 @@ def test_a_typed_touch_outside_the_range_is_refused_where_it_is_typed(page: Page
 def test_the_table_counts_every_place(counts: dict[float, Count]) -> None:
     assert [*counts] == [*PLACES]
     for place, count in counts.items():
-        assert count.updates > 20, place
-        assert count.answered + count.reasons.total() == count.updates
-        assert count.contact_wrong <= 0.05 * count.updates, place
+        assert count.moments > 20, place
+        assert count.answered + count.reasons.total() == count.moments
+        assert count.contact_wrong <= 0.05 * count.moments, place
 
 
 def test_no_position_is_far_off_inside_the_range_and_there_is_none_outside(
@@ -110,8 +110,8 @@ def test_no_position_is_far_off_inside_the_range_and_there_is_none_outside(
     zone = zones(counts, SENSOR.range)
     inside, outside = zone["inside"], zone["outside"]
     assert inside.answered > 0
-    assert inside.far <= 0.005 * inside.updates
-    assert inside.shown_far <= 0.005 * inside.updates
+    assert inside.far <= 0.005 * inside.moments
+    assert inside.shown_far <= 0.005 * inside.moments
     assert (outside.answered, outside.shown) == (0, 0)
     assert outside.reasons.most_common(1)[0][0] == OUTSIDE
 

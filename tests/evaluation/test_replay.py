@@ -69,7 +69,7 @@ def test_it_equals_live_inference_to_the_bit(dataset: Dataset, sessions: tuple[P
         np.testing.assert_array_equal(results.estimate(name), live)
         np.testing.assert_array_equal(results.std[name], [each[name].std for each in live_estimates])
         why = [results.reasons[number] for number in results.why[name].tolist()]
-        assert why == [each[name].why_not for each in live_estimates]
+        assert why == [each[name].reason for each in live_estimates]
     assert np.isfinite(results.estimate("position")).sum() > 100
 
 

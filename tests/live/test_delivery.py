@@ -15,7 +15,7 @@ from monochord.core.types import Prediction, Signal, StreamHealth, Window
 from monochord.live import delivery
 from monochord.live.delivery import Delivered, Delivery
 from monochord.live.sinks import SINKS
-from monochord.live.sinks.base import BACKLOG, NEWEST, Listener, Update, NotDeliveredError, Run, Sink, Writer
+from monochord.live.sinks.base import BACKLOG, NEWEST, Listener, NotDeliveredError, Run, Sink, Update, Writer
 
 SIGNAL = Signal(sample_rate=44100, channels=2)
 WINDOW = Window(samples=np.zeros((2, 4410), np.float32), start=0, sample_rate=44100)

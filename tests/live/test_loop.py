@@ -22,7 +22,7 @@ from monochord.core.types import Audio, Block, Estimate, Prepared, Signal, Strea
 from monochord.live import LiveRun, WindowSettings, run
 from monochord.live.filter import FilterSettings
 from monochord.live.loop import opened
-from monochord.live.sinks.base import Listener, Update, Run, Sink, Writer
+from monochord.live.sinks.base import Listener, Run, Sink, Update, Writer
 from monochord.live.tracks import TrackSettings
 from monochord.perception.estimators.base import Condition, Estimator, Watching
 from monochord.physics.sensors import load_sensor

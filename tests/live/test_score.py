@@ -6,7 +6,7 @@ import pytest
 
 from monochord.core.types import Estimate, Prediction, Signal, StreamHealth, Window
 from monochord.live import Scorer
-from monochord.live.sinks.base import Update, Run
+from monochord.live.sinks.base import Run, Update
 
 WINDOW = Window(samples=np.zeros((2, 4410), np.float32), start=0, sample_rate=44100)
 UNITS = {"position": "m", "force": "N"}

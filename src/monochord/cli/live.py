@@ -31,7 +31,7 @@ from monochord.core.files import replacing
 from monochord.live import LiveRun, run
 from monochord.live.settings import NAME
 from monochord.live.sinks import SINKS
-from monochord.live.sinks.base import Listener, Update, Run, Sink, Writer
+from monochord.live.sinks.base import Listener, Run, Sink, Update, Writer
 from monochord.perception.model.bundled import bundled_names
 from monochord.physics.sensors import sensor_names
 

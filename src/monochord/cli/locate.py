@@ -28,7 +28,7 @@ from monochord.cli._output import echo
 from monochord.core.config import Tree, override
 from monochord.core.errors import InputError
 from monochord.live import LiveRun, run
-from monochord.live.sinks.base import Listener, Update, Run, Writer
+from monochord.live.sinks.base import Listener, Run, Update, Writer
 from monochord.perception.model.bundled import bundled_names
 
 CONTACT = "contact"
@@ -99,7 +99,7 @@ class _Table(Listener):
         """Count one window."""
         position, frequency = (update.prediction.estimate(name) for name in ("position", "frequency"))
         if not position.valid:
-            self._reasons[position.why_not] += 1
+            self._reasons[position.reason] += 1
             return
         self._one_note += CONTACT not in update.prediction.estimates
         self._positions.append(position.value)

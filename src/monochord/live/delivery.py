@@ -16,7 +16,7 @@ from monochord.core.errors import DeviceError, InputError, MonochordError
 from monochord.core.printable import printable
 from monochord.core.units import Seconds
 from monochord.live.health import Note
-from monochord.live.sinks.base import Listener, Update, NotDeliveredError, Run, Sink
+from monochord.live.sinks.base import Listener, NotDeliveredError, Run, Sink, Update
 
 CLOSING: Seconds = 5.0
 """How long sinks may take, together, to write what waits for them at the end of a run."""

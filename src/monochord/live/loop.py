@@ -16,14 +16,14 @@ from monochord.core.clock import SampleClock
 from monochord.core.errors import InputError
 from monochord.core.interruption import interruption
 from monochord.core.priority import FIRST, before_other_programs, prioritise
-from monochord.core.types import Block, Prediction, Signal, Truth, Window
+from monochord.core.types import Block, Prediction, Signal, Tracked, Truth, Window
 from monochord.core.units import Samples, Seconds
 from monochord.core.windows import windows
 from monochord.live import events, health
 from monochord.live import filter as time_filter
 from monochord.live.delivery import Delivered, Delivery
 from monochord.live.settings import LiveRun, channels_of
-from monochord.live.sinks.base import Update, Run
+from monochord.live.sinks.base import Run, Update
 from monochord.live.summary import Meter, Summary
 from monochord.perception.estimators.base import Watching
 from monochord.physics.sensors import load_sensor, with_sensor
@@ -189,7 +189,7 @@ class LiveStream:
                     health=counters,
                     truth=NO_TRUTH if string.name else stream.truth(window.start, end),
                     skipped=skipped,
-                    tracked=tracked.estimates,
+                    tracked=Tracked(estimates=tracked.estimates),
                     decided=tracked.decided,
                     events=changes,
                     notes=notes,

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 from tests.live.sinks.made import SIGNAL, update
 
-from monochord.core.types import Estimate
+from monochord.core.types import Estimate, Tracked
 from monochord.live.events import Event
 from monochord.live.health import Note
-from monochord.live.sinks.base import Update, Run
+from monochord.live.sinks.base import Run, Update
 from monochord.live.sinks.csv import Csv
 
 POSITION = Estimate(value=0.2275, std=2e-4, unit="m")
@@ -29,7 +29,7 @@ def test_a_row_has_estimates_reasons_truth_and_counters(tmp_path: Path) -> None:
     force = Estimate.abstain("N", 'too "soft", says it')
     given = replace(
         update({"position": POSITION, "force": force}, {"position": 0.22}),
-        tracked={"position": Estimate(value=0.22, std=math.inf, unit="m")},
+        tracked=Tracked(estimates={"position": Estimate(value=0.22, std=math.inf, unit="m")}),
         decided={"contact": True},
         adc_time=time.monotonic() - 100.0,
         events=(Event(name="contact", on=True, time=0.11, delay=0.0, confidence=0.9),),

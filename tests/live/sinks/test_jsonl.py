@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from tests.live.sinks.made import SIGNAL, update
 
-from monochord.core.types import Estimate
+from monochord.core.types import Estimate, Tracked
 from monochord.live.health import Note
-from monochord.live.sinks.base import Update, Run
+from monochord.live.sinks.base import Run, Update
 from monochord.live.sinks.jsonl import Jsonl
 from monochord.perception.estimators.base import Condition
 
@@ -77,7 +77,11 @@ def test_everything_else_beside_it(tmp_path: Path) -> None:
 
 
 def test_what_is_followed_over_time_too(tmp_path: Path) -> None:
-    sound = replace(update({"position": POSITION}), tracked={"position": POSITION}, decided={"slip": True})
+    sound = replace(
+        update({"position": POSITION}),
+        tracked=Tracked(estimates={"position": POSITION}),
+        decided={"slip": True},
+    )
     pitch = Condition(open_frequency=Estimate(value=322.4, std=0.5, unit="Hz"), deviation=0.03)
     note = Note(key="hum", level="error", sentence="Hum.", remedy="Look.", since=0.0)
     told = replace(sound, notes=(note,), condition=pitch)

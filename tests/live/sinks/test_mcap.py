@@ -12,11 +12,11 @@ import pytest
 from rosbags.highlevel import AnyReader
 
 from monochord.core.errors import InputError
-from monochord.core.types import Block, Estimate, Prediction, Signal, StreamHealth
+from monochord.core.types import Block, Estimate, Prediction, Signal, StreamHealth, Tracked
 from monochord.core.windows import windows
 from monochord.live.events import Event
 from monochord.live.health import Note
-from monochord.live.sinks.base import Update, Run
+from monochord.live.sinks.base import Run, Update
 from monochord.live.sinks.mcap import Mcap
 from monochord.sessions import SessionReader, check, read_session
 from monochord.sessions.exports.foxglove import Foxglove
@@ -90,7 +90,7 @@ def test_events_notes_and_reasons_are_events_of_the_session(tmp_path: Path) -> N
     hum = Note(key="hum", level="warning", sentence="Mains hum.", remedy="Ground it.", since=0.2)
     touch = Event(name="contact", on=True, time=0.35, delay=0.02, confidence=0.9)
     for k in (20, 21, 22):
-        away = {"position": NOTHING, "force": replace(NOTHING, why_not="sliding")}
+        away = {"position": NOTHING, "force": replace(NOTHING, reason="sliding")}
         given[k] = replace(given[k], prediction=replace(given[k].prediction, estimates=away), notes=(hum,))
     given[27] = replace(given[27], events=(touch,))
     session = written(tmp_path / "a.mcap", given)
@@ -116,7 +116,12 @@ def test_events_notes_and_reasons_are_events_of_the_session(tmp_path: Path) -> N
 
 def test_what_is_known_to_be_true_and_followed_is_beside_it(tmp_path: Path) -> None:
     given = [
-        replace(each, truth={"contact": 1.0}, tracked={"position": POSITION}, decided={"slip": False})
+        replace(
+            each,
+            truth={"contact": 1.0},
+            tracked=Tracked(estimates={"position": POSITION}),
+            decided={"slip": False},
+        )
         for each in updates([Block(samples=NOISE, start=0)], 100.0)
     ]
     session = written(tmp_path / "a.mcap", given)

@@ -18,11 +18,11 @@ from tests.waiting import wait_for
 from monochord.capture.dds import messages as ros
 from monochord.capture.dds.participant import Participant
 from monochord.core.errors import DeviceError, InputError
-from monochord.core.types import Estimate
+from monochord.core.types import Estimate, Tracked
 from monochord.live.events import Event
 from monochord.live.health import Note
 from monochord.live.sinks import SINKS
-from monochord.live.sinks.base import Update, Run
+from monochord.live.sinks.base import Run, Update
 from monochord.live.sinks.ros2 import TOPICS, Ros2
 from monochord.sessions.codec import decode
 
@@ -93,7 +93,7 @@ def test_what_is_not_known_is_silent_with_its_reason_in_the_message_of_all() -> 
 @pytest.mark.parametrize("tracked", [True, False])
 def test_what_is_followed_over_time_is_preferred(*, tracked: bool) -> None:
     over_time = {"position": Estimate(value=0.09, std=1e-4, unit="m")}
-    given = update(TOUCHED, tracked=over_time, decided={"contact": True, "slip": True})
+    given = update(TOUCHED, tracked=Tracked(estimates=over_time), decided={"contact": True, "slip": True})
     messages = published(given, tracked=tracked)
     assert messages["touch"][0].point.x == (0.09 if tracked else 0.08)
     assert messages["slip"][0].data is tracked

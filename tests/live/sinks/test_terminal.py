@@ -23,7 +23,7 @@ from monochord.live import health
 from monochord.live.events import Event
 from monochord.live.health import Finding, Note
 from monochord.live.sinks import _notes, _view
-from monochord.live.sinks.base import Update, Run
+from monochord.live.sinks.base import Run, Update
 from monochord.live.sinks.terminal import Terminal
 
 SIGNAL = Signal(sample_rate=44100, channels=2)

@@ -8,11 +8,11 @@ from tests.live.sinks import made
 from tests.live.sinks.made import SIGNAL
 
 from monochord.core.errors import DeviceError, InputError
-from monochord.core.types import Estimate
+from monochord.core.types import Estimate, Tracked
 from monochord.live.events import Event
 from monochord.live.health import Note
 from monochord.live.sinks._record import unix_nanoseconds
-from monochord.live.sinks.base import Update, NotDeliveredError, Run
+from monochord.live.sinks.base import NotDeliveredError, Run, Update
 from monochord.live.sinks.jsonl import Jsonl
 from monochord.live.sinks.udp import Udp
 
@@ -27,7 +27,7 @@ def update(**taken: float) -> Update:
     return made.update(
         ESTIMATES,
         {"position": 0.1201, "slip": math.nan},
-        tracked={"position": Estimate(value=0.1203, std=math.inf, unit="m")},
+        tracked=Tracked(estimates={"position": Estimate(value=0.1203, std=math.inf, unit="m")}),
         decided={"contact": True},
         events=(Event(name="slip", on=False, time=0.1, delay=0.01, confidence=0.9),),
         notes=(Note(key="hum", level="warning", sentence="", remedy="", since=0.0),),

@@ -7,7 +7,7 @@ import time
 from urllib.parse import quote, urlsplit
 
 import pytest
-from tests.live.web.test_server import SIGNAL, TOKEN, free, get, live, messages_of, update, running
+from tests.live.web.test_server import SIGNAL, TOKEN, free, get, live, messages_of, running, update
 from websockets.exceptions import InvalidStatus
 
 from monochord.core.errors import InputError

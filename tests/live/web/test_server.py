@@ -24,8 +24,8 @@ from monochord.core.types import Contact, Estimate, Prediction, Signal, StreamHe
 from monochord.live.events import Event
 from monochord.live.health import Note
 from monochord.live.sinks import SINKS
-from monochord.live.sinks.base import Update, Writer
 from monochord.live.sinks.base import Run as SinkRun
+from monochord.live.sinks.base import Update, Writer
 from monochord.live.web import messages
 from monochord.live.web.server import MAX_MESSAGE, PAGE, RATE, Server
 from monochord.perception.estimators.base import Condition

@@ -46,7 +46,7 @@ def _position(prediction: Prediction) -> dict[str, Any]:
         "position": position.value,
         "position_std": position.std,
         "valid": position.valid,
-        "why_not": position.why_not,
+        "why_not": position.reason,
     }
 
 

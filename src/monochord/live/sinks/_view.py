@@ -237,7 +237,7 @@ def _in_words(name: str, estimate: Estimate) -> str:
     if not estimate.valid:
         # "no contact" would be an answer.
         missing = f"{name} not estimated" if name in WORDS else f"no {name}"
-        return f"{missing} ({estimate.why_not})"
+        return f"{missing} ({estimate.reason})"
     if name in WORDS:
         word, share = probability_in_words(name, estimate.value)
         return f"{word} ({share})"
@@ -249,7 +249,7 @@ def _estimates(update: Update, length: Metres, columns: int) -> Iterator[Text]:
         line = Text.assemble((f"  {name.replace('_', ' '):<12}", LABEL))
         if not estimate.valid:
             line.append(f"{'--':>10}", DIM)
-            line.append(f"  {estimate.why_not}", WARN if estimate.why_not not in NO_TROUBLE else DIM)
+            line.append(f"  {estimate.reason}", WARN if estimate.reason not in NO_TROUBLE else DIM)
         elif name in WORDS:
             word, share = probability_in_words(name, estimate.value)
             line.append(f"{word:>10}", "bold").append(f"  {share:<11}", LABEL)

@@ -11,7 +11,7 @@ from typing import TextIO
 
 from monochord.core.errors import InputError
 from monochord.live.sinks._record import record
-from monochord.live.sinks.base import Update, Run, Sink, Writer
+from monochord.live.sinks.base import Run, Sink, Update, Writer
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,7 +14,7 @@ from monochord.core.dated import dated_path
 from monochord.core.types import Audio, Block, Feed, Flags, Readings, Signal
 from monochord.core.units import Samples, Seconds
 from monochord.live.sinks._record import record
-from monochord.live.sinks.base import Update, Run, Sink, Writer
+from monochord.live.sinks.base import Run, Sink, Update, Writer
 from monochord.sessions import ESTIMATES, Description, SessionClock, SessionWriter
 
 WRITE_INTERVAL: Seconds = 0.25
@@ -169,9 +169,9 @@ class _Session(Writer):
             more = {"delay": event.delay, "confidence": event.confidence}
             self._writer.event(ahead + event.time, event.kind, "", **_finite(more))
         for name, estimate in update.prediction.estimates.items():
-            if self._reasons.get(name, "") != estimate.why_not:
-                self._reasons[name] = estimate.why_not
-                self._writer.event(end, "abstention", estimate.why_not, estimate=name)
+            if self._reasons.get(name, "") != estimate.reason:
+                self._reasons[name] = estimate.reason
+                self._writer.event(end, "abstention", estimate.reason, estimate=name)
         notes = {note.key: note for note in update.notes}
         for key in self._notes.keys() - notes.keys():
             self._writer.event(end, "note_ends", self._notes.pop(key), key=key)

@@ -11,7 +11,7 @@ from monochord.core.types import Estimate
 from monochord.core.units import Seconds
 from monochord.live.events import Event
 from monochord.live.sinks._record import NANO, unix_nanoseconds
-from monochord.live.sinks.base import NEWEST, Update, NotDeliveredError, Run, Sink, Writer
+from monochord.live.sinks.base import NEWEST, NotDeliveredError, Run, Sink, Update, Writer
 
 if TYPE_CHECKING:
     from monochord.capture.dds.participant import Participant
@@ -224,7 +224,7 @@ def _plain(estimate: Estimate) -> Any:
         value=float(estimate.value),
         std=float(estimate.std),
         valid=bool(estimate.valid),
-        why_not=estimate.why_not,
+        why_not=estimate.reason,
     )
 
 

@@ -17,7 +17,7 @@ from monochord.core.units import Metres, Seconds
 from monochord.live.events import Event
 from monochord.live.health import Note
 from monochord.live.sinks import _notes, _view
-from monochord.live.sinks.base import Update, Run, Sink, Writer
+from monochord.live.sinks.base import Run, Sink, Update, Writer
 
 DEFAULT_LENGTH: Metres = 0.65  # to draw a string of unknown length
 

@@ -10,7 +10,7 @@ from monochord.capture.address import is_port, resolved
 from monochord.core.errors import InputError
 from monochord.core.units import Seconds
 from monochord.live.sinks._record import NANO, record, unix_nanoseconds
-from monochord.live.sinks.base import NEWEST, Update, NotDeliveredError, Run, Sink, Writer
+from monochord.live.sinks.base import NEWEST, NotDeliveredError, Run, Sink, Update, Writer
 
 RESOLVING: Seconds = 5.0
 """How long the receiver's name may take to be found, before the first window."""

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from monochord.capture.address import is_port, resolved
 from monochord.core.errors import InputError
 from monochord.core.units import Metres
-from monochord.live.sinks.base import Update, Run, Sink, Writer
+from monochord.live.sinks.base import Run, Sink, Update, Writer
 from monochord.live.sinks.terminal import DEFAULT_LENGTH
 from monochord.live.web.access import is_loopback
 

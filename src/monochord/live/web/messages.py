@@ -281,6 +281,6 @@ def _pitch(condition: Condition | None) -> dict[str, Any] | None:
 
 def _estimates(estimates: Mapping[str, Estimate]) -> dict[str, Any]:
     return {
-        name: {"value": number(e.value), "std": number(e.std), "unit": e.unit, "why": e.why_not}
+        name: {"value": number(e.value), "std": number(e.std), "unit": e.unit, "why": e.reason}
         for name, e in estimates.items()
     }

@@ -7,7 +7,7 @@ from monochord.core.types import Signal
 from monochord.core.units import Samples, Seconds
 from monochord.live.delivery import Delivery, reason
 from monochord.live.sinks import SINKS
-from monochord.live.sinks.base import Update, Run
+from monochord.live.sinks.base import Run, Update
 
 
 class Recording:
