@@ -135,6 +135,33 @@ def test_a_calibrated_model_estimates_as_it_did() -> None:
     assert not any(each.force.valid for each in untouched)
 
 
+def test_a_script_of_0_1_runs_with_warnings() -> None:
+    script = """
+import monochord as mc
+
+for prediction in mc.listen("touches.mcap", model="model", seconds=1.3):
+    position, force = prediction["position"], prediction["force"]
+print(prediction.time, prediction.start, prediction.latency < 10.0, sorted(prediction.estimates))
+print(position.value, position.std, force.valid, prediction.estimate("hardness").why_not)
+"""
+    run = subprocess.run(
+        [sys.executable, "-W", "always", "-c", script], cwd=V0_1, capture_output=True, text=True, check=True
+    )
+    first, second = run.stdout.splitlines()
+    assert first == "1.2 19200 True ['contact', 'force', 'position', 'slip']"
+    place, std, *rest = second.split()
+    assert float(place) == pytest.approx(PLACE, abs=5e-4)
+    assert 0.0 < float(std) < 1e-3
+    assert rest == ["True", "not", "estimated"]
+    said = [line.split("Warning: ")[1] for line in run.stderr.splitlines() if "DeprecationWarning" in line]
+    assert set(said) == {
+        "update['position'] is deprecated: use update.position",
+        "update['force'] is deprecated: use update.force",
+        "Estimate.why_not is deprecated: use Estimate.reason",
+    }
+
+
+@pytest.mark.filterwarnings("ignore:Moment is deprecated:DeprecationWarning")
 def test_a_sink_of_a_third_party_is_refused_in_one_line(
     home: Path, tally: None, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -96,7 +96,7 @@ def test_what_is_not_estimated_abstains_and_other_names_are_refused(sound: np.nd
     assert str(update.tracked.slip) == "no answer: not estimated"
     assert update.frequency is update.estimates["frequency"]
     for names in (update, update.tracked):
-        with pytest.raises(AttributeError, match="no attribute or estimate 'postion'; estimates: ?"):
+        with pytest.raises(AttributeError, match="no attribute or estimate 'postion'; estimates: "):
             _ = names.postion
 
 

@@ -265,7 +265,7 @@ def _with_effects(
 
 
 def label_columns(labels: Labels) -> dict[str, Floats]:
-    """Return the labels of at most one touch by name, at every frame; those of a touch only where it is one."""
+    """Return the labels of every frame by name, those of a touch only where there is one."""
     columns: dict[str, Floats] = {"settled": labels.settled}
     if labels.contact.shape[0]:
         columns |= {
