@@ -1,7 +1,10 @@
 """What `mc.listen` yields, from each kind of source."""
 
 import asyncio
+import copy
 import math
+import pickle
+import re
 from itertools import islice
 from pathlib import Path
 
@@ -170,3 +173,13 @@ def test_a_virtual_sensor_is_touched_from_asyncio() -> None:
     values = asyncio.run(places())
     assert len(values) == 51
     assert values[-1] == pytest.approx(0.08)
+
+
+def test_an_update_tells_its_names_and_reads_as_a_line(sound: np.ndarray, updates: list[Update]) -> None:
+    frequency = next(mc.listen(sound, "tuning", sample_rate=RATE, sensor="prototype"))
+    assert {"frequency", "position", "tracked"} <= set(dir(frequency))
+    line = str(updates[-1])
+    assert line.startswith("1.40 s: contact ")
+    assert re.search(r"position (79|80)\.\d \+- 0\.\d mm", line)
+    assert copy.deepcopy(updates[-1]).position == updates[-1].position
+    assert pickle.loads(pickle.dumps(updates[-1].prediction)) == updates[-1].prediction  # noqa: S301

@@ -220,6 +220,10 @@ class NamedEstimates(ABC):
         """Probability that the touch slides."""
         return self.estimate("slip")
 
+    def __dir__(self) -> list[str]:
+        """Return the attributes, the estimates among them."""
+        return [*super().__dir__(), *self._named()]
+
     def __getattr__(self, name: str) -> Estimate:
         """Return the estimate of another name; raises `AttributeError` where there is none."""
         if name.startswith("_") or name in _fields_of(type(self)):  # not set yet, while it is copied

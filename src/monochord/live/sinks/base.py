@@ -92,10 +92,14 @@ class Update(NamedEstimates):
     def _named(self) -> Estimates:
         return self.prediction.estimates
 
+    def __str__(self) -> str:
+        """Return time and estimates as a person reads them."""
+        return f"{self.time:.2f} s: " + "; ".join(f"{name} {each}" for name, each in self.estimates.items())
+
     def __getitem__(self, name: str) -> Estimate:
         """Return an estimate by name; deprecated, as ``update.position`` is the same."""
-        instead = f"update.{name}" if name.isidentifier() else f"update.estimates['{name}']"
-        warnings.warn(f"update['{name}'] is deprecated: use {instead}", DeprecationWarning, stacklevel=2)
+        said = f"update['{name}'] is deprecated: use update.{name}"
+        warnings.warn(said, DeprecationWarning, stacklevel=2)
         return self.prediction[name]
 
 
