@@ -134,7 +134,7 @@ class Estimate:
 
     @property
     def why_not(self) -> str:
-        """The former name of `reason`; deprecated."""
+        """The name of `reason` in version 0.1; deprecated."""
         warnings.warn("Estimate.why_not is deprecated: use Estimate.reason", DeprecationWarning, stacklevel=2)
         return self.reason
 
