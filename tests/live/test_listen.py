@@ -181,5 +181,10 @@ def test_an_update_tells_its_names_and_reads_as_a_line(sound: np.ndarray, update
     line = str(updates[-1])
     assert line.startswith("1.40 s: contact ")
     assert re.search(r"position (79|80)\.\d \+- 0\.\d mm", line)
-    assert copy.deepcopy(updates[-1]).position == updates[-1].position
-    assert pickle.loads(pickle.dumps(updates[-1].prediction)) == updates[-1].prediction  # noqa: S301
+
+
+def test_an_update_is_copied_and_crosses_to_another_process(updates: list[Update]) -> None:
+    last = updates[-1]
+    for other in (copy.deepcopy(last), pickle.loads(pickle.dumps(last))):  # noqa: S301
+        assert (other.prediction, other.tracked, other.health) == (last.prediction, last.tracked, last.health)
+        assert (other.decided, other.events, other.truth) == (last.decided, last.events, last.truth)

@@ -3,6 +3,7 @@
 Sample arrays are channel-first, ``(channel, sample)``, as the paper's A in R^{2xT}.
 """
 
+import copyreg
 import math
 import warnings
 from abc import ABC, abstractmethod
@@ -25,6 +26,14 @@ from monochord.core.units import (
     Samples,
     Seconds,
 )
+
+
+def _read_only(values: dict[Any, Any]) -> MappingProxyType[Any, Any]:
+    return MappingProxyType(values)
+
+
+# So that what holds one crosses to another process, and is copied.
+copyreg.pickle(MappingProxyType, lambda proxy: (_read_only, (dict(proxy),)))
 
 Floats: TypeAlias = NDArray[np.float64]
 Audio: TypeAlias = NDArray[np.float32]
