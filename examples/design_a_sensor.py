@@ -47,9 +47,9 @@ def achieved() -> tuple[float, float]:
     press = ScriptedTouch(start=0.8, position=place, force=FORCE)
     for build in range(321, 329):
         twin = TwinSource(world="plausible", build=build, seed=build, script=(press,), speed=0.0)
-        for prediction in mc.listen(twin, "demo", seconds=1.6, hop=0.05):
-            x, force = prediction["position"], prediction["force"]
-            if prediction.time > 1.2 and x.valid and force.valid:
+        for update in mc.listen(twin, "demo", seconds=1.6, hop=0.05):
+            x, force = update.position, update.force
+            if update.time > 1.2 and x.valid and force.valid:
                 errors.append((1e6 * (x.value - place), 1e3 * (force.value - FORCE)))
     return tuple(np.sqrt(np.mean(np.square(errors), axis=0)).tolist())
 

@@ -24,10 +24,9 @@ def main() -> None:
         for window in windows(stream, size=size, hop=hop, sample_rate=rate):
             position = estimate(window)["position"]
             truth = stream.truth(window.start, window.start + size)
-            result = f"{1e3 * position.value:6.1f} mm" if position.valid else position.why_not
             touched = f"{1e3 * truth['position']:6.1f} mm" if "position" in truth else "nothing"
             settling = "" if truth.get("settled", 0.0) > 0.99 else "  (settling)"
-            print(f"{clock.time(window.start):5.2f} s  truth: {touched:10}  estimate: {result}{settling}")
+            print(f"{clock.time(window.start):5.2f} s  truth: {touched:10}  estimate: {position}{settling}")
 
 
 if __name__ == "__main__":

@@ -31,8 +31,7 @@ def main() -> None:
     for start in range(0, microphones.shape[1] - WINDOW + 1, WINDOW):
         samples = microphones[:, start : start + WINDOW]
         x = estimate(Window(samples=samples, start=start, sample_rate=sound.sample_rate))["position"]
-        result = f"{1e3 * x.value:.2f} +- {1e3 * x.std:.2f} mm" if x.valid else f"no estimate, {x.why_not}"
-        print(f"{start / sound.sample_rate:.1f} s: {result}")
+        print(f"{start / sound.sample_rate:.1f} s: {x}")
 
 
 if __name__ == "__main__":

@@ -131,10 +131,10 @@ def record(setup: LiveRun) -> Recorded:
         size, hop = setup.window.frames(live.signal.sample_rate)
         rate = live.signal.sample_rate
         edges = np.linspace(-hop, 0, PARTS + 1).round().astype(int).tolist()
-        for moment in live:
-            predictions.append(moment.prediction)
-            truths.append(moment.truth)
-            end = moment.prediction.start + size
+        for update in live:
+            predictions.append(update.prediction)
+            truths.append(update.truth)
+            end = update.prediction.start + size
             for first, last in pairwise(edges):
                 times.append((end + last) / rate)
                 parts.append(stream.truth(end + first, end + last))

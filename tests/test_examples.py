@@ -76,12 +76,24 @@ def test_design_a_sensor(output: Output) -> None:
 
 
 def test_follow_a_stream(output: Output) -> None:
-    rows = re.findall(
-        r"truth: +([\d.]+) mm +estimate: +([\d.]+) mm$", output("follow_a_stream.py"), re.MULTILINE
-    )
+    pattern = r"truth: +([\d.]+) mm +estimate: ([\d.]+) \+- [\d.]+ mm$"
+    rows = re.findall(pattern, output("follow_a_stream.py"), re.MULTILINE)
     errors = [abs(float(truth) - float(estimate)) for truth, estimate in rows]
     assert len(errors) >= 10
     assert sorted(errors)[len(errors) // 2] < 1.0
+
+
+def test_press_and_follow(output: Output) -> None:
+    text = output("press_and_follow.py")
+    events = re.findall(r"^([\d.]+) s  (contact|slip) (begins|ends)$", text, re.MULTILINE)
+    assert [(name, change) for _, name, change in events] == [
+        ("contact", "begins"), ("slip", "begins"), ("slip", "ends"), ("contact", "ends")
+    ]  # fmt: skip
+    assert [float(time) for time, _, _ in events] == pytest.approx([0.7, 1.3, 1.7, 2.0], abs=0.2)
+    rows = re.findall(r"([\d.]+) \+- [\d.]+ mm, .*\(truth ([\d.]+) mm\)$", text, re.MULTILINE)
+    assert len(rows) > 5
+    errors = sorted(abs(float(estimate) - float(truth)) for estimate, truth in rows)
+    assert errors[len(errors) // 2] < 1.0
 
 
 def test_touch_the_twin(output: Output) -> None:

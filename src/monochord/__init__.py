@@ -7,8 +7,8 @@ What a program needs first stands here and is loaded when it is used, so that th
 
     import monochord as mc
 
-    for prediction in mc.listen("twin", model="demo", seconds=2.0):
-        print(prediction.time, prediction["position"].value, prediction["position"].std)
+    for update in mc.listen("twin", model="demo", seconds=2.0):
+        print(update.time, update.position, update.force, update.tracked.position)
 """
 
 from importlib import import_module
@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from monochord.core.errors import DeviceError, InputError
+    from monochord.core.types import Estimate
     from monochord.front.audit import audit
     from monochord.front.build import build
     from monochord.front.calibrate import calibrate
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from monochord.front.record import record
     from monochord.front.train import train
     from monochord.live.listen import listen, listen_async
+    from monochord.live.sinks.base import Update
     from monochord.live.tuning import tune
     from monochord.perception.data import features, load_dataset
     from monochord.perception.model import PredictionTable, load
@@ -36,8 +38,10 @@ __version__ = version("monochord")
 
 __all__ = [
     "DeviceError",
+    "Estimate",
     "InputError",
     "PredictionTable",
+    "Update",
     "VirtualSensor",
     "__version__",
     "audit",
@@ -59,8 +63,10 @@ __all__ = [
 
 _HOMES = {
     "DeviceError": "monochord.core.errors",
+    "Estimate": "monochord.core.types",
     "InputError": "monochord.core.errors",
     "PredictionTable": "monochord.perception.model",
+    "Update": "monochord.live.sinks.base",
     "VirtualSensor": "monochord.physics.twin.virtual_sensor",
     "audit": "monochord.front.audit",
     "build": "monochord.front.build",

@@ -20,7 +20,7 @@ from monochord.figures import base
 from monochord.live import LiveRun
 from monochord.live import run as live
 from monochord.live.settings import WindowSettings
-from monochord.live.sinks.base import Listener, Moment
+from monochord.live.sinks.base import Listener, Update
 from monochord.perception.estimators.model import ModelEstimator
 from monochord.perception.training.settings import TrainingSettings
 from monochord.perception.training.train import train
@@ -89,8 +89,8 @@ class Collector(Listener):
     def __init__(self) -> None:
         self.estimates: list[Estimates] = []
 
-    def write(self, moment: Moment) -> None:
-        self.estimates.append(moment.prediction.estimates)
+    def write(self, update: Update) -> None:
+        self.estimates.append(update.prediction.estimates)
 
 
 def assert_live_gives_the_same(folder: Path, learnable: Path, file: Path) -> None:

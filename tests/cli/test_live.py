@@ -22,7 +22,7 @@ from tests.cli.running import records as lines
 from monochord.cli import run
 from monochord.evaluation import recordings
 from monochord.live.sinks import jsonl
-from monochord.live.sinks.base import Moment
+from monochord.live.sinks.base import Update
 
 Take = Callable[..., Path]
 STRING = ["--length", "0.65", "--open-frequency", "110"]
@@ -276,8 +276,8 @@ def test_an_interrupted_locate_ends_after_the_window_in_progress(
 ) -> None:
     usual, write, count = signal.getsignal(signal.SIGINT), jsonl._Lines.write, itertools.count(1)
 
-    def interrupt(lines: jsonl._Lines, moment: Moment) -> None:
-        write(lines, moment)
+    def interrupt(lines: jsonl._Lines, update: Update) -> None:
+        write(lines, update)
         if next(count) == 20:
             os.kill(os.getpid(), signal.SIGINT)
 

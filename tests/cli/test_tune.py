@@ -108,7 +108,7 @@ def test_live_and_locate_take_the_sensor(tuned: Path, take: Path, capsys: pytest
     assert touched == pytest.approx([POSITION] * len(touched), abs=1e-3)
     assert not any(line["valid"] for line in lines if line["time"] < 1.3)
     (*_, last) = mc.listen(take, "tuning", sensor=str(tuned))
-    assert last["frequency"].value == pytest.approx(RATIO * NOMINAL, rel=0.002)
+    assert last.frequency.value == pytest.approx(RATIO * NOMINAL, rel=0.002)
 
 
 def test_a_session_records_the_sensor(tuned: Path, take: Path, tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from monochord.core.types import Estimate, Prediction, Signal, StreamHealth, Win
 from monochord.core.windows import windows
 from monochord.figures import FIGURES
 from monochord.live.sinks import SINKS
-from monochord.live.sinks.base import Moment, Run
+from monochord.live.sinks.base import Run, Update
 from monochord.perception.estimators import ESTIMATORS
 from monochord.perception.features import FEATURES
 from monochord.perception.heads import HEADS
@@ -119,7 +119,7 @@ def test_sink(load: Load, tmp_path: Path) -> None:
         for index, estimate in enumerate([away, here, here, away, here]):
             prediction = Prediction(start=0, time=0.5 * index, estimates={"position": estimate})
             health = StreamHealth()
-            writer.write(Moment(prediction=prediction, window=window(0), health=health, truth={}, skipped=0))
+            writer.write(Update(prediction=prediction, window=window(0), health=health, truth={}, skipped=0))
     assert file.read_text(encoding="utf-8") == "0.500 0.2000\n2.000 0.2000\n"
 
 

@@ -1,4 +1,4 @@
-"""What every sink promises: it takes any moment, quickly, and leaves nothing behind."""
+"""What every sink promises: it takes any update, quickly, and leaves nothing behind."""
 
 import dataclasses
 import itertools
@@ -15,7 +15,7 @@ from monochord.core.errors import InputError
 from monochord.core.types import Audio, Estimate, Prediction, Signal, StreamHealth, StringParams, Window
 from monochord.live.delivery import Delivery
 from monochord.live.sinks import SINKS
-from monochord.live.sinks.base import Moment, Run
+from monochord.live.sinks.base import Run, Update
 
 STRING = StringParams(length=0.65, linear_density=6.5e-4, tension=65.0)
 TONE = (0.3 * np.sin(np.arange(4410) * 0.1)).astype(np.float32)
@@ -53,10 +53,10 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
-def moment(
+def update(
     start: int, samples: Audio, estimates: Mapping[str, Estimate], truth: Mapping[str, float]
-) -> Moment:
-    return Moment(
+) -> Update:
+    return Update(
         prediction=Prediction(start=start, time=start / 44100, estimates=estimates, latency=1e-3),
         window=Window(samples=samples, start=start, sample_rate=44100, has_gap=False),
         health=StreamHealth(frames=start, dropped=3, gaps=1, xruns=2),
@@ -75,7 +75,7 @@ def test_it_takes_every_moment(
     with SINKS.build(name).open(Run(signal=signal)) as writer:
         cases = itertools.product(SAMPLES.values(), ESTIMATES.values(), TRUTHS)
         for k, (samples, estimates, truth) in enumerate(cases):
-            writer.write(moment(441 * k, np.tile(samples, (channels, 1)), estimates, truth))
+            writer.write(update(441 * k, np.tile(samples, (channels, 1)), estimates, truth))
     assert "Traceback" not in capsys.readouterr().err
 
 
@@ -87,7 +87,7 @@ def test_it_takes_the_moments_of_several_strings(name: str, capsys: pytest.Captu
     with Delivery([SINKS.build(name)], run, paced=False) as delivery:
         for k in range(4):
             for string in strings:
-                own = moment(441 * k, np.tile(TONE, (2, 1)), ESTIMATES["both sides"], {})
+                own = update(441 * k, np.tile(TONE, (2, 1)), ESTIMATES["both sides"], {})
                 delivery.hand_over(dataclasses.replace(own, string=string))
     assert sum(each.written for each in delivery.delivered) == 8
     assert not any(each.left_out or each.failure for each in delivery.delivered)
@@ -100,7 +100,7 @@ def test_writing_is_quick(name: str, capsys: pytest.CaptureFixture[str]) -> None
     spans: list[float] = []
     with SINKS.build(name).open(Run(signal=Signal(sample_rate=44100, channels=2))) as writer:
         for k in range(200):
-            given = moment(441 * k, np.stack([TONE, TONE]), ESTIMATES["both sides"], TRUTHS[2])
+            given = update(441 * k, np.stack([TONE, TONE]), ESTIMATES["both sides"], TRUTHS[2])
             begin = time.perf_counter()
             writer.write(given)
             spans.append(time.perf_counter() - begin)
@@ -113,13 +113,13 @@ def test_it_opens_again_and_leaves_no_thread(name: str, capsys: pytest.CaptureFi
     sink = SINKS.build(name)
     for _ in range(3):
         with sink.open(Run(signal=Signal(sample_rate=44100, channels=1))) as writer:
-            writer.write(moment(0, TONE[None], ESTIMATES["both sides"], {}))
+            writer.write(update(0, TONE[None], ESTIMATES["both sides"], {}))
     assert threading.active_count() == before
 
 
 @pytest.mark.parametrize("name", SINKS.names())
 def test_it_does_not_change_what_it_is_handed(name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    given = moment(0, TONE[None].copy(), dict(ESTIMATES["both sides"]), dict(TRUTHS[2]))
+    given = update(0, TONE[None].copy(), dict(ESTIMATES["both sides"]), dict(TRUTHS[2]))
     with SINKS.build(name).open(Run(signal=Signal(sample_rate=44100, channels=1))) as writer:
         writer.write(given)
     np.testing.assert_array_equal(given.window.samples, TONE[None])

@@ -13,15 +13,31 @@ import pytest
 import soundfile
 
 from monochord.capture.sources import SOURCES
+from monochord.capture.sources._array import ArraySource
+from monochord.capture.sources._virtual_sensor import VirtualSensorSource
 from monochord.capture.sources.base import Source, Stream
 from monochord.core.errors import DeviceError
 from monochord.core.types import Block
+from monochord.physics.twin.virtual_sensor import VirtualSensor
 from monochord.sessions import Description, SessionWriter
 
 RATE = 44100
 DEVICES = {"jack", "soundcard"}  # their sound is never the same twice
 MAY_BE_ABSENT = {"soundcard"}  # a JACK server is started; a card cannot be
 Open = Callable[..., Any]
+
+
+def of_array(**options: Any) -> Source:
+    noise = 0.1 * np.random.default_rng(0).standard_normal((2, RATE)).astype(np.float32)
+    return ArraySource(samples=noise, sample_rate=RATE, **options)
+
+
+def of_virtual_sensor(**options: Any) -> Source:
+    return VirtualSensorSource(sensor=VirtualSensor("prototype", seed=1), **options)
+
+
+FOR_PROGRAMS = {"an array": of_array, "a virtual sensor": of_virtual_sensor}
+"""Sources that `mc.listen` builds of its argument; they have no name on the command line."""
 
 
 def fields(name: str) -> set[str]:
@@ -59,8 +75,11 @@ def opened(what_to_open: Callable[[str], dict[str, Any]]) -> Open:
 
     @contextmanager
     def start(name: str, **options: Any) -> Generator[Stream]:
-        fast = {"speed": 0.0} if "speed" in fields(name) else {}
-        source: Source = SOURCES.build(name, {**fast, **what_to_open(name), **options})
+        if name in FOR_PROGRAMS:
+            source = FOR_PROGRAMS[name](**options)
+        else:
+            fast = {"speed": 0.0} if "speed" in fields(name) else {}
+            source = SOURCES.build(name, {**fast, **what_to_open(name), **options})
         context = source.open()
         try:
             stream = context.__enter__()
@@ -76,7 +95,7 @@ def opened(what_to_open: Callable[[str], dict[str, Any]]) -> Open:
     return start
 
 
-each_source = pytest.mark.parametrize("name", SOURCES.names())
+each_source = pytest.mark.parametrize("name", [*SOURCES.names(), *FOR_PROGRAMS])
 
 
 @each_source
@@ -108,7 +127,7 @@ def test_a_block_keeps_its_samples_when_the_next_one_comes(name: str, opened: Op
         assert np.array_equal(first.samples, copy)
 
 
-@pytest.mark.parametrize("name", sorted(set(SOURCES.names()) - DEVICES))
+@pytest.mark.parametrize("name", sorted({*SOURCES.names(), *FOR_PROGRAMS} - DEVICES))
 def test_the_size_of_blocks_does_not_change_the_samples(name: str, opened: Open) -> None:
     def beginning(block: int) -> np.ndarray:
         with opened(name, block=block) as stream:

@@ -123,15 +123,45 @@ def test_a_calibrated_model_estimates_as_it_did() -> None:
     updates = list(mc.listen(V0_1 / "touches.mcap", model=V0_1 / "model"))
     assert len(updates) == 181
     held = [each for each in updates if 1.1 <= each.time <= 1.5]
-    means = {name: np.mean([each[name].value for each in held]) for name in ("contact", "position", "force")}
+    means = {
+        name: np.mean([getattr(each, name).value for each in held])
+        for name in ("contact", "position", "force")
+    }
     assert means["contact"] == pytest.approx(0.994, abs=0.01)
     assert means["position"] == pytest.approx(PLACE, abs=5e-4)
     assert means["force"] == pytest.approx(FORCE, abs=0.1)
     untouched = [each for each in updates if 0.3 <= each.time <= 0.7]
-    assert max(each["contact"].value for each in untouched) < 0.1
-    assert not any(each["force"].valid for each in untouched)
+    assert max(each.contact.value for each in untouched) < 0.1
+    assert not any(each.force.valid for each in untouched)
 
 
+def test_a_script_of_0_1_runs_with_warnings() -> None:
+    script = """
+import monochord as mc
+
+for prediction in mc.listen("touches.mcap", model="model", seconds=1.3):
+    position, force = prediction["position"], prediction["force"]
+print(prediction.time, prediction.start, prediction.latency < 10.0, sorted(prediction.estimates))
+print(position.value, position.std, force.valid, prediction.estimate("hardness").why_not)
+"""
+    run = subprocess.run(
+        [sys.executable, "-W", "always", "-c", script], cwd=V0_1, capture_output=True, text=True, check=True
+    )
+    first, second = run.stdout.splitlines()
+    assert first == "1.2 19200 True ['contact', 'force', 'position', 'slip']"
+    place, std, *rest = second.split()
+    assert float(place) == pytest.approx(PLACE, abs=5e-4)
+    assert 0.0 < float(std) < 1e-3
+    assert rest == ["True", "not", "estimated"]
+    said = [line.split("Warning: ")[1] for line in run.stderr.splitlines() if "DeprecationWarning" in line]
+    assert set(said) == {
+        "update['position'] is deprecated: use update.position",
+        "update['force'] is deprecated: use update.force",
+        "Estimate.why_not is deprecated: use Estimate.reason",
+    }
+
+
+@pytest.mark.filterwarnings("ignore:Moment is deprecated:DeprecationWarning")
 def test_a_sink_of_a_third_party_is_refused_in_one_line(
     home: Path, tally: None, capsys: pytest.CaptureFixture[str]
 ) -> None:

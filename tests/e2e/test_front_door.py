@@ -35,25 +35,25 @@ def test_every_name_of_the_front_door_is_there() -> None:
 
 
 def test_a_file_is_listened_to_with_the_bundled_model(touched: Path) -> None:
-    predictions = list(mc.listen(touched, "demo", string="prototype"))
-    assert len(predictions) == 41
-    assert all(prediction["contact"].value > 0.5 for prediction in predictions)
-    positions = [prediction["position"].value for prediction in predictions]
+    updates = list(mc.listen(touched, "demo", string="prototype"))
+    assert len(updates) == 41
+    assert all(update.contact.value > 0.5 for update in updates)
+    positions = [update.position.value for update in updates]
     assert np.median(np.abs(np.array(positions) - 0.08)) < 1e-3
     with pytest.raises(KeyError, match="postion"):
-        _ = predictions[0]["postion"]
+        _ = updates[0].prediction["postion"]
 
 
 def test_the_same_comes_of_it_asynchronously(touched: Path) -> None:
     async def first(count: int) -> list[float]:
         values: list[float] = []
-        async for prediction in mc.listen_async(touched, "demo", string="prototype"):
-            values.append(prediction["position"].value)
+        async for update in mc.listen_async(touched, "demo", string="prototype"):
+            values.append(update.position.value)
             if len(values) == count:
                 break
         return values
 
-    same = [prediction["position"].value for prediction in islice(mc.listen(touched, string="prototype"), 5)]
+    same = [update.position.value for update in islice(mc.listen(touched, string="prototype"), 5)]
     assert asyncio.run(first(5)) == same
 
 

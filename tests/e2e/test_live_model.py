@@ -42,7 +42,7 @@ def test_it_says_over_jack_what_it_says_of_the_file(
         assert of_file.keys() == {"contact", "slip", "position", "force"}
         said = {name: (line[name], line[f"{name}_std"]) for name in of_file}
         assert said == {name: _numbers(each) for name, each in of_file.items()}
-        assert (line["valid"], line["why_not"]) == (of_file["position"].valid, of_file["position"].why_not)
+        assert (line["valid"], line["why_not"]) == (of_file["position"].valid, of_file["position"].reason)
 
 
 def _numbers(estimate: Estimate) -> tuple[float | None, ...]:

@@ -12,11 +12,11 @@ from typing import Any
 import pytest
 from tests.e2e.browser import Page, chromium, opened
 from tests.e2e.test_web import READY, String, choose, demonstration
-from tests.live.web.test_server import SIGNAL, Keep, moment
+from tests.live.web.test_server import SIGNAL, Keep, update
 
-from monochord.core.types import OUTSIDE_RANGE, Estimate, Signal
+from monochord.core.types import OUTSIDE_RANGE, Estimate, Signal, Tracked
 from monochord.live.health import Note
-from monochord.live.sinks.base import Moment
+from monochord.live.sinks.base import Update
 from monochord.live.web.server import Server
 from monochord.physics.sensors import load_sensor, with_sensor
 
@@ -55,17 +55,17 @@ def abstained(why_not: str) -> dict[str, Estimate]:
 CASES = {"long": {**LONG, "slip": SLIP}, **{why_not: abstained(why_not) for why_not in REASONS}}
 
 
-def telling(estimates: dict[str, Estimate]) -> Moment:
-    """Return a moment of a touch with these estimates, and the longest that may stand beside them."""
-    plain = moment(1)
+def telling(estimates: dict[str, Estimate]) -> Update:
+    """Return an update of a touch with these estimates, and the longest that may stand beside them."""
+    plain = update(1)
     contact = Estimate(value=0.999, std=0.001, unit="")
     prediction = replace(plain.prediction, estimates={"contact": contact, **estimates})
-    return replace(plain, prediction=prediction, truth=TRUTH, notes=NOTES, tracked={})
+    return replace(plain, prediction=prediction, truth=TRUTH, notes=NOTES, tracked=Tracked())
 
 
 @contextmanager
-def telling_page(signal: Signal, controls: Keep | None, folder: Path) -> Generator[tuple[Page, list[Moment]]]:
-    """Give a page that is shown a moment again and again, and the list in which that stands alone."""
+def telling_page(signal: Signal, controls: Keep | None, folder: Path) -> Generator[tuple[Page, list[Update]]]:
+    """Give a page that is shown an update again and again, and the list in which that stands alone."""
     ended, now = threading.Event(), [telling(CASES["long"])]
 
     def write(writer: Any) -> None:
@@ -93,7 +93,7 @@ def telling_page(signal: Signal, controls: Keep | None, folder: Path) -> Generat
 
 
 @pytest.fixture(scope="module")
-def told(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Page, list[Moment]]]:
+def told(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Page, list[Update]]]:
     signal = replace(with_sensor(SIGNAL, SENSOR), sensing_range=(0.3, 1.0))
     with telling_page(signal, Keep(), tmp_path_factory.mktemp("told")) as both:
         yield both
@@ -164,7 +164,7 @@ def press(page: Page, name: str, number: int, text: str = "") -> None:
 
 
 @pytest.mark.parametrize("size", SIZES)
-def test_no_text_overlaps_another_or_is_cut(told: tuple[Page, list[Moment]], size: tuple[int, int]) -> None:
+def test_no_text_overlaps_another_or_is_cut(told: tuple[Page, list[Update]], size: tuple[int, int]) -> None:
     page, now = told
     sized(page, size)
     for name, estimates in CASES.items():
@@ -179,7 +179,7 @@ def test_no_text_overlaps_another_or_is_cut(told: tuple[Page, list[Moment]], siz
         assert page.ask("document.documentElement.scrollWidth") == size[0]
 
 
-def test_a_section_stays_as_a_person_left_it(told: tuple[Page, list[Moment]]) -> None:
+def test_a_section_stays_as_a_person_left_it(told: tuple[Page, list[Update]]) -> None:
     page, _ = told
     open_ = "document.querySelector('[data-section=history]').open"
     for size, left in ((PHONE, True), ((1280, 800), False)):
@@ -195,7 +195,7 @@ def test_a_section_stays_as_a_person_left_it(told: tuple[Page, list[Moment]]) ->
     page.ask("localStorage.clear()")
 
 
-def test_sections_are_opened_with_the_keyboard(told: tuple[Page, list[Moment]]) -> None:
+def test_sections_are_opened_with_the_keyboard(told: tuple[Page, list[Update]]) -> None:
     page, _ = told
     sized(page, PHONE)
     page.ask("document.querySelector('[data-section=tasks] summary').focus()")
@@ -223,7 +223,7 @@ def test_a_link_explains_the_page(page: Page, tmp_path: Path) -> None:
         opened(f"{server.address}#about") as other,
     ):
         other.wait("window.monochord?.run ? 1 : 0")
-        writer.write(replace(moment(1), truth={}))
+        writer.write(replace(update(1), truth={}))
         other.wait(READY)
         assert other.ask(is_open)
         assert other.ask(words) != page.ask(words)  # it is not simulated, and cannot be pressed

@@ -7,7 +7,7 @@ import pytest
 from tests.e2e.browser import Page, chromium, opened
 from tests.e2e.press_anywhere import Count, pressed, zones
 from tests.e2e.test_web import READY, String, demonstration
-from tests.live.web.test_server import LENGTH, SIGNAL, moment
+from tests.live.web.test_server import LENGTH, SIGNAL, update
 
 from monochord.live.web.server import Server
 from monochord.physics.sensors import load_sensor
@@ -77,7 +77,7 @@ def test_of_an_unknown_sensor_nothing_is_drawn_or_said() -> None:
     ):
         page.size(1200, 900)
         page.wait("window.monochord?.run ? 1 : 0")
-        writer.write(moment(5))
+        writer.write(update(5))
         page.wait(READY)
         page.wait("monochord.counts.drawn > 0")
         assert page.ask("[monochord.run.range, monochord.run.drivers]") == [None, []]

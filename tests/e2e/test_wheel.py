@@ -21,8 +21,8 @@ import monochord as mc
 
 assert Path(mc.__file__).is_relative_to(sys.argv[1]), mc.__file__
 times = []
-for prediction in mc.listen("twin", model="demo", seconds=2.0):
-    times.append((prediction.time, prediction["position"].value, prediction["position"].std))
+for update in mc.listen("twin", model="demo", seconds=2.0):
+    times.append((update.time, update.position.value, update.position.std))
 assert times
 
 model = mc.load("demo")

@@ -15,7 +15,7 @@ from monochord.evaluation.noise import Disturbance
 from monochord.evaluation.replay import Selection, replay
 from monochord.live import LiveRun, run
 from monochord.live.settings import WindowSettings
-from monochord.live.sinks.base import Listener, Moment
+from monochord.live.sinks.base import Listener, Update
 from monochord.perception.estimators.base import Estimator
 from monochord.perception.estimators.closed_form import ClosedForm
 from monochord.physics.sensors import load_sensor
@@ -28,8 +28,8 @@ class Collector(Listener):
     def __init__(self) -> None:
         self.estimates: list[Estimates] = []
 
-    def write(self, moment: Moment) -> None:
-        self.estimates.append(moment.prediction.estimates)
+    def write(self, update: Update) -> None:
+        self.estimates.append(update.prediction.estimates)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,7 +69,7 @@ def test_it_equals_live_inference_to_the_bit(dataset: Dataset, sessions: tuple[P
         np.testing.assert_array_equal(results.estimate(name), live)
         np.testing.assert_array_equal(results.std[name], [each[name].std for each in live_estimates])
         why = [results.reasons[number] for number in results.why[name].tolist()]
-        assert why == [each[name].why_not for each in live_estimates]
+        assert why == [each[name].reason for each in live_estimates]
     assert np.isfinite(results.estimate("position")).sum() > 100
 
 

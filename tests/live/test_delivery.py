@@ -1,4 +1,4 @@
-"""Moments handed to sinks that are slow, hang or fail."""
+"""Updates handed to sinks that are slow, hang or fail."""
 
 import logging
 import math
@@ -15,15 +15,15 @@ from monochord.core.types import Prediction, Signal, StreamHealth, Window
 from monochord.live import delivery
 from monochord.live.delivery import Delivered, Delivery
 from monochord.live.sinks import SINKS
-from monochord.live.sinks.base import BACKLOG, NEWEST, Listener, Moment, NotDeliveredError, Run, Sink, Writer
+from monochord.live.sinks.base import BACKLOG, NEWEST, Listener, NotDeliveredError, Run, Sink, Update, Writer
 
 SIGNAL = Signal(sample_rate=44100, channels=2)
 WINDOW = Window(samples=np.zeros((2, 4410), np.float32), start=0, sample_rate=44100)
 
 
-def moment(number: int) -> Moment:
+def update(number: int) -> Update:
     prediction = Prediction(start=441 * number, time=number / 100, estimates={})
-    return Moment(prediction=prediction, window=WINDOW, health=StreamHealth(), truth={}, skipped=0)
+    return Update(prediction=prediction, window=WINDOW, health=StreamHealth(), truth={}, skipped=0)
 
 
 class Keep(Sink, Writer):
@@ -46,8 +46,8 @@ class Keep(Sink, Writer):
         yield self
         self.closed += 1
 
-    def write(self, moment: Moment) -> None:
-        number = moment.prediction.start // 441
+    def write(self, update: Update) -> None:
+        number = update.prediction.start // 441
         self._before(number)
         self.numbers.append(number)
         self.threads.add(threading.get_ident())
@@ -58,9 +58,9 @@ class Audience(Listener):
         self.threads: set[int] = set()
         self._then = then
 
-    def write(self, moment: Moment) -> None:
+    def write(self, update: Update) -> None:
         self.threads.add(threading.get_ident())
-        self._then(moment.prediction.start // 441)
+        self._then(update.prediction.start // 441)
 
 
 def fail_at(count: int, error: Exception) -> Callable[[int], None]:
@@ -72,10 +72,10 @@ def fail_at(count: int, error: Exception) -> Callable[[int], None]:
 
 
 def play(sinks: list[Sink], *, paced: bool) -> None:
-    """Hand over moments until something is raised."""
+    """Hand over updates until something is raised."""
     with Delivery(sinks, Run(signal=SIGNAL), paced=paced) as delivering:
         for number in range(100_000):
-            delivering.hand_over(moment(number))
+            delivering.hand_over(update(number))
             time.sleep(1e-4)
 
 
@@ -83,7 +83,7 @@ def test_every_sink_gets_all_in_order_in_a_thread_of_its_own() -> None:
     keeps = [Keep(), Keep(), Keep()]
     with Delivery(keeps, Run(signal=SIGNAL), paced=True) as delivering:
         for number in range(200):
-            delivering.hand_over(moment(number))
+            delivering.hand_over(update(number))
     assert [keep.numbers for keep in keeps] == [list(range(200))] * 3
     assert len(set.union(*(keep.threads for keep in keeps), {threading.get_ident()})) == 4
     assert [(keep.opened, keep.closed) for keep in keeps] == [(1, 1)] * 3
@@ -105,7 +105,7 @@ def test_a_slow_sink_delays_nobody_and_what_it_misses_is_counted(kind: type[Keep
     total = BACKLOG + 100
     with Delivery([slow, quick], Run(signal=SIGNAL), paced=True) as delivering:
         for number in range(total):
-            delivering.hand_over(moment(number))
+            delivering.hand_over(update(number))
             while len(quick.numbers) <= number:  # it, too, may be left behind by a loop without a pace
                 time.sleep(1e-4)
         assert slow.numbers == []
@@ -129,7 +129,7 @@ def test_a_sink_that_fails_is_reported_and_closed_and_the_others_go_on(
         Delivery([bad, good], Run(signal=SIGNAL), paced=paced) as delivering,
     ):
         for number in range(50):
-            delivering.hand_over(moment(number))
+            delivering.hand_over(update(number))
     assert (bad.numbers, bad.closed) == ([0, 1, 2], 1)
     assert (good.numbers, good.closed) == (list(range(50)), 1)
     (message,) = caplog.messages
@@ -142,14 +142,14 @@ def test_a_sink_that_fails_is_reported_and_closed_and_the_others_go_on(
 
 def test_the_other_sinks_are_told_of_one_that_is_closed() -> None:
     class Notes(Keep):
-        def write(self, moment: Moment) -> None:
-            notes.append([(note.key, note.since) for note in moment.notes])
+        def write(self, update: Update) -> None:
+            notes.append([(note.key, note.since) for note in update.notes])
 
     notes: list[list[tuple[str, float]]] = []
     full = Keep(fail_at(1, OSError(28, "No space left on device")))
     with Delivery([full, Notes()], Run(signal=SIGNAL), paced=False) as delivering:
         for number in range(5):
-            delivering.hand_over(moment(number))
+            delivering.hand_over(update(number))
     told = ("test_delivery_closed", 0.02)
     assert notes == [[], [], [told], [told], [told]]
 
@@ -184,13 +184,13 @@ def test_a_sink_may_fail_as_it_is_closed(*, paced: bool) -> None:
 
     good = Keep()
     with Delivery([Full(), good], Run(signal=SIGNAL), paced=paced) as delivering:
-        delivering.hand_over(moment(0))
+        delivering.hand_over(update(0))
     assert [each.failure for each in delivering.delivered] == ["full", ""]
     with (
         pytest.raises(OSError, match="full"),
         Delivery([Full()], Run(signal=SIGNAL), paced=paced) as delivering,
     ):
-        delivering.hand_over(moment(0))
+        delivering.hand_over(update(0))
 
 
 def test_a_sink_that_hangs_does_not_keep_the_run_from_ending(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -199,7 +199,7 @@ def test_a_sink_that_hangs_does_not_keep_the_run_from_ending(monkeypatch: pytest
     hanging = Keep(lambda _: never.wait(60.0))
     with Delivery([hanging, good], Run(signal=SIGNAL), paced=True) as delivering:
         for number in range(5):
-            delivering.hand_over(moment(number))
+            delivering.hand_over(update(number))
     assert hanging.numbers == []  # it still hangs
     never.set()
     assert good.numbers == list(range(5))
@@ -212,7 +212,7 @@ def test_a_window_that_a_sink_cannot_deliver_is_counted_and_it_goes_on() -> None
     keep = Keep(fail_at(2, NotDeliveredError()))
     with Delivery([keep], Run(signal=SIGNAL), paced=True) as delivering:
         for number in range(5):
-            delivering.hand_over(moment(number))
+            delivering.hand_over(update(number))
     assert keep.numbers == [0, 1, 3, 4]
     assert delivering.delivered == (Delivered(sink="test_delivery", written=4, left_out=1),)
 
@@ -226,7 +226,7 @@ def test_without_a_pace_the_loop_waits_and_nothing_is_lost() -> None:
     slow = Keep(lambda _: time.sleep(1e-4))
     with Delivery([slow], Run(signal=SIGNAL), paced=False) as delivering:
         for number in range(2 * BACKLOG):
-            delivering.hand_over(moment(number))
+            delivering.hand_over(update(number))
     assert slow.numbers == list(range(2 * BACKLOG))
     assert slow.threads == {threading.get_ident()}
 

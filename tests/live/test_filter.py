@@ -105,7 +105,7 @@ def test_nothing_is_decided_while_nothing_is_known() -> None:
     steps = follow([touch()] * 20 + [BLIND] * 100 + [touch()] * 20)
     assert steps[30][1].decided["contact"]  # a short gap changes nothing
     assert steps[100][1].decided == {}
-    assert steps[100][1].estimates["contact"].why_not == "too uncertain"
+    assert steps[100][1].estimates["contact"].reason == "too uncertain"
     assert steps[-1][1].decided["contact"]
 
 
@@ -137,7 +137,7 @@ def test_a_gap_is_bridged_with_growing_uncertainty_and_then_left() -> None:
     assert all(later > earlier for earlier, later in pairwise(bridged))
     assert all(abs(each.value - 0.08) < 1e-3 for each in place[30:48])
     assert not place[-1].valid
-    assert place[-1].why_not == "too uncertain"
+    assert place[-1].reason == "too uncertain"
 
 
 def test_a_single_estimate_is_not_carried_on() -> None:
@@ -151,7 +151,7 @@ def test_what_leaves_the_sensing_range_has_no_place_at_once() -> None:
     for name in ("position", "force"):
         said = tracked(series, name)
         assert said[29].valid
-        assert [each.why_not for each in said[30:]] == [OUTSIDE_RANGE] * 5
+        assert [each.reason for each in said[30:]] == [OUTSIDE_RANGE] * 5
 
 
 def test_a_slide_is_followed_without_lag() -> None:

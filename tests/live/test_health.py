@@ -15,7 +15,7 @@ from monochord.live import LiveRun, health
 from monochord.live.filter import FilterState
 from monochord.live.health import REASONS, HealthSettings, HealthState, Note
 from monochord.live.loop import opened
-from monochord.live.sinks.base import Moment
+from monochord.live.sinks.base import Update
 from monochord.perception.estimators.base import Condition
 from monochord.perception.estimators.model import ModelEstimator
 from monochord.perception.model import load
@@ -216,8 +216,8 @@ def test_a_new_touch_settles() -> None:
         assert keys(notes) == expected
 
 
-def lived(sound: Audio, folder: Path) -> list[Moment]:
-    """Return the moments of a recording that the bundled model reads."""
+def lived(sound: Audio, folder: Path) -> list[Update]:
+    """Return the updates of a recording that the bundled model reads."""
     soundfile.write(folder / "sound.wav", sound.T, RATE, subtype="FLOAT")
     source = SOURCES.build("wav", {"path": str(folder / "sound.wav")})
     setup = LiveRun(source=source, estimator=ModelEstimator(path=Path("demo")), sensor="prototype")
@@ -237,15 +237,15 @@ def test_a_string_that_breaks_is_said_not_to_ring(force: float, floor: float, tm
     time = np.arange(sound.shape[1]) / RATE
     sound *= np.exp(-np.maximum(time - broken, 0.0) / 0.05)
     sound += 10.0 ** (floor / 20.0) * np.random.default_rng(0).standard_normal(sound.shape)
-    moments = lived(sound, tmp_path)
-    said = [each for each in moments if "string_still" in keys(each.notes)]
+    updates = lived(sound, tmp_path)
+    said = [each for each in updates if "string_still" in keys(each.notes)]
     (note,) = (note for note in said[0].notes if note.key == "string_still")
     assert broken < note.since < said[0].prediction.time < broken + 1.5
     assert note.level == "error"
-    assert said == moments[-len(said) :]
-    assert keys(moments[-1].notes) == ["string_still"]
-    assert not any(moment.prediction.estimate("position").valid for moment in said)
-    assert any(each.valid for each in moments[150].prediction.estimates.values())
+    assert said == updates[-len(said) :]
+    assert keys(updates[-1].notes) == ["string_still"]
+    assert not any(update.prediction.estimate("position").valid for update in said)
+    assert any(each.valid for each in updates[150].prediction.estimates.values())
 
 
 @pytest.mark.parametrize("build", [1, 8])
@@ -255,11 +255,11 @@ def test_drivers_that_go_off_are_said_whatever_a_model_takes_the_noise_for(
     sensor = mc.VirtualSensor("prototype", build=build, world="plausible")
     ringing = sensor.advance(1.0)[0]
     sensor.drive(False, False)
-    moments = lived(np.concatenate([ringing, sensor.advance(3.0)[0]], axis=1), tmp_path)
-    said = ["string_still" in keys(each.notes) for each in moments]
+    updates = lived(np.concatenate([ringing, sensor.advance(3.0)[0]], axis=1), tmp_path)
+    said = ["string_still" in keys(each.notes) for each in updates]
     assert not any(said[:100])
     assert all(said[-100:])
-    assert not {"soft_touch", "sound_unlike", "detuned"} & {*keys(moments[-1].notes)}
+    assert not {"soft_touch", "sound_unlike", "detuned"} & {*keys(updates[-1].notes)}
 
 
 @pytest.mark.parametrize("material", ["foam", "fingertip"])

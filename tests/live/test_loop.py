@@ -22,7 +22,7 @@ from monochord.core.types import Audio, Block, Estimate, Prepared, Signal, Strea
 from monochord.live import LiveRun, WindowSettings, run
 from monochord.live.filter import FilterSettings
 from monochord.live.loop import opened
-from monochord.live.sinks.base import Listener, Moment, Run, Sink, Writer
+from monochord.live.sinks.base import Listener, Run, Sink, Update, Writer
 from monochord.live.tracks import TrackSettings
 from monochord.perception.estimators.base import Condition, Estimator, Watching
 from monochord.physics.sensors import load_sensor
@@ -94,7 +94,7 @@ class Keep(Sink, Writer):
     """A sink that keeps what it is handed."""
 
     def __init__(self, then: Callable[[int], object] | None = None) -> None:
-        self.seen: list[Moment] = []
+        self.seen: list[Update] = []
         self.closed = False
         self.then = then
 
@@ -105,8 +105,8 @@ class Keep(Sink, Writer):
         finally:
             self.closed = True
 
-    def write(self, moment: Moment) -> None:
-        self.seen.append(moment)
+    def write(self, update: Update) -> None:
+        self.seen.append(update)
         if self.then:
             self.then(len(self.seen))
 
@@ -137,11 +137,11 @@ def test_numbers_do_not_depend_on_the_block_size(size: int) -> None:
 def test_a_moment_carries_truth_health_and_window() -> None:
     keep = Keep()
     run(session(Script(cut(NOISE, 100)), keep))
-    moment = keep.seen[4]
-    assert moment.prediction.start == 40
-    assert moment.truth == {"contact": 1.0, "position": pytest.approx((40 + 140) / 1e4)}
-    assert moment.health == StreamHealth(frames=200, dropped=7, gaps=1, xruns=2)
-    np.testing.assert_array_equal(moment.window.samples, NOISE[:, 40:140])
+    update = keep.seen[4]
+    assert update.prediction.start == 40
+    assert update.truth == {"contact": 1.0, "position": pytest.approx((40 + 140) / 1e4)}
+    assert update.health == StreamHealth(frames=200, dropped=7, gaps=1, xruns=2)
+    np.testing.assert_array_equal(update.window.samples, NOISE[:, 40:140])
 
 
 def test_a_moment_carries_what_is_followed_beside_what_one_window_says() -> None:
@@ -327,7 +327,7 @@ def test_with_real_time_priority_the_loop_comes_before_its_sinks() -> None:
     before, seen = scheduled(), {"loop": set[tuple[int, int]](), "sink": set[tuple[int, int]]()}
 
     class Noted(Listener):
-        def write(self, moment: Moment) -> None:
+        def write(self, update: Update) -> None:
             seen["loop"].add(scheduled())
 
     sink = Keep(then=lambda _: seen["sink"].add(scheduled()))

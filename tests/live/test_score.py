@@ -6,22 +6,22 @@ import pytest
 
 from monochord.core.types import Estimate, Prediction, Signal, StreamHealth, Window
 from monochord.live import Scorer
-from monochord.live.sinks.base import Moment, Run
+from monochord.live.sinks.base import Run, Update
 
 WINDOW = Window(samples=np.zeros((2, 4410), np.float32), start=0, sample_rate=44100)
 UNITS = {"position": "m", "force": "N"}
 
 
-def moment(
+def update(
     given: dict[str, tuple[float, float] | None], truth: dict[str, float], time: float = 0.0
-) -> Moment:
+) -> Update:
     estimates = {
         name: Estimate.abstain(UNITS.get(name, ""), "silence")
         if pair is None
         else Estimate(value=pair[0], std=pair[1], unit=UNITS.get(name, ""))
         for name, pair in given.items()
     }
-    return Moment(
+    return Update(
         prediction=Prediction(start=0, time=time, estimates=estimates),
         window=WINDOW,
         health=StreamHealth(),
@@ -35,11 +35,11 @@ def test_settled_windows_with_a_touch_count() -> None:
     touch = {"contact": 1.0, "position": 0.2, "settled": 1.0}
     with score.open(Run(signal=Signal(sample_rate=44100, channels=2))) as writer:
         for position in (0.201, 0.197, 0.2, 0.21):
-            writer.write(moment({"position": (position, 0.0)}, touch))
-        writer.write(moment({"position": None}, touch))
-        writer.write(moment({"position": (0.5, 0.0)}, {**touch, "settled": 0.0}, 1.0))
-        writer.write(moment({"position": (0.5, 0.0)}, {"contact": 0.0}, 2.0))
-        writer.write(moment({"position": (0.5, 0.0)}, {}, 3.0))
+            writer.write(update({"position": (position, 0.0)}, touch))
+        writer.write(update({"position": None}, touch))
+        writer.write(update({"position": (0.5, 0.0)}, {**touch, "settled": 0.0}, 1.0))
+        writer.write(update({"position": (0.5, 0.0)}, {"contact": 0.0}, 2.0))
+        writer.write(update({"position": (0.5, 0.0)}, {}, 3.0))
     assert score.median_error() == pytest.approx(0.002)
     tree = score.tree()
     assert (tree["median_error"], tree["answered"], tree["abstained"]) == (pytest.approx(0.002), 4, 1)
@@ -47,7 +47,7 @@ def test_settled_windows_with_a_touch_count() -> None:
 
 def test_nothing_to_score() -> None:
     score = Scorer()
-    score.write(moment({"position": None}, {"contact": 1.0, "position": 0.2}))
+    score.write(update({"position": None}, {"contact": 1.0, "position": 0.2}))
     assert math.isnan(score.median_error())
     assert score.tree()["median_error"] is None
     assert "nan" not in " ".join(score.lines() + Scorer().lines())
@@ -74,7 +74,7 @@ def session(score: Scorer, **wrong: Any) -> Scorer:
         estimates = estimates_of(truth, **(wrong if k >= 20 else {}))
         for name in {20: truth, 21: truth, 40: ["slip"]}.get(k, ()):
             truth = {label: value for label, value in truth.items() if label != name}
-        score.write(moment(estimates, truth, 0.05 * k))
+        score.write(update(estimates, truth, 0.05 * k))
     return score
 
 

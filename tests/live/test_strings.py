@@ -16,7 +16,7 @@ from monochord.core.errors import InputError
 from monochord.core.types import Audio, Block, Signal
 from monochord.live import LiveRun, run
 from monochord.live.settings import StringSettings
-from monochord.live.sinks.base import Listener, Moment
+from monochord.live.sinks.base import Listener, Update
 from monochord.perception.estimators.model import ModelEstimator
 
 RATE, SIZE = 44100, 4410
@@ -52,16 +52,16 @@ class Sound(Source, Stream):
 
 class Kept(Listener):
     def __init__(self) -> None:
-        self.moments: list[Moment] = []
+        self.updates: list[Update] = []
 
-    def write(self, moment: Moment) -> None:
-        self.moments.append(moment)
+    def write(self, update: Update) -> None:
+        self.updates.append(update)
 
     def told(self, string: str = "") -> list[str]:
         """Return all that is said of a string but how long it took, exactly."""
         return [
             repr((replace(m.prediction, latency=0.0), m.tracked, m.decided, m.events, m.notes, m.skipped))
-            for m in self.moments
+            for m in self.updates
             if m.string == string
         ]
 
@@ -92,13 +92,13 @@ def test_each_of_several_strings_is_estimated_as_it_is_alone(three: list[Audio])
         Sound(np.concatenate(three), late),
         {name: StringSettings(sensor="prototype") for name in names},
     )
-    assert [m.string for m in both.moments[:6]] == [*names, *names]
+    assert [m.string for m in both.updates[:6]] == [*names, *names]
     for name, samples in zip(names, three, strict=True):
         alone = lived(Sound(samples, late), {}, "prototype")
         assert both.told(name) == alone.told()
-        assert len(alone.moments) > 50
-        assert alone.moments[-1].skipped == 3
-    assert any(m.prediction.estimate("position").valid for m in both.moments if m.string == "thumb")
+        assert len(alone.updates) > 50
+        assert alone.updates[-1].skipped == 3
+    assert any(m.prediction.estimate("position").valid for m in both.updates if m.string == "thumb")
 
 
 def test_a_string_has_the_channels_that_are_named(three: list[Audio]) -> None:

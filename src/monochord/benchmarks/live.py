@@ -22,7 +22,7 @@ from monochord.core.types import Estimate, Estimates, Prediction
 from monochord.core.units import FINITE, Seconds
 from monochord.live import LiveRun, Summary, run
 from monochord.live.filter import FilterSettings, FilterState, step
-from monochord.live.sinks.base import Listener, Moment
+from monochord.live.sinks.base import Listener, Update
 from monochord.physics.strings import load_string
 
 RATE = 44100
@@ -125,9 +125,9 @@ class _Autocorrelation(Listener):
     def __init__(self) -> None:
         self.histogram = Histogram()
 
-    def write(self, moment: Moment) -> None:
+    def write(self, update: Update) -> None:
         begin = time.monotonic()
-        samples = moment.window.samples[0]
+        samples = update.window.samples[0]
         spectrum = np.fft.rfft(samples, 2 * samples.size)
         lags = np.fft.irfft(np.abs(spectrum) ** 2)[: samples.size]
         lags[: RATE // 1500].fill(-np.inf)
@@ -147,10 +147,10 @@ class _Memory(Listener):
         self._first: tuple[Seconds, Seconds] | None = None  # a window's time in the audio, and on the clock
         self._last: tuple[Seconds, Seconds] = (0.0, 0.0)
 
-    def write(self, moment: Moment) -> None:
-        self._last = moment.prediction.time, time.monotonic()
+    def write(self, update: Update) -> None:
+        self._last = update.prediction.time, time.monotonic()
         self._first = self._first or self._last
-        if math.isnan(self.megabytes) and moment.prediction.time >= self.settled:
+        if math.isnan(self.megabytes) and update.prediction.time >= self.settled:
             self.megabytes = resident()
 
     @property

@@ -30,7 +30,7 @@ from monochord.core.types import Audio
 from monochord.core.units import FINITE, Samples, Seconds
 from monochord.lab.player import PlayerSettings, write_script
 from monochord.live import LiveRun, Summary, WindowSettings, run
-from monochord.live.sinks.base import Listener, Moment
+from monochord.live.sinks.base import Listener, Update
 from monochord.physics.twin.virtual_sensor import VirtualSensor
 
 RATE = 44100
@@ -175,8 +175,8 @@ class _Memory(Listener):
         self._settled = settled
         self.megabytes = self.now = math.nan
 
-    def write(self, moment: Moment) -> None:
-        if moment.prediction.time >= self._settled and moment.prediction.start % RATE < 441:
+    def write(self, update: Update) -> None:
+        if update.prediction.time >= self._settled and update.prediction.start % RATE < 441:
             self.now = resident()
             if math.isnan(self.megabytes):
                 self.megabytes = self.now

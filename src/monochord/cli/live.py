@@ -31,7 +31,7 @@ from monochord.core.files import replacing
 from monochord.live import LiveRun, run
 from monochord.live.settings import NAME
 from monochord.live.sinks import SINKS
-from monochord.live.sinks.base import Listener, Moment, Run, Sink, Writer
+from monochord.live.sinks.base import Listener, Run, Sink, Update, Writer
 from monochord.perception.model.bundled import bundled_names
 from monochord.physics.sensors import sensor_names
 
@@ -171,5 +171,5 @@ class _SavedSettings(Listener):
             raise InputError(given, "a path that can be written") from error
         yield self
 
-    def write(self, moment: Moment) -> None:
+    def write(self, update: Update) -> None:
         """Write nothing."""

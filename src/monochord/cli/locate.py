@@ -28,7 +28,7 @@ from monochord.cli._output import echo
 from monochord.core.config import Tree, override
 from monochord.core.errors import InputError
 from monochord.live import LiveRun, run
-from monochord.live.sinks.base import Listener, Moment, Run, Writer
+from monochord.live.sinks.base import Listener, Run, Update, Writer
 from monochord.perception.model.bundled import bundled_names
 
 CONTACT = "contact"
@@ -95,13 +95,13 @@ class _Table(Listener):
             self._origin, self._stopped = "the nut", True
         yield self
 
-    def write(self, moment: Moment) -> None:
+    def write(self, update: Update) -> None:
         """Count one window."""
-        position, frequency = (moment.prediction.estimate(name) for name in ("position", "frequency"))
+        position, frequency = (update.prediction.estimate(name) for name in ("position", "frequency"))
         if not position.valid:
-            self._reasons[position.why_not] += 1
+            self._reasons[position.reason] += 1
             return
-        self._one_note += CONTACT not in moment.prediction.estimates
+        self._one_note += CONTACT not in update.prediction.estimates
         self._positions.append(position.value)
         self._stds.append(position.std)
         self._frequencies.append(frequency.value)

@@ -3,10 +3,14 @@
 Sample arrays are channel-first, ``(channel, sample)``, as the paper's A in R^{2xT}.
 """
 
-from collections.abc import Callable, Mapping
+import copyreg
+import math
+import warnings
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +26,14 @@ from monochord.core.units import (
     Samples,
     Seconds,
 )
+
+
+def _read_only(values: dict[Any, Any]) -> MappingProxyType[Any, Any]:
+    return MappingProxyType(values)
+
+
+# So that what holds one crosses to another process, and is copied.
+copyreg.pickle(MappingProxyType, lambda proxy: (_read_only, (dict(proxy),)))
 
 Floats: TypeAlias = NDArray[np.float64]
 Audio: TypeAlias = NDArray[np.float32]
@@ -102,37 +114,168 @@ class Estimate:
     """One estimated quantity with its standard error, or an abstention with its reason.
 
     `std` is one standard deviation in the unit of `value`. Where `valid` is false, `value` and `std` are
-    NaN and `why_not` says in a few words why.
+    NaN and `reason` says in a few words why. ``float(estimate)`` is `value`, and ``str(estimate)`` is for a
+    person: a length in mm, any other quantity in its unit.
+
+    Examples
+    --------
+    >>> place = Estimate(value=0.08241, std=3e-4, unit="m")
+    >>> print(place, float(place))
+    82.4 +- 0.3 mm 0.08241
+    >>> print(Estimate.abstain("m", "two candidates"))
+    no answer: two candidates
     """
 
     value: float
     std: float
     unit: str
     valid: bool = True
-    why_not: str = ""
+    reason: str = ""
 
     @classmethod
-    def abstain(cls, unit: str, why_not: str) -> "Estimate":
+    def abstain(cls, unit: str, reason: str) -> "Estimate":
         """Return an abstention.
 
         >>> Estimate.abstain("m", "silence").valid
         False
         """
-        return cls(value=float("nan"), std=float("nan"), unit=unit, valid=False, why_not=why_not)
+        return cls(value=float("nan"), std=float("nan"), unit=unit, valid=False, reason=reason)
+
+    @property
+    def why_not(self) -> str:
+        """The name of `reason` in version 0.1; deprecated."""
+        warnings.warn("Estimate.why_not is deprecated: use Estimate.reason", DeprecationWarning, stacklevel=2)
+        return self.reason
+
+    def __float__(self) -> float:
+        """Return the value, NaN without an answer."""
+        return float(self.value)
+
+    def __str__(self) -> str:
+        """Return the value with its standard error as a person reads it, or the reason for an abstention."""
+        if not self.valid:
+            return f"no answer: {self.reason}" if self.reason else "no answer"
+        scale, unit = (1e3, "mm") if self.unit == "m" else (1.0, self.unit.removeprefix("1"))
+        return f"{_with_error(scale * self.value, scale * self.std)} {unit}".rstrip()
+
+    def _repr_pretty_(self, printer: Any, cycle: bool) -> None:  # noqa: FBT001, ARG002  (of IPython)
+        """Show in a notebook what `str` gives."""
+        printer.text(str(self))
+
+
+def _with_error(value: float, std: float) -> str:
+    """Return a value and its standard error, which has one digit that counts.
+
+    >>> _with_error(0.5238, 0.0312), _with_error(1009.8, 25.0), _with_error(0.5, float("nan"))
+    ('0.52 +- 0.03', '1010 +- 25', '0.5 +- ?')
+    """
+    if not 0.0 < std < math.inf:
+        return f"{value:.4g} +- {'0' if std == 0.0 else '?'}"
+    digits = max(-math.floor(math.log10(float(f"{std:.0e}"))), 0)
+    return f"{value:.{digits}f} +- {std:.{digits}f}"
 
 
 OUTSIDE_RANGE = "outside the sensing range"
 """The reason why position, force and slip of a touch are withheld where the sensor cannot tell its place."""
 Estimates: TypeAlias = Mapping[str, Estimate]
 """What an estimator says of a window, by name; an open set."""
+NO_ESTIMATES: Estimates = MappingProxyType({})
+NOT_ESTIMATED = "not estimated"
+"""The reason of an estimate that no estimator gives."""
 Prepared: TypeAlias = Callable[[Window], Estimates]
 """An estimator made ready for a signal."""
 Truth: TypeAlias = Mapping[str, float]
 """What a simulated source knows of itself: ``contact`` 0 or 1, ``position``, ``force`` ...; an open set."""
 
 
+class NamedEstimates(ABC):
+    """Access to estimates by name: ``update.position``, ``update.tracked.force``.
+
+    The four quantities of a touch can always be asked for: one that is not estimated is an abstention. Any
+    other name is an attribute where an estimator gives it.
+    """
+
+    __slots__ = ()
+
+    @abstractmethod
+    def _named(self) -> Estimates:
+        """Return the estimates by name; an open set."""
+
+    def estimate(self, name: str) -> Estimate:
+        """Return an estimate by name, or an abstention where there is none of this name.
+
+        >>> Prediction(start=0, time=0.0, estimates={}).estimate("force").reason
+        'not estimated'
+        """
+        return self._named().get(name) or Estimate.abstain("", NOT_ESTIMATED)
+
+    @property
+    def contact(self) -> Estimate:
+        """Probability that something touches the string."""
+        return self.estimate("contact")
+
+    @property
+    def position(self) -> Estimate:
+        """Place of the touch from pickup 1, in m."""
+        return self.estimate("position")
+
+    @property
+    def force(self) -> Estimate:
+        """Normal force, in N."""
+        return self.estimate("force")
+
+    @property
+    def slip(self) -> Estimate:
+        """Probability that the touch slides."""
+        return self.estimate("slip")
+
+    def __dir__(self) -> list[str]:
+        """Return the attributes, the estimates among them."""
+        return [*super().__dir__(), *self._named()]
+
+    def __getattr__(self, name: str) -> Estimate:
+        """Return the estimate of another name; raises `AttributeError` where there is none."""
+        if name.startswith("_") or name in _fields_of(type(self)):  # not set yet, while it is copied
+            raise AttributeError(name)
+        if name in (named := self._named()):
+            return named[name]
+        raise AttributeError(f"no attribute or estimate '{name}'; estimates: {', '.join(named) or 'none'}")
+
+
+def _fields_of(kind: type) -> Mapping[str, Any]:
+    return getattr(kind, "__dataclass_fields__", {})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Tracked(NamedEstimates, Mapping[str, Estimate]):
+    """Estimates over time, as a mapping by name and by attribute.
+
+    >>> place = Estimate(value=0.0824, std=3e-4, unit="m")
+    >>> tracked = Tracked(estimates={"position": place})
+    >>> print(tracked.position, "|", tracked.force, "|", *tracked)
+    82.4 +- 0.3 mm | no answer: not estimated | position
+    """
+
+    estimates: Estimates = field(default_factory=lambda: NO_ESTIMATES)
+
+    def _named(self) -> Estimates:
+        return self.estimates
+
+    def __getitem__(self, name: str) -> Estimate:
+        """Return an estimate by name; raises `KeyError` where there is none."""
+        return self.estimates[name]
+
+    def __iter__(self) -> Iterator[str]:
+        """Yield the names."""
+        return iter(self.estimates)
+
+    def __len__(self) -> int:
+        """Return how many there are."""
+        return len(self.estimates)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Prediction:
+class Prediction(NamedEstimates):
     """The estimates of one window by name (an open set), on the sample clock.
 
     `time` is the start of the window in seconds since the stream began; `latency` is the time from the
@@ -155,13 +298,8 @@ class Prediction:
             raise KeyError(f"'{name}' is not estimated; there is {', '.join(self.estimates) or 'nothing'}")
         return self.estimates[name]
 
-    def estimate(self, name: str) -> Estimate:
-        """Return an estimate by name, or an abstention where the estimator has none of this name.
-
-        >>> Prediction(start=0, time=0.0, estimates={}).estimate("force").why_not
-        'not estimated'
-        """
-        return self.estimates.get(name) or Estimate.abstain("", "not estimated")
+    def _named(self) -> Estimates:
+        return self.estimates
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -297,7 +297,7 @@ def columns(estimates: Sequence[Estimates]) -> dict[str, Any]:
             if estimate is not None and estimate.valid:
                 value[name][row], std[name][row] = estimate.value, estimate.std
                 continue
-            reason = (estimate.why_not or "no reason given") if estimate is not None else "not estimated"
+            reason = (estimate.reason or "no reason given") if estimate is not None else "not estimated"
             why[name][row] = reasons.setdefault(reason, len(reasons))
     return {"value": value, "std": std, "why": why, "reasons": tuple(reasons)}
 

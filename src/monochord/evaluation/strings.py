@@ -20,7 +20,7 @@ from monochord.core.types import Audio
 from monochord.core.units import Seconds
 from monochord.live import LiveRun, WindowSettings, run
 from monochord.live.settings import MODEL
-from monochord.live.sinks.base import Listener, Moment
+from monochord.live.sinks.base import Listener, Update
 
 TAKE: Seconds = 3.0
 """Sound of the simulated string, played over and over; each string begins elsewhere in it."""
@@ -143,18 +143,18 @@ class _Clock(Listener):
         self._count = 0
         self._first = self._last = (0.0, 0.0)
 
-    def write(self, moment: Moment) -> None:  # noqa: ARG002
+    def write(self, update: Update) -> None:  # noqa: ARG002
         self._last = time.monotonic(), time.process_time()
         self._first = self._last if self._count == 0 else self._first
         self._count += 1
 
     @property
     def rate(self) -> float:
-        """Moments a second."""
+        """Updates a second."""
         elapsed = self._last[0] - self._first[0]
         return (self._count - 1) / elapsed if elapsed else math.nan
 
     @property
     def cost(self) -> Seconds:
-        """Processor time of a moment."""
+        """Processor time of an update."""
         return (self._last[1] - self._first[1]) / (self._count - 1) if self._count > 1 else math.nan

@@ -6,7 +6,7 @@ import statistics
 from monochord.core.errors import InputError
 from monochord.live.loop import run
 from monochord.live.settings import LiveRun
-from monochord.live.sinks.base import Listener, Moment
+from monochord.live.sinks.base import Listener, Update
 
 
 def medians(take: LiveRun) -> dict[str, float]:
@@ -25,7 +25,7 @@ def medians(take: LiveRun) -> dict[str, float]:
     if run(dataclasses.replace(take, sinks=(estimates,))).interrupted:
         raise KeyboardInterrupt
     if not estimates.values:
-        why = f"no window of it has a frequency ({estimates.why_not or 'it is shorter than a window'})"
+        why = f"no window of it has a frequency ({estimates.reason or 'it is shorter than a window'})"
         raise InputError(f"calibration take: {why}", "a take with a clear note", "record it again")
     return {name: statistics.median(values) for name, values in estimates.values.items()}
 
@@ -33,13 +33,13 @@ def medians(take: LiveRun) -> dict[str, float]:
 class _Estimates(Listener):
     def __init__(self) -> None:
         self.values: dict[str, list[float]] = {}
-        self.why_not = ""
+        self.reason = ""
 
-    def write(self, moment: Moment) -> None:
-        frequency = moment.prediction.estimate("frequency")
+    def write(self, update: Update) -> None:
+        frequency = update.prediction.estimate("frequency")
         if not frequency.valid:
-            self.why_not = frequency.why_not
+            self.reason = frequency.reason
             return
-        for name, estimate in moment.prediction.estimates.items():
+        for name, estimate in update.prediction.estimates.items():
             if estimate.valid:
                 self.values.setdefault(name, []).append(estimate.value)

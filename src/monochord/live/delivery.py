@@ -1,4 +1,4 @@
-"""Hands moments to sinks, so that none of them delays the live loop or another sink."""
+"""Hands updates to sinks, so that none of them delays the live loop or another sink."""
 
 import inspect
 import logging
@@ -16,7 +16,7 @@ from monochord.core.errors import DeviceError, InputError, MonochordError
 from monochord.core.printable import printable
 from monochord.core.units import Seconds
 from monochord.live.health import Note
-from monochord.live.sinks.base import Listener, Moment, NotDeliveredError, Run, Sink
+from monochord.live.sinks.base import Listener, NotDeliveredError, Run, Sink, Update
 
 CLOSING: Seconds = 5.0
 """How long sinks may take, together, to write what waits for them at the end of a run."""
@@ -26,7 +26,7 @@ SWITCH_INTERVAL: Seconds = 5e-4
 Python's own 5 ms is half a hop."""
 
 ALL = ""
-"""In place of a string's name, of a sink that takes the moments of all strings."""
+"""In place of a string's name, of a sink that takes the updates of all strings."""
 
 _log = logging.getLogger("monochord")
 
@@ -71,7 +71,7 @@ class Delivery:
         Sinks in the order in which they are opened.
     run
         What they are opened for. Of several strings, a sink that is one for each
-        (`Sink.is_for_each_string`) takes the moments of that one; others take all.
+        (`Sink.is_for_each_string`) takes the updates of that one; others take all.
     paced
         Whether a clock paces the source.
 
@@ -112,17 +112,17 @@ class Delivery:
         if error is None:
             self._raise_where_none_is_left()
 
-    def hand_over(self, moment: Moment) -> None:
-        """Give a moment to every sink, with a note on each that was closed; raises where no sink is left."""
+    def hand_over(self, update: Update) -> None:
+        """Give an update to every sink, with a note on each that was closed; raises where no sink is left."""
         closed = [outlet for outlet in self._outlets if outlet.error is not None]
         if closed:
-            notes = [outlet.note(moment.prediction.time) for outlet in closed]
-            moment = replace(moment, notes=(*moment.notes, *notes))
+            notes = [outlet.note(update.prediction.time) for outlet in closed]
+            update = replace(update, notes=(*update.notes, *notes))
         if self._dispatcher is not None:
-            self._dispatcher.moments.put(moment)
+            self._dispatcher.updates.put(update)
         for outlet in self._outlets:
-            if outlet.string in (ALL, moment.string):
-                outlet.take(moment)
+            if outlet.string in (ALL, update.string):
+                outlet.take(update)
             if outlet.error is not None:
                 self._raise_where_none_is_left()
 
@@ -187,8 +187,8 @@ class _Outlet:
         """Whether the reader of standard output went away, as `head` does."""
         return self._reads_standard_output and isinstance(self.error, BrokenPipeError)
 
-    def take(self, moment: Moment) -> None:
-        """Take a moment in the loop."""
+    def take(self, update: Update) -> None:
+        """Take an update in the loop."""
 
     def end(self) -> None:
         """Expect no more."""
@@ -219,10 +219,10 @@ class _Outlet:
         left_out = self._given - self._written
         return Delivered(sink=self.name, written=self._written, left_out=left_out, failure=self.failure)
 
-    def _write(self, moment: Moment) -> None:
-        """Write a moment; a sink that raises is closed."""
+    def _write(self, update: Update) -> None:
+        """Write an update; a sink that raises is closed."""
         try:
-            self._writer.write(moment)
+            self._writer.write(update)
         except NotDeliveredError:
             pass
         except Exception as error:  # noqa: BLE001  (whatever a sink of others may raise)
@@ -247,8 +247,8 @@ class _Outlet:
 class _Called(_Outlet):
     """A listener: called in the loop, and what it raises passes through."""
 
-    def take(self, moment: Moment) -> None:
-        self._writer.write(moment)
+    def take(self, update: Update) -> None:
+        self._writer.write(update)
 
     def close(self, deadline: Seconds) -> None:  # noqa: ARG002
         self._context.__exit__(None, None, None)
@@ -257,10 +257,10 @@ class _Called(_Outlet):
 class _Guarded(_Outlet):
     """A sink that is called in the loop, which waits for it."""
 
-    def take(self, moment: Moment) -> None:
+    def take(self, update: Update) -> None:
         self._given += 1
         if self.error is None:
-            self._write(moment)
+            self._write(update)
 
 
 class _Queued(_Outlet):
@@ -269,12 +269,12 @@ class _Queued(_Outlet):
     def __init__(self, sink: Sink, run: Run) -> None:
         super().__init__(sink, run)
         self._backlog = sink.backlog * max(len(run.strings), 1)
-        self._waiting: queue.SimpleQueue[Moment | None] = queue.SimpleQueue()
+        self._waiting: queue.SimpleQueue[Update | None] = queue.SimpleQueue()
         self._thread = threading.Thread(target=self._run, name=f"sink-{self.name}", daemon=True)
         self._thread.start()
 
-    def put(self, moment: Moment) -> None:
-        """Take a moment from the dispatcher; a full queue loses its oldest."""
+    def put(self, update: Update) -> None:
+        """Take an update from the dispatcher; a full queue loses its oldest."""
         self._given += 1
         if self.error is not None:
             return
@@ -282,7 +282,7 @@ class _Queued(_Outlet):
         if waiting.qsize() >= self._backlog:
             with suppress(queue.Empty):  # the sink may take it at this moment
                 waiting.get_nowait()
-        waiting.put(moment)
+        waiting.put(update)
 
     def end(self) -> None:
         self._waiting.put(None)
@@ -293,35 +293,35 @@ class _Queued(_Outlet):
             self._fail(DeviceError(f"output that is not taken within {CLOSING:g} s"))
 
     def _run(self) -> None:
-        while (moment := self._waiting.get()) is not None:
-            self._write(moment)
+        while (update := self._waiting.get()) is not None:
+            self._write(update)
             if self.error is not None:
                 return  # and is closed
         self._leave()
 
 
 class _Dispatcher:
-    """Passes moments from the loop to the queues of sinks, in a thread of its own.
+    """Passes updates from the loop to the queues of sinks, in a thread of its own.
 
     To wake a thread costs some 10 us, which the loop spends once, whatever the number of sinks.
     """
 
     def __init__(self, outlets: list[_Queued]) -> None:
-        self.moments: queue.SimpleQueue[Moment | None] = queue.SimpleQueue()
+        self.updates: queue.SimpleQueue[Update | None] = queue.SimpleQueue()
         self._outlets = outlets
         self._thread = threading.Thread(target=self._run, name="delivery", daemon=True)
         self._thread.start()
 
     def close(self) -> None:
-        """Wait until every moment is in the queues, which never takes long."""
-        self.moments.put(None)
+        """Wait until every update is in the queues, which never takes long."""
+        self.updates.put(None)
         self._thread.join()
 
     def _run(self) -> None:
-        while (moment := self.moments.get()) is not None:
+        while (update := self.updates.get()) is not None:
             for outlet in self._outlets:
-                if outlet.string in (ALL, moment.string):
-                    outlet.put(moment)
+                if outlet.string in (ALL, update.string):
+                    outlet.put(update)
 
 
 def reason(error: Exception) -> str:

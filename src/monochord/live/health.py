@@ -322,9 +322,9 @@ def _add_reasons(findings: dict[str, Finding], estimates: Estimates) -> None:
     for name, each in estimates.items():
         if name == CONTACT and each.valid:
             continue
-        if each.valid or (reason and each.why_not != reason):
+        if each.valid or (reason and each.reason != reason):
             return
-        reason = each.why_not
+        reason = each.reason
     if reason in EXPLAINED or (reason == "silence" and "silence" in findings):
         return
     key, finding = REASONS.get(reason, ("abstaining", None))

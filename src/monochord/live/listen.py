@@ -1,26 +1,34 @@
-"""Predictions from a source as they come: the live loop as an iterator, for programs."""
+"""Updates from a source as they come: the live loop as an iterator, for programs."""
 
 import asyncio
 import math
 from collections.abc import AsyncIterator, Generator, Iterator
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
+
+from numpy.typing import NDArray
 
 from monochord.capture.sources import SOURCES
+from monochord.capture.sources._array import ArraySource
+from monochord.capture.sources._virtual_sensor import VirtualSensorSource
 from monochord.capture.sources.base import Source
 from monochord.core.errors import InputError
-from monochord.core.types import Prediction
 from monochord.core.units import Seconds
 from monochord.live.loop import opened
 from monochord.live.settings import MODEL, LiveRun, WindowSettings, recording_source
+from monochord.live.sinks.base import Update
 from monochord.perception.estimators import ESTIMATORS
 from monochord.perception.estimators.base import Estimator
 from monochord.perception.model import load
+from monochord.physics.twin.virtual_sensor import VirtualSensor
+
+Listenable: TypeAlias = str | Path | Source | VirtualSensor | NDArray[Any]
+"""What can be listened to: a source's name, a recording, a source, a virtual sensor, or sound."""
 
 
 def listen(
-    source: str | Path | Source = "jack",
+    source: Listenable = "jack",
     model: str | Path | Estimator = "demo",
     *,
     seconds: Seconds = math.inf,
@@ -29,8 +37,8 @@ def listen(
     string: str = "",
     sensor: str = "",
     **options: Any,
-) -> Iterator[Prediction]:
-    """Yield a prediction for every window of a source, as soon as the window is complete.
+) -> Iterator[Update]:
+    """Yield an update for every window of a source, as soon as the window is complete.
 
     It is the loop of ``monochord live``: a file or a session gives the same numbers as it did live. A reader
     that is a hop or more behind a real-time source skips to the newest window.
@@ -38,13 +46,15 @@ def listen(
     Parameters
     ----------
     source
-        A recording (``take.wav``, ``take.flac``, ``take.mcap``), the name of a source (``"jack"``,
-        ``"soundcard"``, ``"twin"``), or a source that was built.
+        One of these: a recording (``take.wav``, ``take.flac``, ``take.mcap``); the name of a source
+        (``"jack"``, ``"soundcard"``, ``"twin"``), or a source that was built; an array (channels, samples)
+        or (samples,) of floats in full scale, with ``sample_rate=`` in Hz; a `VirtualSensor`, whose time
+        runs on by a hop for each update, so that the program touches it in between.
     model
         A bundled model's name, the folder of a model or of a training run, the name of another estimator
         (``"closed_form"``), or an estimator that was built.
     seconds
-        How much of the stream to process, in s.
+        How much of the stream to process, in s; without end by default.
     hop
         Distance of window starts, in s.
     window
@@ -58,28 +68,38 @@ def listen(
 
     Returns
     -------
-    Iterator[Prediction]
-        The source is opened at the first `next` and released when the iterator ends or is closed.
+    Iterator[Update]
+        What is known at each window: the estimates (``update.position``), those over time
+        (``update.tracked.position``), `decided`, `events`, `notes`, and the truth of simulated sound. The
+        source is opened at the first `next` and released when the iterator ends or is closed.
 
     Raises
     ------
     InputError
-        For an unknown source or model, or an option that cannot be used.
+        For an unknown source or model, or sound or an option that cannot be used.
     DeviceError
         If a device is absent or goes away for good.
 
     Examples
     --------
-    >>> predictions = list(listen("twin", seconds=0.3, speed=0.0))
-    >>> len(predictions), sorted(predictions[0].estimates)
+    >>> updates = list(listen("twin", seconds=0.3, speed=0.0))
+    >>> len(updates), sorted(updates[0].estimates)
     (21, ['contact', 'force', 'position', 'slip'])
+
+    >>> from monochord import VirtualSensor
+    >>> twin = VirtualSensor("prototype", seed=1)
+    >>> for update in listen(twin, seconds=0.8):
+    ...     if update.time == 0.0:
+    ...         _ = twin.press(0.08, 1.0)
+    >>> print(f"{update.position.value:.2f} m, truly {update.truth['position']:.2f} m")
+    0.08 m, truly 0.08 m
     """
-    return _predictions(_live_run(source, model, seconds, hop, window, string, sensor, options))
+    return _updates(_live_run(source, model, seconds, hop, window, string, sensor, options))
 
 
 async def listen_async(
-    source: str | Path | Source = "jack", model: str | Path | Estimator = "demo", **options: Any
-) -> AsyncIterator[Prediction]:
+    source: Listenable = "jack", model: str | Path | Estimator = "demo", **options: Any
+) -> AsyncIterator[Update]:
     """Yield what `listen` yields, for programs that use asyncio; it takes the same arguments.
 
     The loop runs in a thread of its own. A consumer that is slow delays it as in `listen`, so that the
@@ -89,8 +109,8 @@ async def listen_async(
     --------
     >>> import asyncio
     >>> async def first() -> float:
-    ...     async for prediction in listen_async("twin", seconds=0.3, speed=0.0):
-    ...         return prediction.time
+    ...     async for update in listen_async("twin", seconds=0.3, speed=0.0):
+    ...         return update.time
     >>> asyncio.run(first())
     0.0
     """
@@ -100,28 +120,27 @@ async def listen_async(
     setup = _live_run(source, model, **{**defaults, **given}, options=options)
     with ExitStack() as stack:
         live = await asyncio.to_thread(stack.enter_context, opened(setup))
-        moments, waiting = iter(live), None
+        updates, waiting = iter(live), None
         try:
             while True:
-                waiting = asyncio.create_task(asyncio.to_thread(next, moments, None))
-                moment = await asyncio.shield(waiting)
-                if moment is None:
+                waiting = asyncio.create_task(asyncio.to_thread(next, updates, None))
+                update = await asyncio.shield(waiting)
+                if update is None:
                     return
-                yield moment.prediction
+                yield update
         finally:
             live.close()
             if waiting is not None:
                 await asyncio.wait([waiting])  # the thread is done with the source before that is released
 
 
-def _predictions(setup: LiveRun) -> Generator[Prediction]:
+def _updates(setup: LiveRun) -> Generator[Update]:
     with opened(setup) as live:
-        for moment in live:
-            yield moment.prediction
+        yield from live
 
 
 def _live_run(
-    source: str | Path | Source,
+    source: Listenable,
     model: str | Path | Estimator,
     seconds: Seconds,
     hop: Seconds,
@@ -131,26 +150,52 @@ def _live_run(
     options: dict[str, Any],
 ) -> LiveRun:
     estimator, length = _estimator(model)
+    settings = WindowSettings(length=window or length, hop=hop)
     return LiveRun(
-        source=source_of(source, options),
+        source=source_of(source, options, settings, seconds),
         estimator=estimator,
-        window=WindowSettings(length=window or length, hop=hop),
+        window=settings,
         string=string,
         sensor=sensor,
         seconds=seconds,
     )
 
 
-def source_of(source: str | Path | Source, options: dict[str, Any]) -> Source:
-    """Return the source that `listen` opens for its argument of that name, with these options."""
-    if isinstance(source, Source):
+def source_of(
+    source: Listenable,
+    options: dict[str, Any],
+    window: WindowSettings = WindowSettings(),  # noqa: B008  (frozen)
+    seconds: Seconds = math.inf,
+) -> Source:
+    """Return the source that `listen` opens for its argument of that name, with these options.
+
+    An array or a virtual sensor is read by the hop of `window`, and a virtual sensor for `seconds`.
+    """
+    if isinstance(source, (Source, VirtualSensor)):
         if options:
-            given = f"options {', '.join(options)} beside a source that was built"
+            what = "a source that was built" if isinstance(source, Source) else "a virtual sensor"
+            given = f"options {', '.join(options)} beside {what}"
             raise InputError(given, "none", "give them to the source")
-        return source
+        if isinstance(source, Source):
+            return source
+        _, hop = window.frames(source.sample_rate)
+        return VirtualSensorSource(sensor=source, block=hop, seconds=seconds)
+    if not isinstance(source, (str, Path)):
+        return _array_source(source, window, **options)
     if isinstance(source, str) and source.replace("-", "_") in SOURCES.names():
         return SOURCES.build(source, options)
     return SOURCES.build(recording_source(source) or "wav", {"path": str(source), **options})
+
+
+def _array_source(
+    samples: NDArray[Any], window: WindowSettings, *, sample_rate: float = math.nan, **others: Any
+) -> Source:
+    if others:
+        raise InputError(f"options {', '.join(others)} beside an array", "sample_rate alone")
+    if not sample_rate > 0.0:
+        raise InputError(f"an array at {sample_rate:g} Hz", "its sample_rate", "say sample_rate=44100")
+    _, hop = window.frames(round(sample_rate))
+    return ArraySource(samples=samples, sample_rate=sample_rate, block=max(hop, 1))
 
 
 def _estimator(model: str | Path | Estimator) -> tuple[Estimator, Seconds]:

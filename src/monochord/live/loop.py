@@ -16,14 +16,14 @@ from monochord.core.clock import SampleClock
 from monochord.core.errors import InputError
 from monochord.core.interruption import interruption
 from monochord.core.priority import FIRST, before_other_programs, prioritise
-from monochord.core.types import Block, Prediction, Signal, Truth, Window
+from monochord.core.types import Block, Prediction, Signal, Tracked, Truth, Window
 from monochord.core.units import Samples, Seconds
 from monochord.core.windows import windows
 from monochord.live import events, health
 from monochord.live import filter as time_filter
 from monochord.live.delivery import Delivered, Delivery
 from monochord.live.settings import LiveRun, channels_of
-from monochord.live.sinks.base import Moment, Run
+from monochord.live.sinks.base import Run, Update
 from monochord.live.summary import Meter, Summary
 from monochord.perception.estimators.base import Watching
 from monochord.physics.sensors import load_sensor, with_sensor
@@ -83,10 +83,10 @@ def run(setup: LiveRun) -> Summary:
             if setup.real_time:
                 prioritise(FIRST)  # of its own threads, too
             try:
-                for moment in live:
+                for update in live:
                     if stop.requested:
                         break
-                    delivery.hand_over(moment)
+                    delivery.hand_over(update)
             except KeyboardInterrupt:
                 stop.requested = True
         return live.summary(interrupted=stop.requested, delivered=delivery.delivered)
@@ -143,8 +143,8 @@ class LiveStream:
         self._meter.interrupted = interrupted
         return self._meter.summary(self._feed.frames, self._stream.health, delivered)
 
-    def __iter__(self) -> Iterator[Moment]:
-        """Yield a moment for each window of each string, those of one time in turn.
+    def __iter__(self) -> Iterator[Update]:
+        """Yield an update for each window of each string, those of one time in turn.
 
         The time to the next request counts as that of the sinks.
         """
@@ -183,13 +183,13 @@ class LiveStream:
                 )
                 states[k] = _Over(followed=followed, announced=announced, well=well)
                 handed = time.monotonic()
-                yield Moment(
+                yield Update(
                     prediction=prediction,
                     window=own[k],
                     health=counters,
                     truth=NO_TRUTH if string.name else stream.truth(window.start, end),
                     skipped=skipped,
-                    tracked=tracked.estimates,
+                    tracked=Tracked(estimates=tracked.estimates),
                     decided=tracked.decided,
                     events=changes,
                     notes=notes,

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from monochord.core.labels import SETTLED
 from monochord.core.types import Floats
 from monochord.core.units import Metres
-from monochord.live.sinks.base import Listener, Moment
+from monochord.live.sinks.base import Listener, Update
 from monochord.metrics import LIMITS, detection_score, regression_score
 
 PROBABILITIES = ("contact", "slip")
@@ -36,9 +36,9 @@ class Scorer(Listener):
         self._estimates = {name: (array("d"), array("d")) for name in names}
         self._named: set[str] = set()
 
-    def write(self, moment: Moment) -> None:
+    def write(self, update: Update) -> None:
         """Store truth and estimates of one window."""
-        prediction, truth = moment.prediction, moment.truth
+        prediction, truth = update.prediction, update.truth
         self._named |= prediction.estimates.keys() & self._estimates.keys()
         known = {"settled": 1.0, **truth}
         for name, column in self._truth.items():

@@ -53,9 +53,9 @@ def touch_spans(
     changes: list[Event] = []
     end: Seconds = 0.0
     with opened(setup) as live:
-        for moment in live:
-            changes += [event for event in moment.events if event.name == CONTACT]
-            end = moment.prediction.time + length
+        for update in live:
+            changes += [event for event in update.events if event.name == CONTACT]
+            end = update.prediction.time + length
     # Of a touch that lasts to the end of the recording the end is that one.
     begins = [event.time for event in changes if event.on]
     ends = [event.time - length - DYING for event in changes if not event.on]

@@ -137,7 +137,7 @@ def track_after(
     if before is not None:
         # What few estimates have supported is not carried on for long.
         coast = settings.coast * (before.trust / settings.believe if settings.believe else 1.0)
-        is_over = position.why_not == OUTSIDE_RANGE or span.end - before.seen > coast + TIME_TOLERANCE
+        is_over = position.reason == OUTSIDE_RANGE or span.end - before.seen > coast + TIME_TOLERANCE
         before = None if is_over else before
     variance = (max(position.std, MIN_STD) / span.share) ** 2
     if before is None:
@@ -246,7 +246,7 @@ def press_after(
     before: Press | None, force: Estimate, span: Span, settings: ForceSettings, *, slides: bool
 ) -> Press | None:
     """Return the press after a window, None for none and outside the sensing range."""
-    if force.why_not == OUTSIDE_RANGE or (before is not None and span.end - before.seen > settings.coast):
+    if force.reason == OUTSIDE_RANGE or (before is not None and span.end - before.seen > settings.coast):
         before = None
     ratio = span.ratio
     if force.valid and (before is None or span.share < 1.0):  # while it begins, the newest window is the best

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 import soundfile
 
+from monochord.capture.sources._labels import LABEL_STEP, LabelMemory
 from monochord.capture.sources._script import ScriptedTouch, draw_touches
-from monochord.capture.sources.twin import LABEL_STEP, LabelMemory, TwinSource
+from monochord.capture.sources.twin import LABELS, TwinSource, label_columns
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Contact, Truth
 from monochord.physics.sensors import load_sensor
@@ -148,7 +149,7 @@ def test_random_touches_keep_to_their_ranges_and_do_everything() -> None:
 
 
 def test_truth_of_short_old_and_future_ranges() -> None:
-    memory = LabelMemory(100 * LABEL_STEP, RATE)
+    memory = LabelMemory(LABELS, RATE, seconds=100 * LABEL_STEP / RATE)
     count = 150 * LABEL_STEP
     contact = np.zeros((1, count))
     contact[:, 120 * LABEL_STEP :] = 1
@@ -158,7 +159,7 @@ def test_truth_of_short_old_and_future_ranges() -> None:
         along=0 * one, friction=one, settled=np.ones(count),
     )  # fmt: skip
     assert memory.over(0, 10) == {}
-    memory.add(labels)
+    memory.add(label_columns(labels), count)
     assert memory.over(0, 10 * LABEL_STEP) == {}  # forgotten
     assert memory.over(100 * LABEL_STEP, 101 * LABEL_STEP) == {
         "contact": 0.0,

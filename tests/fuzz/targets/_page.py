@@ -19,7 +19,7 @@ from websockets.sync.client import connect
 
 from monochord.capture.sources import SOURCES
 from monochord.core.types import Estimate, Prediction, StreamHealth, Window
-from monochord.live.sinks.base import Moment
+from monochord.live.sinks.base import Update
 from monochord.live.web.server import Server
 
 PATIENCE = 10.0
@@ -37,7 +37,7 @@ SOUND = np.zeros((2, 441), np.float32)
 
 
 class Page:
-    """A server with a simulated string, and another client of it, the witness, to whom moments go on."""
+    """A server with a simulated string, and another client of it, the witness, to whom updates go on."""
 
     def __init__(self, token: str = "") -> None:
         self._stack = ExitStack()
@@ -75,13 +75,13 @@ class Page:
         return answer
 
     def check(self) -> None:
-        """Assert that the page is served, that the witness gets a new moment, that no error was logged."""
+        """Assert that the page is served, that the witness gets a new update, that no error was logged."""
         connection = http.client.HTTPConnection(*self._address, timeout=PATIENCE)
         connection.request("GET", "/", headers=self._headers)
         assert connection.getresponse().status == 200
         connection.close()
         self._count += 1
-        self._view.write(_moment(self._count))
+        self._view.write(_update(self._count))
         end, shown = time.monotonic() + PATIENCE, 0.0
         while shown < self._count:
             text = self._witness.recv(max(0.0, end - time.monotonic()))
@@ -119,9 +119,9 @@ class _Errors(logging.Handler):
             raise error
 
 
-def _moment(number: int) -> Moment:
+def _update(number: int) -> Update:
     estimates = {"position": Estimate(value=0.1, std=1e-4, unit="m")}
-    return Moment(
+    return Update(
         prediction=Prediction(start=441 * number, time=float(number), estimates=estimates),
         window=Window(samples=SOUND, start=441 * number, sample_rate=44100),
         health=StreamHealth(),

@@ -6,20 +6,20 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from tests.live.sinks.made import SIGNAL, moment
+from tests.live.sinks.made import SIGNAL, update
 
-from monochord.core.types import Estimate
+from monochord.core.types import Estimate, Tracked
 from monochord.live.events import Event
 from monochord.live.health import Note
-from monochord.live.sinks.base import Moment, Run
+from monochord.live.sinks.base import Run, Update
 from monochord.live.sinks.csv import Csv
 
 POSITION = Estimate(value=0.2275, std=2e-4, unit="m")
 
 
-def rows(path: Path, *moments: Moment) -> list[dict[str, str]]:
+def rows(path: Path, *updates: Update) -> list[dict[str, str]]:
     with Csv(path=str(path)).open(Run(signal=SIGNAL)) as writer:
-        for each in moments:
+        for each in updates:
             writer.write(each)
     with path.open(encoding="utf-8", newline="") as file:
         return list(csv.DictReader(file, strict=True))
@@ -28,8 +28,8 @@ def rows(path: Path, *moments: Moment) -> list[dict[str, str]]:
 def test_a_row_has_estimates_reasons_truth_and_counters(tmp_path: Path) -> None:
     force = Estimate.abstain("N", 'too "soft", says it')
     given = replace(
-        moment({"position": POSITION, "force": force}, {"position": 0.22}),
-        tracked={"position": Estimate(value=0.22, std=math.inf, unit="m")},
+        update({"position": POSITION, "force": force}, {"position": 0.22}),
+        tracked=Tracked(estimates={"position": Estimate(value=0.22, std=math.inf, unit="m")}),
         decided={"contact": True},
         adc_time=time.monotonic() - 100.0,
         events=(Event(name="contact", on=True, time=0.11, delay=0.0, confidence=0.9),),
@@ -74,8 +74,8 @@ def test_what_the_first_window_had_no_column_for_is_not_lost(tmp_path: Path) -> 
     hard = Estimate(value=3.5, std=0.5, unit="Pa")
     first, second = rows(
         tmp_path / "out.csv",
-        moment({"position": POSITION}),
-        moment({"position": POSITION, "hardness": hard}, {"force": 0.8}),
+        update({"position": POSITION}),
+        update({"position": POSITION, "hardness": hard}, {"force": 0.8}),
     )
     assert first["more"] == ""
     assert json.loads(second["more"]) == {
@@ -88,5 +88,5 @@ def test_what_the_first_window_had_no_column_for_is_not_lost(tmp_path: Path) -> 
 
 def test_numbers_survive_exactly(tmp_path: Path) -> None:
     values = np.random.default_rng(2).standard_normal(50)
-    moments = [moment({"position": Estimate(value=np.float64(v), std=math.inf, unit="m")}) for v in values]
-    assert [float(row["position"]) for row in rows(tmp_path / "out.csv", *moments)] == values.tolist()
+    updates = [update({"position": Estimate(value=np.float64(v), std=math.inf, unit="m")}) for v in values]
+    assert [float(row["position"]) for row in rows(tmp_path / "out.csv", *updates)] == values.tolist()

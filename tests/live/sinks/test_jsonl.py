@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.live.sinks.made import SIGNAL, moment
+from tests.live.sinks.made import SIGNAL, update
 
-from monochord.core.types import Estimate
+from monochord.core.types import Estimate, Tracked
 from monochord.live.health import Note
-from monochord.live.sinks.base import Moment, Run
+from monochord.live.sinks.base import Run, Update
 from monochord.live.sinks.jsonl import Jsonl
 from monochord.perception.estimators.base import Condition
 
@@ -19,9 +19,9 @@ FREQUENCY = Estimate(value=169.2307692307692, std=0.05, unit="Hz")
 CORE = ["time", "frequency", "position", "position_std", "valid", "why_not"]
 
 
-def lines(path: Path, *moments: Moment, everything: bool = True) -> list[dict[str, Any]]:
+def lines(path: Path, *updates: Update, everything: bool = True) -> list[dict[str, Any]]:
     with Jsonl(path=str(path), everything=everything).open(Run(signal=SIGNAL)) as writer:
-        for each in moments:
+        for each in updates:
             writer.write(each)
     return [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
 
@@ -29,7 +29,7 @@ def lines(path: Path, *moments: Moment, everything: bool = True) -> list[dict[st
 def test_the_position_alone(tmp_path: Path) -> None:
     (line,) = lines(
         tmp_path / "out.jsonl",
-        moment({"frequency": FREQUENCY, "position": POSITION, "force": POSITION}, {"position": 0.2}),
+        update({"frequency": FREQUENCY, "position": POSITION, "force": POSITION}, {"position": 0.2}),
         everything=False,
     )
     assert list(line) == CORE
@@ -45,13 +45,13 @@ def test_the_position_alone(tmp_path: Path) -> None:
 
 def test_an_abstention_has_nulls_and_its_reason(tmp_path: Path) -> None:
     silent = {"frequency": Estimate.abstain("Hz", "silence"), "position": Estimate.abstain("m", "silence")}
-    (line,) = lines(tmp_path / "out.jsonl", moment(silent), everything=False)
+    (line,) = lines(tmp_path / "out.jsonl", update(silent), everything=False)
     assert line == {**dict.fromkeys(CORE), "time": 0.01, "valid": False, "why_not": "silence"}
 
 
 def test_a_frequency_may_be_known_without_a_position(tmp_path: Path) -> None:
     estimates = {"frequency": FREQUENCY, "position": Estimate.abstain("m", "below the open string")}
-    (line,) = lines(tmp_path / "out.jsonl", moment(estimates))
+    (line,) = lines(tmp_path / "out.jsonl", update(estimates))
     assert line["frequency"] == FREQUENCY.value
     assert line["position"] is None
     assert line["why_not"] == "below the open string"
@@ -61,7 +61,7 @@ def test_everything_else_beside_it(tmp_path: Path) -> None:
     force = Estimate(value=0.8, std=math.inf, unit="N")
     estimates = {"frequency": FREQUENCY, "position": POSITION, "force": force}
     truth = {"contact": 1.0, "position": 0.228, "force": math.nan}
-    (line,) = lines(tmp_path / "out.jsonl", moment(estimates, truth))
+    (line,) = lines(tmp_path / "out.jsonl", update(estimates, truth))
     assert list(line)[:6] == CORE
     assert line["force"] == 0.8
     assert line["force_std"] is None
@@ -77,7 +77,11 @@ def test_everything_else_beside_it(tmp_path: Path) -> None:
 
 
 def test_what_is_followed_over_time_too(tmp_path: Path) -> None:
-    sound = replace(moment({"position": POSITION}), tracked={"position": POSITION}, decided={"slip": True})
+    sound = replace(
+        update({"position": POSITION}),
+        tracked=Tracked(estimates={"position": POSITION}),
+        decided={"slip": True},
+    )
     pitch = Condition(open_frequency=Estimate(value=322.4, std=0.5, unit="Hz"), deviation=0.03)
     note = Note(key="hum", level="error", sentence="Hum.", remedy="Look.", since=0.0)
     told = replace(sound, notes=(note,), condition=pitch)
@@ -94,11 +98,11 @@ def test_what_is_followed_over_time_too(tmp_path: Path) -> None:
 
 def test_numbers_survive_exactly(tmp_path: Path) -> None:
     values = np.random.default_rng(2).standard_normal(50)
-    moments = [moment({"position": Estimate(value=np.float64(v), std=0.1, unit="m")}) for v in values]
-    assert [line["position"] for line in lines(tmp_path / "out.jsonl", *moments)] == values.tolist()
+    updates = [update({"position": Estimate(value=np.float64(v), std=0.1, unit="m")}) for v in values]
+    assert [line["position"] for line in lines(tmp_path / "out.jsonl", *updates)] == values.tolist()
 
 
 def test_standard_output(capsys: pytest.CaptureFixture[str]) -> None:
     with Jsonl().open(Run(signal=SIGNAL)) as writer:
-        writer.write(moment({"position": POSITION}))
+        writer.write(update({"position": POSITION}))
         assert json.loads(capsys.readouterr().out)["position"] == 0.2275

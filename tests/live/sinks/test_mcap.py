@@ -12,11 +12,11 @@ import pytest
 from rosbags.highlevel import AnyReader
 
 from monochord.core.errors import InputError
-from monochord.core.types import Block, Estimate, Prediction, Signal, StreamHealth
+from monochord.core.types import Block, Estimate, Prediction, Signal, StreamHealth, Tracked
 from monochord.core.windows import windows
 from monochord.live.events import Event
 from monochord.live.health import Note
-from monochord.live.sinks.base import Moment, Run
+from monochord.live.sinks.base import Run, Update
 from monochord.live.sinks.mcap import Mcap
 from monochord.sessions import SessionReader, check, read_session
 from monochord.sessions.exports.foxglove import Foxglove
@@ -29,10 +29,10 @@ KEYS = ("column", "estimate", "key")
 NOTHING = Estimate.abstain("m", "no contact")
 
 
-def moments(blocks: list[Block], began: float | None) -> list[Moment]:
+def updates(blocks: list[Block], began: float | None) -> list[Update]:
     cut = windows(blocks, size=4410, hop=441, sample_rate=RATE)
     return [
-        Moment(
+        Update(
             prediction=Prediction(
                 start=window.start, time=window.start / RATE, estimates={"position": POSITION}, latency=1e-3
             ),
@@ -47,7 +47,7 @@ def moments(blocks: list[Block], began: float | None) -> list[Moment]:
     ]
 
 
-def written(path: Path, given: list[Moment]) -> SessionReader:
+def written(path: Path, given: list[Update]) -> SessionReader:
     with Mcap(path=str(path)).open(Run(signal=SIGNAL)) as writer:
         for each in given:
             writer.write(each)
@@ -58,7 +58,7 @@ def written(path: Path, given: list[Moment]) -> SessionReader:
 @pytest.mark.parametrize("timed", [True, False])
 def test_every_frame_is_there_once(tmp_path: Path, *, timed: bool) -> None:
     began = time.monotonic() - 5.0
-    session = written(tmp_path / "a.mcap", moments([Block(samples=NOISE, start=0)], began if timed else None))
+    session = written(tmp_path / "a.mcap", updates([Block(samples=NOISE, start=0)], began if timed else None))
     np.testing.assert_array_equal(session.audio.samples, NOISE)
     assert session.audio.gaps == ()
     track = session.readings("estimates")
@@ -75,7 +75,7 @@ def test_lost_frames_and_skipped_windows_are_gaps(tmp_path: Path) -> None:
         Block(samples=NOISE[:, :10000], start=0),
         Block(samples=NOISE[:, 10700:], start=10700, dropped=700),
     ]
-    given = [each for each in moments(blocks, 100.0) if not 30000 < each.window.start < 36000]
+    given = [each for each in updates(blocks, 100.0) if not 30000 < each.window.start < 36000]
     session = written(tmp_path / "a.mcap", given)
     last = max(each.window.start for each in given if each.window.start <= 30000) + 4410
     first = min(each.window.start for each in given if each.window.start >= 36000)
@@ -86,11 +86,11 @@ def test_lost_frames_and_skipped_windows_are_gaps(tmp_path: Path) -> None:
 
 
 def test_events_notes_and_reasons_are_events_of_the_session(tmp_path: Path) -> None:
-    given = moments([Block(samples=NOISE, start=0)], 100.0)
+    given = updates([Block(samples=NOISE, start=0)], 100.0)
     hum = Note(key="hum", level="warning", sentence="Mains hum.", remedy="Ground it.", since=0.2)
     touch = Event(name="contact", on=True, time=0.35, delay=0.02, confidence=0.9)
     for k in (20, 21, 22):
-        away = {"position": NOTHING, "force": replace(NOTHING, why_not="sliding")}
+        away = {"position": NOTHING, "force": replace(NOTHING, reason="sliding")}
         given[k] = replace(given[k], prediction=replace(given[k].prediction, estimates=away), notes=(hum,))
     given[27] = replace(given[27], events=(touch,))
     session = written(tmp_path / "a.mcap", given)
@@ -116,8 +116,13 @@ def test_events_notes_and_reasons_are_events_of_the_session(tmp_path: Path) -> N
 
 def test_what_is_known_to_be_true_and_followed_is_beside_it(tmp_path: Path) -> None:
     given = [
-        replace(each, truth={"contact": 1.0}, tracked={"position": POSITION}, decided={"slip": False})
-        for each in moments([Block(samples=NOISE, start=0)], 100.0)
+        replace(
+            each,
+            truth={"contact": 1.0},
+            tracked=Tracked(estimates={"position": POSITION}),
+            decided={"slip": False},
+        )
+        for each in updates([Block(samples=NOISE, start=0)], 100.0)
     ]
     session = written(tmp_path / "a.mcap", given)
     assert session.description.simulated
@@ -149,7 +154,7 @@ def test_it_plays_again_through_the_same_loop(tmp_path: Path, capsys: pytest.Cap
 
 
 def test_it_is_exported_for_foxglove_with_a_field_for_each_estimate(tmp_path: Path) -> None:
-    session = written(tmp_path / "a.mcap", moments([Block(samples=NOISE, start=0)], 100.0))
+    session = written(tmp_path / "a.mcap", updates([Block(samples=NOISE, start=0)], 100.0))
     Foxglove().write([session], tmp_path / "out")
     with AnyReader([tmp_path / "out" / "a"]) as bag:
         estimates = [

@@ -12,17 +12,17 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.live.sinks.made import SIGNAL, moment
+from tests.live.sinks.made import SIGNAL, update
 from tests.waiting import wait_for
 
 from monochord.capture.dds import messages as ros
 from monochord.capture.dds.participant import Participant
 from monochord.core.errors import DeviceError, InputError
-from monochord.core.types import Estimate
+from monochord.core.types import Estimate, Tracked
 from monochord.live.events import Event
 from monochord.live.health import Note
 from monochord.live.sinks import SINKS
-from monochord.live.sinks.base import Moment, Run
+from monochord.live.sinks.base import Run, Update
 from monochord.live.sinks.ros2 import TOPICS, Ros2
 from monochord.sessions.codec import decode
 
@@ -41,8 +41,8 @@ UNTOUCHED = {
 UNKNOWN = {name: Estimate.abstain("", "gap") for name in TOUCHED}
 
 
-def published(*moments: Moment, **options: Any) -> dict[str, list[Any]]:
-    """Return the messages by topic that a subscriber takes of these moments."""
+def published(*updates: Update, **options: Any) -> dict[str, list[Any]]:
+    """Return the messages by topic that a subscriber takes of these updates."""
     sink = Ros2(domain=DOMAIN, namespace="/lab/left", **options)
     received: dict[str, list[Any]] = {topic: [] for topic in (*TOPICS, "diagnostics")}
     with Participant(domain=DOMAIN) as here, sink.open(Run(signal=SIGNAL)) as writer:
@@ -54,16 +54,16 @@ def published(*moments: Moment, **options: Any) -> dict[str, list[Any]]:
         readers.append(here.reader("/diagnostics", "DiagnosticArray", lambda message, _: take(message)))
         wait_for(lambda: all(reader.writers for reader in readers))
         time.sleep(0.3)  # until the writers know the readers, too
-        for each in moments:
+        for each in updates:
             writer.write(each)
-        wait_for(lambda: len(received["estimates"]) == len(moments) and received["diagnostics"])
+        wait_for(lambda: len(received["estimates"]) == len(updates) and received["diagnostics"])
         time.sleep(0.1)
     return received
 
 
 def test_a_touch_is_on_every_topic() -> None:
     captured, wall = time.monotonic() - 1000.1, time.time() - 1000.0
-    messages = published(moment(TOUCHED, adc_time=captured), frame="nut")
+    messages = published(update(TOUCHED, adc_time=captured), frame="nut")
     (point,), (wrench,) = messages["touch"], messages["wrench"]
     assert (point.point.x, point.point.y, point.point.z) == (0.08, 0.0, 0.0)
     assert (wrench.wrench.force.x, wrench.wrench.force.y, wrench.wrench.force.z) == (0.0, 0.0, 0.7)
@@ -74,14 +74,14 @@ def test_a_touch_is_on_every_topic() -> None:
 
 
 def test_nothing_touches_is_no_force_and_no_position() -> None:
-    messages = published(moment(UNTOUCHED))
+    messages = published(update(UNTOUCHED))
     assert [len(messages[topic]) for topic in ("touch", "wrench", "contact", "slip")] == [0, 1, 1, 1]
     assert messages["wrench"][0].wrench.force.z == 0.0
     assert (messages["contact"][0].data, messages["slip"][0].data) == (False, False)
 
 
 def test_what_is_not_known_is_silent_with_its_reason_in_the_message_of_all() -> None:
-    messages = published(moment(UNKNOWN))
+    messages = published(update(UNKNOWN))
     assert [len(messages[topic]) for topic in ("touch", "wrench", "contact", "slip")] == [0, 0, 0, 0]
     (touch,) = messages["estimates"]
     each = (touch.contact, touch.position, touch.force, touch.slip)
@@ -93,7 +93,7 @@ def test_what_is_not_known_is_silent_with_its_reason_in_the_message_of_all() -> 
 @pytest.mark.parametrize("tracked", [True, False])
 def test_what_is_followed_over_time_is_preferred(*, tracked: bool) -> None:
     over_time = {"position": Estimate(value=0.09, std=1e-4, unit="m")}
-    given = moment(TOUCHED, tracked=over_time, decided={"contact": True, "slip": True})
+    given = update(TOUCHED, tracked=Tracked(estimates=over_time), decided={"contact": True, "slip": True})
     messages = published(given, tracked=tracked)
     assert messages["touch"][0].point.x == (0.09 if tracked else 0.08)
     assert messages["slip"][0].data is tracked
@@ -108,7 +108,7 @@ def test_a_diagnosis_has_the_worst_note_and_the_counters() -> None:
         Note(key="hum", level="warning", sentence="Mains hum.", remedy="Ground the frame.", since=0.0),
         Note(key="driver", level="error", sentence="A driver is silent.", remedy="Turn it on.", since=0.0),
     )
-    (status,) = published(moment(TOUCHED, notes=notes))["diagnostics"][0].status
+    (status,) = published(update(TOUCHED, notes=notes))["diagnostics"][0].status
     assert (status.level, status.name, status.message) == (2, "lab/left: sensor", "A driver is silent.")
     values = {pair.key: pair.value for pair in status.values}
     assert values["driver"] == "A driver is silent. Turn it on."
@@ -118,7 +118,7 @@ def test_a_diagnosis_has_the_worst_note_and_the_counters() -> None:
 
 def test_an_event_is_stamped_by_its_onset() -> None:
     onset = Event(name="contact", on=True, time=0.09, delay=0.02, confidence=0.97)
-    messages = published(moment(TOUCHED, events=(onset,), adc_time=time.monotonic() - 0.1))
+    messages = published(update(TOUCHED, events=(onset,), adc_time=time.monotonic() - 0.1))
     (event,), (touch,) = messages["events"], messages["estimates"]
     assert event.kind == "contact_begins"
     assert json.loads(event.data) == {"delay": 0.02, "confidence": 0.97}
@@ -128,7 +128,7 @@ def test_an_event_is_stamped_by_its_onset() -> None:
 
 
 def test_rosbags_decodes_the_message_of_all() -> None:
-    (touch,) = published(replace(moment(TOUCHED), decided={"contact": True}))["estimates"]
+    (touch,) = published(replace(update(TOUCHED), decided={"contact": True}))["estimates"]
     message = decode("monochord_msgs/msg/Touch", touch.serialize())
     assert (message.start, message.window, message.latency) == (441, 0.1, 0.002)
     assert (message.position.value, message.position.std, message.position.valid) == (0.08, 2e-4, True)
@@ -159,7 +159,7 @@ def test_a_subscriber_that_stalls_or_dies_delays_nothing(fate: signal.Signals) -
             process.send_signal(fate)
             for _ in range(300):
                 begin = time.perf_counter()
-                writer.write(moment(TOUCHED))
+                writer.write(update(TOUCHED))
                 spans.append(time.perf_counter() - begin)
                 time.sleep(0.002)
             process.kill()

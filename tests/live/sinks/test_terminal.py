@@ -23,7 +23,7 @@ from monochord.live import health
 from monochord.live.events import Event
 from monochord.live.health import Finding, Note
 from monochord.live.sinks import _notes, _view
-from monochord.live.sinks.base import Moment, Run
+from monochord.live.sinks.base import Run, Update
 from monochord.live.sinks.terminal import Terminal
 
 SIGNAL = Signal(sample_rate=44100, channels=2)
@@ -32,7 +32,7 @@ PROGRAM = """
     import numpy as np
     from monochord.live.events import Event
     from monochord.live.health import Note
-    from monochord.live.sinks.base import Moment, Run
+    from monochord.live.sinks.base import Update, Run
     from monochord.live.sinks.terminal import Terminal
     from monochord.core.types import Estimate, Prediction, Signal, StreamHealth, Window
 
@@ -49,7 +49,7 @@ PROGRAM = """
             }
             if k < 20:
                 estimates = {n: Estimate.abstain(e.unit, "two candidates") for n, e in estimates.items()}
-            writer.write(Moment(
+            writer.write(Update(
                 prediction=Prediction(start=441 * k, time=k / 100, estimates=estimates, latency=1e-3),
                 window=Window(samples=np.stack([tone, 0.1 * tone]), start=441 * k, sample_rate=44100),
                 health=StreamHealth(dropped=64, gaps=1),
@@ -147,9 +147,9 @@ def test_a_terminal_that_cannot_draw_gets_lines(program: Path) -> None:
     assert "position 227.5 mm +- 4.00 mm" in drawn
 
 
-def moment(k: int, *, valid: bool = True) -> Moment:
+def update(k: int, *, valid: bool = True) -> Update:
     position = Estimate(value=0.2275, std=2e-4, unit="m") if valid else Estimate.abstain("m", "silence")
-    return Moment(
+    return Update(
         prediction=Prediction(start=441 * k, time=k / 100, estimates={"position": position}, latency=1e-3),
         window=Window(samples=np.full((2, 4410), 0.1, np.float32), start=0, sample_rate=44100),
         health=StreamHealth(gaps=1),
@@ -161,7 +161,7 @@ def moment(k: int, *, valid: bool = True) -> Moment:
 def test_without_a_terminal_one_line_a_second_and_the_last(capsys: pytest.CaptureFixture[str]) -> None:
     with Terminal().open(Run(signal=SIGNAL)) as writer:
         for k in range(100):
-            writer.write(moment(k, valid=k < 50))
+            writer.write(update(k, valid=k < 50))
     first, last = capsys.readouterr().out.splitlines()
     for part in ("0.00 s", "227.5 mm +- 0.20 mm", "-20 / -20 dB", "1.00 ms", "gaps 1", "skipped 2"):
         assert part in first
@@ -172,14 +172,14 @@ def test_without_a_terminal_one_line_a_second_and_the_last(capsys: pytest.Captur
 
 def test_standard_error_on_request(capsys: pytest.CaptureFixture[str]) -> None:
     with Terminal(stderr=True).open(Run(signal=SIGNAL)) as writer:
-        writer.write(moment(0))
+        writer.write(update(0))
     captured = capsys.readouterr()
     assert captured.out == ""
     assert "227.5 mm" in captured.err
 
 
-def learned(**given: tuple[float, float] | str) -> Moment:
-    """Return a moment of what a model tells; a text is a reason for telling nothing."""
+def learned(**given: tuple[float, float] | str) -> Update:
+    """Return an update of what a model tells; a text is a reason for telling nothing."""
     units = {"position": "m", "force": "N"}
     estimates = {
         name: Estimate.abstain(units.get(name, ""), pair)
@@ -187,11 +187,11 @@ def learned(**given: tuple[float, float] | str) -> Moment:
         else Estimate(value=pair[0], std=pair[1], unit=units.get(name, ""))
         for name, pair in given.items()
     }
-    shown = moment(0)
+    shown = update(0)
     return dataclasses.replace(shown, prediction=dataclasses.replace(shown.prediction, estimates=estimates))
 
 
-def rows_of(shown: Moment, columns: int) -> dict[str, str]:
+def rows_of(shown: Update, columns: int) -> dict[str, str]:
     """Return the rows of the estimates by their first word."""
     lines = _view.frame(shown, SIGNAL, 0.2, Histogram().percentiles(), columns, 24)
     assert len(lines) < 24
@@ -250,14 +250,14 @@ def note(finding: Finding, since: float = 0.0, key: str = "") -> Note:
 SILENT, DEAD, CLIPPING, PITCH = map(note, (health.SILENT, health.DEAD[1], health.CLIPPING, health.PITCH))
 
 
-def noted(*notes: Note, time: float = 1.0, string: str = "", events: tuple[Event, ...] = ()) -> Moment:
-    """Return a moment of a model with notes."""
+def noted(*notes: Note, time: float = 1.0, string: str = "", events: tuple[Event, ...] = ()) -> Update:
+    """Return an update of a model with notes."""
     shown = learned(contact=(0.998, 0.04), slip=(0.03, 0.17), position=(0.1, 0.02), force=(0.5, 0.001))
     prediction = dataclasses.replace(shown.prediction, time=time)
     return dataclasses.replace(shown, prediction=prediction, notes=notes, string=string, events=events)
 
 
-def text_of(shown: Moment, columns: int, rows: int, last: Event | None = None) -> str:
+def text_of(shown: Update, columns: int, rows: int, last: Event | None = None) -> str:
     """Return all words of the frame, after its height was looked at."""
     lines = _view.frame(shown, SIGNAL, 0.2, Histogram().percentiles(), columns, rows, last=last)
     assert len(lines) < rows
@@ -301,15 +301,15 @@ def test_a_note_cannot_control_the_terminal() -> None:
 @pytest.mark.parametrize("rows", [24, 5, 4])
 def test_of_several_strings_each_has_a_line_and_its_worst_note(rows: int) -> None:
     strings = {"left": (PITCH, DEAD), "middle": (), "right": (PITCH, CLIPPING)}
-    moments = [noted(*notes, string=name) for name, notes in strings.items()]
-    lines = [line.plain for line in _view.several(moments, Histogram().percentiles(), 300, rows)]
+    updates = [noted(*notes, string=name) for name, notes in strings.items()]
+    lines = [line.plain for line in _view.several(updates, Histogram().percentiles(), 300, rows)]
     assert len(lines) < rows
     assert sum(DEAD.sentence in line and line.startswith("left") for line in lines) == 1
     assert sum(CLIPPING.sentence in line and line.startswith("right") for line in lines) == (rows > 5)
     shown = [line.split()[0] for line in lines if "100.0 mm" in line]
     assert shown == (["left"] if rows >= 5 else []) + ["middle", "right"]
     assert not any(PITCH.sentence in line for line in lines)
-    assert len(_view.several(moments[:1], Histogram().percentiles(), 60, 24)[1]) == 60
+    assert len(_view.several(updates[:1], Histogram().percentiles(), 60, 24)[1]) == 60
 
 
 def test_a_log_has_a_line_where_a_note_begins_or_becomes_worse_and_one_where_it_ends(

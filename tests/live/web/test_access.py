@@ -7,7 +7,7 @@ import time
 from urllib.parse import quote, urlsplit
 
 import pytest
-from tests.live.web.test_server import SIGNAL, TOKEN, free, get, live, messages_of, moment, running
+from tests.live.web.test_server import SIGNAL, TOKEN, free, get, live, messages_of, running, update
 from websockets.exceptions import InvalidStatus
 
 from monochord.core.errors import InputError
@@ -141,7 +141,7 @@ def test_so_many_tokens_at_once_that_they_would_wait_for_long_are_refused() -> N
 def test_a_name_of_the_page_is_allowed_and_a_refusal_says_how(capsys: pytest.CaptureFixture[str]) -> None:
     names = ("lab.example.org", "proxy:8443")
     with Server(port=free(), names=names) as server, server.show(SIGNAL, 0.2, None) as writer:
-        writer.write(moment(0))
+        writer.write(update(0))
         for host in (*names, "LAB.example.org:80", "lab.example.org.", "proxy", "127.0.0.1"):
             assert get(server, "/", Host=host).status == 200, host
         answer = get(server, "/", Host="other.example.org:8420")

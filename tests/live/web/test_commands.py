@@ -17,7 +17,7 @@ from websockets.sync.client import ClientConnection
 from monochord.core.types import Signal
 from monochord.live.loop import opened
 from monochord.live.settings import LiveRun
-from monochord.live.sinks.base import Moment, Writer
+from monochord.live.sinks.base import Update, Writer
 from monochord.live.web.server import Server
 from monochord.physics.sensors import load_sensor, with_sensor
 from monochord.sessions import read_session
@@ -34,7 +34,7 @@ CALIBRATE = {"do": "calibrate", "touches": 3}
 RECORD, STOP = {"do": "record", "on": True}, {"do": "record", "on": False}
 
 
-def lived(seconds: float) -> tuple[Moment, ...]:
+def lived(seconds: float) -> tuple[Update, ...]:
     """Return three touches of the twin as a run hands them over: untouched for 2.5 s before them."""
     source = {"name": "twin", "speed": 0.0, "script": TOUCHES, "world": "plausible", "build": 131}
     tree = {"source": source, "estimator": {"name": "model", "path": "demo"}, "sinks": {}, "seconds": seconds}
@@ -43,26 +43,26 @@ def lived(seconds: float) -> tuple[Moment, ...]:
 
 
 @pytest.fixture(scope="module")
-def untouched() -> tuple[Moment, ...]:
+def untouched() -> tuple[Update, ...]:
     return lived(2.0)
 
 
 @pytest.fixture(scope="module")
-def moments() -> tuple[Moment, ...]:
+def updates() -> tuple[Update, ...]:
     return lived(9.0)
 
 
 @contextmanager
-def shown(moments: Sequence[Moment], folder: Path, pause: float = 0.005) -> Generator[ClientConnection]:
-    """Run a server that shows these moments over and over, usually ten times as fast, and connect to it."""
+def shown(updates: Sequence[Update], folder: Path, pause: float = 0.005) -> Generator[ClientConnection]:
+    """Run a server that shows these updates over and over, usually ten times as fast, and connect to it."""
     ended = threading.Event()
 
     def play(writer: Writer) -> None:
-        frames = moments[-1].window.start + moments[-1].window.samples.shape[1]
+        frames = updates[-1].window.start + updates[-1].window.samples.shape[1]
         for turn in itertools.count():
-            for moment in moments:
-                window = replace(moment.window, start=moment.window.start + turn * frames)
-                writer.write(replace(moment, window=window))
+            for update in updates:
+                window = replace(update.window, start=update.window.start + turn * frames)
+                writer.write(replace(update, window=window))
                 if ended.wait(pause):
                     return
 
@@ -115,7 +115,7 @@ def computes(tasks: Any) -> bool:
     ],
 )
 def test_of_commands_that_follow_at_once_each_takes_effect(
-    untouched: Sequence[Moment],
+    untouched: Sequence[Update],
     tmp_path: Path,
     before: dict[str, Any] | None,
     commands: list[dict[str, Any]],
@@ -136,7 +136,7 @@ def test_of_commands_that_follow_at_once_each_takes_effect(
     assert all(read_session(path).complete for path in sessions)
 
 
-def test_a_step_that_cannot_begin_says_why(untouched: Sequence[Moment], tmp_path: Path) -> None:
+def test_a_step_that_cannot_begin_says_why(untouched: Sequence[Update], tmp_path: Path) -> None:
     with shown(untouched, tmp_path, 0.05) as client:
         send(client, CALIBRATE, TUNE)
         tasks = tasks_once(client, lambda tasks: tasks["answer"])
@@ -147,8 +147,8 @@ def test_a_step_that_cannot_begin_says_why(untouched: Sequence[Moment], tmp_path
 
 
 @pytest.mark.slow
-def test_a_recording_begins_while_a_result_is_computed(moments: Sequence[Moment], tmp_path: Path) -> None:
-    with shown(moments, tmp_path) as client:
+def test_a_recording_begins_while_a_result_is_computed(updates: Sequence[Update], tmp_path: Path) -> None:
+    with shown(updates, tmp_path) as client:
         send(client, CALIBRATE)
         tasks_once(client, computes)
         send(client, RECORD)
@@ -165,9 +165,9 @@ def test_a_recording_begins_while_a_result_is_computed(moments: Sequence[Moment]
 
 @pytest.mark.slow
 def test_a_computation_is_cancelled_and_the_next_step_begins(
-    moments: Sequence[Moment], tmp_path: Path
+    updates: Sequence[Update], tmp_path: Path
 ) -> None:
-    with shown(moments, tmp_path) as client:
+    with shown(updates, tmp_path) as client:
         send(client, CALIBRATE)
         tasks_once(client, computes)
         send(client, CANCEL, TUNE)

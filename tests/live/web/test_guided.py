@@ -12,7 +12,7 @@ from monochord.capture.sources import SOURCES
 from monochord.core.types import Signal
 from monochord.live.loop import opened
 from monochord.live.settings import LiveRun
-from monochord.live.sinks.base import Moment
+from monochord.live.sinks.base import Update
 from monochord.live.web.guided import MAX_WAITING, Bench
 from monochord.live.web.steps import Calibration
 from monochord.perception.model import load
@@ -24,14 +24,14 @@ TOUCHES = [
 ]
 
 
-def performed(bench: Bench, seconds: float, during: Callable[[Moment], Moment]) -> dict[str, Any]:
+def performed(bench: Bench, seconds: float, during: Callable[[Update], Update]) -> dict[str, Any]:
     """Let a run pass by, and return what the page shows once the step is over."""
     source = {"name": "twin", "speed": 0.0, "script": TOUCHES, "world": "plausible", "build": 131}
     tree = {"source": source, "estimator": {"name": "model", "path": "demo"}, "sinks": {}, "seconds": seconds}
     setup = LiveRun.read({**tree, "window": {"hop": 0.05}})
     with opened(setup) as live:
-        for moment in live:
-            bench.take(during(moment))
+        for update in live:
+            bench.take(during(update))
     deadline = time.monotonic() + 120.0
     while "guided" in (state := bench.state()):
         assert time.monotonic() < deadline, state
@@ -56,7 +56,7 @@ def test_the_sensor_as_tuned_is_written(bench: Bench, tmp_path: Path) -> None:
     assert bench.tune()
     begun(bench)
     assert not bench.calibrate(3)  # one step at a time
-    state = performed(bench, 3.2, lambda moment: moment)
+    state = performed(bench, 3.2, lambda update: update)
     (file,) = tmp_path.iterdir()
     assert str(file) in state["lines"][-1]
     tuned = load_sensor(str(file)).string.tension
@@ -71,16 +71,16 @@ def test_a_model_is_adapted_to_touches_that_are_held(bench: Bench, tmp_path: Pat
     assert bench.calibrate(3)
     begun(bench)
 
-    def during(moment: Moment) -> Moment:
+    def during(update: Update) -> Update:
         if not typed:
-            return moment
+            return update
         for touch in TOUCHES:
-            if abs(moment.prediction.time - touch["start"] - 0.2) < 0.02:
+            if abs(update.prediction.time - touch["start"] - 0.2) < 0.02:
                 assert bench.hold(touch["position"], touch["force"])
                 assert not bench.hold(touch["position"], touch["force"])  # it is held already
         assert not bench.hold(-1.0, 1.0)
         assert not bench.hold(0.1, 51.0)  # grams
-        return replace(moment, truth={})
+        return replace(update, truth={})
 
     state = performed(bench, 9.0, during)
     (folder,) = tmp_path.iterdir()
@@ -121,9 +121,9 @@ def test_a_touch_outside_the_sensing_range_is_told_and_not_counted(bench: Bench)
     tree = {"source": source, "estimator": {"name": "closed_form"}, "sinks": {}, "seconds": 6.6}
     says: list[tuple[float, str]] = []
     with opened(LiveRun.read({**tree, "window": {"hop": 0.05}})) as live:
-        for moment in live:
-            bench.take(moment)
-            says.append((moment.prediction.time, bench.state()["guided"]["says"]))
+        for update in live:
+            bench.take(update)
+            says.append((update.prediction.time, bench.state()["guided"]["says"]))
     outside = [time_ for time_, words in says if "outside" in words]
     assert 2.2 < min(outside) < max(outside) < 4.4
     assert len(outside) > 30
@@ -137,8 +137,8 @@ def test_a_touch_that_cannot_be_is_not_taken_and_the_page_says_why(bench: Bench)
     begun(bench)
     tree = {"source": {"name": "twin", "speed": 0.0, "script": [TOUCHES[0]]}, "sinks": {}, "seconds": 2.4}
     with opened(LiveRun.read({**tree, "estimator": {"name": "tuning"}})) as live:
-        for moment in live:
-            bench.take(replace(moment, truth={}))
+        for update in live:
+            bench.take(replace(update, truth={}))
     for position, force in ((0.1, 51.0), (0.1, -1.0), (0.3, 1.0)):
         assert not bench.hold(position, force)
     asked = bench.state()["guided"]["says"]

@@ -24,8 +24,8 @@ from monochord.core.types import Contact, Estimate, Prediction, Signal, StreamHe
 from monochord.live.events import Event
 from monochord.live.health import Note
 from monochord.live.sinks import SINKS
-from monochord.live.sinks.base import Moment, Writer
 from monochord.live.sinks.base import Run as SinkRun
+from monochord.live.sinks.base import Update, Writer
 from monochord.live.web import messages
 from monochord.live.web.server import MAX_MESSAGE, PAGE, RATE, Server
 from monochord.perception.estimators.base import Condition
@@ -41,9 +41,9 @@ SIGNAL = Signal(
 TONE = np.stack([np.sin(2 * np.pi * 1000.0 * np.arange(4410) / 44100)] * 2).astype(np.float32)
 
 
-def moment(number: int) -> Moment:
+def update(number: int) -> Update:
     estimates = {"position": Estimate(value=1e-5 * number, std=1e-4, unit="m")}
-    return Moment(
+    return Update(
         prediction=Prediction(start=441 * number, time=number / 100, estimates=estimates, latency=1e-3),
         window=Window(samples=TONE, start=441 * number, sample_rate=44100),
         health=StreamHealth(),
@@ -93,7 +93,7 @@ class Keep(Controls):
 
 
 class Run:
-    """A run that hands over a hundred moments a second, from a thread of its own."""
+    """A run that hands over a hundred updates a second, from a thread of its own."""
 
     def __init__(self, writer: Writer, string: str = "") -> None:
         self._writer, self._string, self._ended = writer, string, threading.Event()
@@ -112,7 +112,7 @@ class Run:
     def _write(self) -> None:
         while not self._ended.wait(0.01):
             begin = time.perf_counter()
-            self._writer.write(replace(moment(self.written), string=self._string))
+            self._writer.write(replace(update(self.written), string=self._string))
             self.longest = max(self.longest, time.perf_counter() - begin)
             self.written += 1
 
@@ -163,9 +163,9 @@ def test_the_page_is_there_before_there_is_sound() -> None:
         with live(server) as client:
             assert json.loads(client.recv(30))["type"] == "waiting"
             with server.show(SIGNAL, LENGTH, None) as writer:
-                writer.write(moment(0))
+                writer.write(update(0))
                 assert messages_of(client, "hello")[0]["length"] == LENGTH
-                writer.write(moment(1))
+                writer.write(update(1))
                 messages_of(client, "moment")
 
 

@@ -43,7 +43,7 @@ def test_outside_the_sensing_range_contact_alone_is_told(position: float, reason
     form = replace(FORM, sensing_range=(0.16, 0.48))
     estimates = estimated(Contact(position=position, force=1.0), form=form)
     assert estimates["contact"].value == 1.0
-    assert {estimates[name].why_not for name in ("position", "force", "tension")} == {reason}
+    assert {estimates[name].reason for name in ("position", "force", "tension")} == {reason}
 
 
 def test_the_lower_of_both_is_the_frequency() -> None:

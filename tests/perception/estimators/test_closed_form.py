@@ -83,7 +83,7 @@ class TestFarSegment:
     def test_abstains_with_a_reason(self, samples: Audio, reason: str) -> None:
         estimates = far(samples)
         assert all(not estimate.valid for estimate in estimates.values())
-        assert estimates["position"].why_not.startswith(reason)
+        assert estimates["position"].reason.startswith(reason)
         assert np.isnan(estimates["position"].value)
 
     @pytest.mark.parametrize("ratio", [0.33, 0.5, 2 / 3, 0.97, 6.0, 9.0])
@@ -94,7 +94,7 @@ class TestFarSegment:
     @pytest.mark.parametrize("ratio", [1.5, 1.19])
     def test_two_strings_at_once_are_two_candidates(self, ratio: float) -> None:
         estimates = far(0.5 * (note(122.2) + note(122.2 * ratio)))["position"]
-        assert estimates.why_not.startswith("two candidates")
+        assert estimates.reason.startswith("two candidates")
 
     @pytest.mark.parametrize("position", [0.0, 0.3])
     def test_a_string_plucked_at_its_middle_is_heard(self, position: float) -> None:
@@ -107,7 +107,7 @@ class TestFarSegment:
 
     def test_a_gap_abstains(self) -> None:
         estimate = ClosedForm(length=0.65, open_frequency=110.0).prepare(MONO, SIZE)
-        assert estimate(window(note(150.0), has_gap=True))["position"].why_not == "gap"
+        assert estimate(window(note(150.0), has_gap=True))["position"].reason == "gap"
 
     @pytest.mark.parametrize(
         "options",
@@ -151,7 +151,7 @@ class TestTwoSegments:
     def test_an_untouched_string_is_no_contact(self) -> None:
         estimates = ClosedForm().prepare(self.signal, SIZE)(touched(None))
         assert estimates["contact"].value == 0.0
-        assert estimates["position"].why_not == "no contact"
+        assert estimates["position"].reason == "no contact"
 
     @pytest.mark.parametrize(
         ("n1", "n2", "resolved"),
@@ -174,7 +174,7 @@ class TestTwoSegments:
             assert estimates["position"].value == pytest.approx(contact.position, abs=1e-3)
             assert estimates["force"].value == pytest.approx(contact.force, abs=0.1)
         else:
-            assert estimates["position"].why_not == "two candidates"
+            assert estimates["position"].reason == "two candidates"
 
     def test_swapping_the_channels_mirrors_the_string(self) -> None:
         seen = touched(Contact(position=0.2, force=1.0))
@@ -190,7 +190,7 @@ class TestTwoSegments:
             (noise, "no harmonic"),
         ):
             estimates = ClosedForm().prepare(self.signal, SIZE)(window(samples.astype(np.float32)))
-            (why_not,) = {each.why_not for each in estimates.values()}
+            (why_not,) = {each.reason for each in estimates.values()}
             assert why_not.startswith(reason)
 
     def test_a_string_that_does_not_tell_force_says_so(self) -> None:
@@ -260,7 +260,7 @@ class TestAnotherTuning:
         for each in windows:
             position = estimate(each)["position"]
             assert not position.valid or position.value == pytest.approx(0.072, abs=1e-3)
-            assert position.valid or "run monochord tune" in position.why_not
+            assert position.valid or "run monochord tune" in position.reason
 
     def test_unknown_density_tells_no_force(self) -> None:
         signal = Signal(sample_rate=RATE, channels=2)
@@ -268,4 +268,4 @@ class TestAnotherTuning:
         windows, _ = twin_windows(1.0, 0.072, 0.5)
         *_, last = [estimate(each) for each in windows]
         assert last["position"].valid
-        assert {last[name].why_not for name in ("force", "tension")} == {"the string's density is not known"}
+        assert {last[name].reason for name in ("force", "tension")} == {"the string's density is not known"}

@@ -21,7 +21,7 @@ from monochord.capture.sources import SOURCES
 from monochord.cli import run as monochord
 from monochord.core.types import Estimates, Floats, Signal, Window
 from monochord.live import LiveRun, run
-from monochord.live.sinks.base import Listener, Moment
+from monochord.live.sinks.base import Listener, Update
 from monochord.perception.estimators.model import ModelEstimator
 from monochord.physics.sensors import load_sensor
 
@@ -31,23 +31,23 @@ SECONDS = 15.0
 
 class Kept(Listener):
     def __init__(self) -> None:
-        self.moments: list[Moment] = []
+        self.updates: list[Update] = []
 
-    def write(self, moment: Moment) -> None:
-        self.moments.append(moment)
+    def write(self, update: Update) -> None:
+        self.updates.append(update)
 
 
 NOISES = (0.0, 1e-4, 1e-3)
 
 
 @cache
-def steady(noise: float) -> list[Moment]:
+def steady(noise: float) -> list[Update]:
     """The moments of a foreign sensor that are no transitions."""
     options = {"preset": "prototype", "speed": 0.0, "seed": 3, "noise": noise}
     kept, model = Kept(), ModelEstimator(path=Path("demo"))
     source = SOURCES.build("split_string", options)
     run(LiveRun(source=source, estimator=model, sinks=(kept,), seconds=SECONDS))
-    return [m for m in kept.moments if m.truth.get("transition") == 0.0]
+    return [m for m in kept.updates if m.truth.get("transition") == 0.0]
 
 
 @pytest.mark.parametrize("noise", NOISES)

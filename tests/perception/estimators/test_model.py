@@ -15,7 +15,7 @@ from monochord.core.errors import InputError
 from monochord.core.types import Signal
 from monochord.datasets.store import open_dataset
 from monochord.live import LiveRun, run
-from monochord.live.sinks.base import Listener, Moment
+from monochord.live.sinks.base import Listener, Update
 from monochord.perception import features
 from monochord.perception.estimators import ESTIMATORS
 from monochord.perception.estimators.model import ModelEstimator
@@ -56,8 +56,8 @@ class Recorder(Listener):
     def __init__(self) -> None:
         self.estimates: list[str] = []
 
-    def write(self, moment: Moment) -> None:
-        self.estimates.append(str(dict(moment.prediction.estimates)))
+    def write(self, update: Update) -> None:
+        self.estimates.append(str(dict(update.prediction.estimates)))
 
 
 @pytest.mark.parametrize("block", [pytest.param(512, marks=pytest.mark.slow), 3001])

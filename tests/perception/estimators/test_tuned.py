@@ -78,7 +78,7 @@ class Score:
             contact = labels["contact"][at].mean()
             if contact not in (0.0, 1.0) or labels["settled"][at].min() < 1.0:
                 continue
-            self.reasons |= {each["position"].why_not}
+            self.reasons |= {each["position"].reason}
             if each["contact"].valid:
                 right.append((each["contact"].value > 0.5) == (contact == 1.0))
             self.touched += contact == 1.0
@@ -139,7 +139,7 @@ def test_a_string_beyond_any_tuning_of_the_training_is_abstained_from() -> None:
     """Tuned to 8 % below and then 6 % lower still, it is further from the training than can be heard."""
     sound, _ = played("prototype", -13, 0)
     estimates = estimated("model", replace(DESIGN, tension=0.92**2 * DESIGN.tension), sound)
-    assert "below what this model knows: run monochord tune" in estimates[-1]["position"].why_not
+    assert "below what this model knows: run monochord tune" in estimates[-1]["position"].reason
 
 
 @pytest.mark.parametrize("percent", [-9, 4, 9])

@@ -108,7 +108,7 @@ def test_a_silent_driver_is_named_when_something_touches_and_remembered(dead: in
         samples = np.ascontiguousarray(sound[:, start : start + 4410])
         state, estimates = model.step(state, Window(samples=samples, start=start, sample_rate=44100))
         time, contact = start / 44100, estimates["contact"]
-        reasons[time] = contact.why_not if time < 1.9 else estimates["slip"].why_not
+        reasons[time] = contact.reason if time < 1.9 else estimates["slip"].reason
         if contact.valid:
             touched[time] = contact.value > 0.5
     assert not any(reason for time, reason in reasons.items() if time < 1.9)

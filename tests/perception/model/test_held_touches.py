@@ -14,8 +14,8 @@ import pytest
 import soundfile
 
 import monochord as mc
-from monochord.core.types import Prediction
 from monochord.core.units import Metres, Newtons, Seconds
+from monochord.live.sinks.base import Update
 from monochord.physics.twin.virtual_sensor import VirtualSensor
 from monochord.physics.twin.world import World
 
@@ -24,7 +24,7 @@ INSIDE = (0.055, 0.0667, 0.08, 0.095, 0.0995, 0.1, 0.101, 0.12, 0.1333, 0.145)
 OUTSIDE = (0.02, 0.03, 0.045, 0.155, 0.17, 0.185)
 MAX_DEVIATIONS, MIN_ERROR = 5.0, 1e-3
 """An answer is far off where its error is above so many of its standard errors, and above so much in m."""
-Judged: TypeAlias = tuple[Metres, Prediction]
+Judged: TypeAlias = tuple[Metres, Update]
 """A window of a held touch: its place, and what the model says."""
 SETTLING, HOLD, PAUSE = 0.3, 2.0, 0.4
 
@@ -86,15 +86,15 @@ def led_along(recording: Recording, place: Metres, force: Newtons) -> None:
 def judged(recording: Recording, file: Path) -> Iterator[Judged]:
     """Yield the windows of a recording's touches."""
     soundfile.write(file, np.concatenate(recording.parts, axis=1).T, RATE, subtype="FLOAT")
-    predictions = list(mc.listen(file, model="demo"))
+    updates = list(mc.listen(file, model="demo"))
     for place, begin, end in recording.touches:
-        for prediction in predictions:
-            if begin <= prediction.time <= end:
-                yield place, prediction
+        for update in updates:
+            if begin <= update.time <= end:
+                yield place, update
 
 
-def is_far_off(place: Metres, prediction: Prediction) -> bool:
-    position = prediction["position"]
+def is_far_off(place: Metres, update: Update) -> bool:
+    position = update.position
     return position.valid and abs(position.value - place) > max(MAX_DEVIATIONS * position.std, MIN_ERROR)
 
 
@@ -148,7 +148,7 @@ def test_contact_is_not_denied(
 ) -> None:
     if name == "77" and places is INSIDE:
         request.applymarker(pytest.mark.xfail(reason=GIVES, raises=AssertionError, strict=True))
-    contacts = [each["contact"] for place, each in windows(name) if place in places]
+    contacts = [each.contact for place, each in windows(name) if place in places]
     denied = sum(each.valid and each.value < 0.5 for each in contacts)
     assert denied <= 0.01 * len(contacts)
 
@@ -166,12 +166,12 @@ def test_contact_is_not_denied(
 def test_inside_the_range_nearly_all_windows_are_answered(
     name: str, windows: Callable[[str], list[Judged]]
 ) -> None:
-    positions = [each["position"] for place, each in windows(name) if place in INSIDE]
+    positions = [each.position for place, each in windows(name) if place in INSIDE]
     assert sum(each.valid for each in positions) >= 0.95 * len(positions)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [*SENSORS])
 def test_one_held_touch_is_not_called_two(name: str, windows: Callable[[str], list[Judged]]) -> None:
-    reasons = [each["position"].why_not for place, each in windows(name) if place in INSIDE]
+    reasons = [each.position.reason for place, each in windows(name) if place in INSIDE]
     assert sum(reason == "two things seem to touch" for reason in reasons) <= 0.01 * len(reasons)

@@ -48,7 +48,7 @@ def test_every_head_abstains_with_the_likely_reason(
     drawn: Model, sound: Sound, bias: tuple[float, ...], reason: str
 ) -> None:
     _, estimates = with_detector(drawn, bias).step(ModelState(), sound(0))
-    assert {each.why_not for each in estimates.values()} == {reason}
+    assert {each.reason for each in estimates.values()} == {reason}
     assert set(estimates) == set(drawn.definition.heads)
 
 
@@ -59,7 +59,7 @@ def test_contact_is_estimated_beside_a_reason_that_leaves_it_right(drawn: Model,
         estimates = model.step(ModelState(), sound(0))[1]
         withheld = Estimate.abstain("", reason)
         assert str(estimates["contact"]) == str(expected if reason == REASONS[1] else withheld)
-        assert {each.why_not for name, each in estimates.items() if name != "contact"} == {reason}
+        assert {each.reason for name, each in estimates.items() if name != "contact"} == {reason}
         silence = dataclasses.replace(sound(0), samples=np.zeros_like(sound(0).samples))
         assert not model.step(ModelState(), silence)[1]["contact"].valid
     misspelt = "two things seems to touch"
@@ -79,7 +79,7 @@ def test_contact_abstains_where_it_denies_a_touch_that_the_reason_speaks_of(
     sure = np.full_like(model.weights[last], 60.0 if touched else -60.0)
     model = dataclasses.replace(model, weights={**model.weights, last: sure})
     contact = model.step(ModelState(), sound(0))[1][gate]
-    assert (contact.valid, contact.why_not) == ((True, "") if touched else (False, REASONS[1]))
+    assert (contact.valid, contact.reason) == ((True, "") if touched else (False, REASONS[1]))
 
 
 def test_known_sound_is_estimated_as_without_a_detector(drawn: Model, sound: Sound) -> None:

@@ -66,7 +66,7 @@ def test_a_gap_or_silence_is_an_abstention_and_keeps_the_reference(drawn: Model,
         ),
     ):
         after, estimates = model.step(state, window)
-        assert {each.why_not for each in estimates.values()} == {reason}
+        assert {each.reason for each in estimates.values()} == {reason}
         assert dataclasses.replace(after, start=state.start) == state
         assert estimates["force"].unit == "N"
 
@@ -258,7 +258,7 @@ def test_calibration_scales_the_uncertainty_alone(drawn: Model) -> None:
 
 def test_without_contact_the_other_heads_abstain(drawn: Model) -> None:
     estimates = estimates_of(drawn.definition, outputs(contact=-0.1))
-    abstained = {name for name, each in estimates.items() if each.why_not == "no contact"}
+    abstained = {name for name, each in estimates.items() if each.reason == "no contact"}
     assert abstained == {"slip", "position", "force"}
     assert estimates["contact"].valid
     assert estimates["contact"].value == pytest.approx(0.475, abs=1e-3)
@@ -270,15 +270,15 @@ def test_contact_that_is_uncertain_is_not_denied(drawn: Model, contact: float) -
     careful = dataclasses.replace(record, task=dataclasses.replace(record.task, limit=0.3))
     definition = dataclasses.replace(drawn.definition, heads={**drawn.definition.heads, "contact": careful})
     estimates = estimates_of(definition, outputs(contact=contact))
-    assert estimates["contact"].why_not == "too uncertain"
-    assert {each.why_not for each in estimates.values()} == {"too uncertain"}
+    assert estimates["contact"].reason == "too uncertain"
+    assert {each.reason for each in estimates.values()} == {"too uncertain"}
     assert estimates_of(definition, outputs(contact=9.0 * contact))["contact"].valid
 
 
 def test_too_large_an_uncertainty_is_an_abstention(drawn: Model) -> None:
     position = Output(value=0.0, log_spread=math.log(50.0))
     estimates = estimates_of(drawn.definition, outputs(position=position))
-    assert estimates["position"].why_not == "too uncertain"
+    assert estimates["position"].reason == "too uncertain"
     assert estimates["contact"].valid
 
 

@@ -75,7 +75,7 @@ def test_outside_the_range_contact_alone_is_told(place: float) -> None:
         assert estimates["contact"].valid
         assert estimates["contact"].value > 0.9
         others = {name: each for name, each in estimates.items() if name != "contact"}
-        assert {each.why_not for each in others.values()} == {OUTSIDE_RANGE}
+        assert {each.reason for each in others.values()} == {OUTSIDE_RANGE}
 
 
 SOFT = "something very soft seems to touch"
@@ -107,7 +107,7 @@ def test_a_narrower_sensor_narrows_what_is_stated() -> None:
     assert all(each["position"].valid for each in touched(0.12, model))
     narrow = model.within((0.05, 0.11))
     assert narrow.places == (0.05, 0.11)
-    assert {each["position"].why_not for each in touched(0.12, narrow)} == {OUTSIDE_RANGE}
+    assert {each["position"].reason for each in touched(0.12, narrow)} == {OUTSIDE_RANGE}
 
 
 def test_a_wider_sensor_does_not_widen_what_was_learned() -> None:

@@ -41,7 +41,7 @@ def bits(rows: "list[Prediction] | PredictionTable") -> list[tuple[object, ...]]
             np.float64(e.value).tobytes(),
             np.float64(e.std).tobytes(),
             e.unit,
-            e.why_not,
+            e.reason,
         )
         for row in rows
         for name, e in sorted(row.estimates.items())
@@ -55,7 +55,8 @@ def test_a_sound_gives_what_the_live_loop_gives(
     take: Take, tmp_path: Path, sensor: str, string: str, hop: float
 ) -> None:
     soundfile.write(tmp_path / "take.wav", take[0].T, RATE, subtype="FLOAT")
-    live = list(mc.listen(tmp_path / "take.wav", "demo", hop=hop, sensor=sensor, string=string))
+    updates = mc.listen(tmp_path / "take.wav", "demo", hop=hop, sensor=sensor, string=string)
+    live = [update.prediction for update in updates]
     model = mc.load("demo")
     table = model.predict(take[0], sample_rate=RATE, hop=hop, sensor=sensor, string=string)
     assert len(table) == len(live) > 40

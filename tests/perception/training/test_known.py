@@ -34,7 +34,7 @@ def reasons(model: Model, dataset: Path, fault: str = "") -> list[str]:
             spoilt: Audio = add(window.samples[None], [row], seed=5, sample_rate=rate)[0]
             window = dataclasses.replace(window, samples=spoilt)
         state, estimates = model.step(state, window)
-        result.append(estimates["contact"].why_not)
+        result.append(estimates["contact"].reason)
     return result
 
 

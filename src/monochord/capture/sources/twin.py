@@ -14,11 +14,11 @@ from msgspec import Meta
 from monochord.capture.sources._added_noise import AddedNoise
 from monochord.capture.sources._audio_file import open_audio
 from monochord.capture.sources._hand import Hand, Led
+from monochord.capture.sources._labels import LabelMemory
 from monochord.capture.sources._paced_stream import PacedStream
 from monochord.capture.sources._script import EDGE, ScriptedTouch, draw_touches, twin_changes
 from monochord.capture.sources.base import Controls, Source
 from monochord.core.errors import InputError
-from monochord.core.labels import LabelTrack, one_window_labels
 from monochord.core.ranges import Count, NonNegative, Pair, Share, Whole, refuse_unordered
 from monochord.core.types import Audio, Floats, Signal, Truth
 from monochord.core.units import FINITE, Newtons, Samples, Seconds
@@ -29,10 +29,7 @@ from monochord.physics.twin import Labels, Outside, Pluck, Scene, Sensor, Touch,
 from monochord.physics.twin.outside import outside_at
 from monochord.physics.twin.world import World, plausible_touch, sensor_of
 
-LABEL_SECONDS: Seconds = 61.0
-"""For how long labels are stored: a second more than the longest window."""
-LABEL_STEP: Samples = 32
-"""Frames from one stored label to the next, 0.7 ms: the labels themselves are averages over 5 ms."""
+LABELS = ("contact", "position", "force", "slip", "slip_across", "slip_along", "settled")
 CHUNK: Samples = 2048
 """Frames that are simulated at once, if a block is not longer."""
 PLUCK_HEIGHT = 5e-4
@@ -176,7 +173,7 @@ class _TwinStream(PacedStream):
         )
         self._twin: Twin = begin(sensor, scene, sample_rate=rate, seed=options.seed)
         advance(self._twin, 1)  # compiles here, where nobody waits for a block
-        self._labels = LabelMemory(round(LABEL_SECONDS * rate), rate)
+        self._labels = LabelMemory(LABELS, rate)
         self._changes = twin_changes(options.touches(design), sensor.string, options.materials[0], rate)
         if options.world == "plausible":
             self._changes = _with_effects(self._changes, options.seed)
@@ -232,7 +229,7 @@ class _TwinStream(PacedStream):
     def _advance(self, frames: Samples) -> Audio:
         start = self._twin.start
         take, self._twin = advance(self._twin, frames)
-        self._labels.add(take.labels)
+        self._labels.add(label_columns(take.labels), frames)
         noise = self._hand.noise
         return take.microphones if noise is None else self._noise.added(take.microphones, start, *noise)
 
@@ -267,45 +264,16 @@ def _with_effects(
         yield start, tuple(plausible_touch(touch, seed) for touch in touches)
 
 
-LABELS = ("contact", "position", "force", "slip", "slip_across", "slip_along", "settled")
-
-
-class LabelMemory:
-    """Labels of the latest `frames` frames of a stream with at most one touch, one in `LABEL_STEP` frames.
-
-    `sample_rate` is in Hz.
-    """
-
-    def __init__(self, frames: Samples, sample_rate: int) -> None:
-        self._rows = np.zeros((len(LABELS), max(frames // LABEL_STEP, 1)), dtype=np.float32)
-        self._sample_rate = sample_rate
-        self._start: Samples = 0  # index of the next frame
-
-    def add(self, labels: Labels) -> None:
-        """Store the labels of the frames that follow those before."""
-        count = labels.settled.size
-        at = np.arange(-self._start % LABEL_STEP, count, LABEL_STEP)
-        column = (self._start + at) // LABEL_STEP % self._rows.shape[1]
-        self._rows[:, column] = 0.0
-        if labels.contact.shape[0]:
-            of_touch = (
-                labels.contact, labels.position, labels.force, labels.slip, labels.across, labels.along
-            )  # fmt: skip
-            for row, label in enumerate(of_touch):
-                self._rows[row, column] = label[0, at]
-        self._rows[-1, column] = labels.settled[at]
-        self._start += count
-
-    def over(self, start: Samples, stop: Samples) -> Truth:
-        """Return the labels of the window of frames [start, stop); empty where none are stored."""
-        newest = -(-min(stop, self._start) // LABEL_STEP)
-        oldest = max(-(-self._start // LABEL_STEP) - self._rows.shape[1], 0)
-        rows = np.arange(max(min(start // LABEL_STEP, newest - 1), oldest), newest)
-        if not rows.size:
-            return {}
-        stored = self._rows[:, rows % self._rows.shape[1]].astype(np.float64)
-        columns: dict[str, Floats] = dict(zip(LABELS, stored, strict=True))
-        columns["slip_velocity"] = np.hypot(columns["slip_across"], columns["slip_along"])
-        rate = self._sample_rate
-        track = LabelTrack(time=rows.astype(np.float64) * (LABEL_STEP / rate), columns=columns)
-        return one_window_labels(track, start / rate, stop / rate)
+def label_columns(labels: Labels) -> dict[str, Floats]:
+    """Return the labels of every frame by name, those of a touch only where there is one."""
+    columns: dict[str, Floats] = {"settled": labels.settled}
+    if labels.contact.shape[0]:
+        columns |= {
+            "contact": labels.contact[0],
+            "position": labels.position[0],
+            "force": labels.force[0],
+            "slip": labels.slip[0],
+            "slip_across": labels.across[0],
+            "slip_along": labels.along[0],
+        }
+    return columns

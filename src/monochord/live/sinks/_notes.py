@@ -8,7 +8,7 @@ from rich.text import Text
 from monochord.core.printable import printable
 from monochord.core.units import Seconds
 from monochord.live.health import Level, Note
-from monochord.live.sinks.base import Moment
+from monochord.live.sinks.base import Update
 
 LABELS: Mapping[Level, str] = {"error": "error", "warning": "warning", "info": "note"}
 """What a note is called by its level, the worst first."""
@@ -21,10 +21,10 @@ MIN_WIDTH = 8
 """Columns of words, however narrow the terminal."""
 
 
-def current(moment: Moment) -> list[Note]:
-    """Return the notes of a moment, the worst first, then the oldest, without an info that is `BRIEF`."""
-    now, order = moment.prediction.time, list(LABELS)
-    shown = [note for note in moment.notes if note.level != "info" or now - note.since >= BRIEF - 1e-9]
+def current(update: Update) -> list[Note]:
+    """Return the notes of an update, the worst first, then the oldest, without an info that is `BRIEF`."""
+    now, order = update.prediction.time, list(LABELS)
+    shown = [note for note in update.notes if note.level != "info" or now - note.since >= BRIEF - 1e-9]
     return sorted(shown, key=lambda note: order.index(note.level))
 
 
@@ -58,15 +58,15 @@ def clipped(note: Note, name: str, columns: int) -> Text:
     return line
 
 
-def news(before: Mapping[str, Note], moment: Moment) -> tuple[Mapping[str, Note], list[str]]:
+def news(before: Mapping[str, Note], update: Update) -> tuple[Mapping[str, Note], list[str]]:
     """Return the notes that there are now, by key, and a line for each that has ended or is new.
 
     Parameters
     ----------
     before
-        What this returned for the moment before; empty at first.
-    moment
-        The moment now.
+        What this returned for the update before; empty at first.
+    update
+        The update now.
 
     Returns
     -------
@@ -74,11 +74,11 @@ def news(before: Mapping[str, Note], moment: Moment) -> tuple[Mapping[str, Note]
         One that only changes its sentence, as where something is counted, is no news; one that changes its
         level is.
     """
-    if not moment.notes and not before:
+    if not update.notes and not before:
         return before, []
-    notes = {note.key: note for note in current(moment)}
-    head = f"{moment.string}  " if moment.string else ""
-    head += f"{moment.prediction.time:8.2f} s  "
+    notes = {note.key: note for note in current(update)}
+    head = f"{update.string}  " if update.string else ""
+    head += f"{update.prediction.time:8.2f} s  "
     ended = [f"{head}ended: {note.sentence}" for key, note in before.items() if key not in notes]
     new = [
         f"{head}{LABELS[note.level]}: {note.sentence} {note.remedy}".rstrip()

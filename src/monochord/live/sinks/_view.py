@@ -18,7 +18,7 @@ from monochord.core.units import Metres, Newtons, decibels
 from monochord.live.events import Event
 from monochord.live.sinks import _notes, _string
 from monochord.live.sinks._string import TOUCH, TRUTH
-from monochord.live.sinks.base import Moment
+from monochord.live.sinks.base import Update
 
 LABEL, DIM, WARN, BAND = "grey62", "grey42", "bold orange1", "cyan"
 MAX_FORCE: Newtons = 2.0
@@ -73,7 +73,7 @@ class Part:
 
 
 def frame(
-    moment: Moment,
+    update: Update,
     signal: Signal,
     length: Metres,
     latency: Percentiles,
@@ -82,15 +82,15 @@ def frame(
     ends: tuple[str, str] = ("nut", "bridge"),
     last: Event | None = None,
 ) -> list[Text]:
-    """Return the picture of one moment as lines, `columns` wide and fewer than `rows`.
+    """Return the picture of one update as lines, `columns` wide and fewer than `rows`.
 
     `length` is that of the drawn string, `ends` are the names of its ends, and `last` is the last event.
     """
-    truth = moment.truth
-    sound_levels = [levels(channel) for channel in moment.window.samples]
+    truth = update.truth
+    sound_levels = [levels(channel) for channel in update.window.samples]
     loudness = [max(0.0, 1.0 - rms / FLOOR) if math.isfinite(rms) else 0.0 for rms, _ in sound_levels]
     swings = loudness if len(loudness) > 1 else [0.0, loudness[0]]
-    position, force = (moment.prediction.estimate(name) for name in ("position", "force"))
+    position, force = (update.prediction.estimate(name) for name in ("position", "force"))
     picture = _string.draw(
         columns - 4,
         length,
@@ -103,11 +103,11 @@ def frame(
     )
     blank = Part(Rank.BLANK, [Text()])
     meters = [_meter(k + 1, rms, peak, columns) for k, (rms, peak) in enumerate(sound_levels)]
-    learned = any(name in moment.prediction.estimates for name in WORDS)
-    middle = [*_estimates(moment, length, columns), *([legend(truth)] if learned else [])]
+    learned = any(name in update.prediction.estimates for name in WORDS)
+    middle = [*_estimates(update, length, columns), *([legend(truth)] if learned else [])]
     ranks = [*[Rank.ESTIMATE] * (len(ORDER) - 1), Rank.LEGEND]
     parts = [
-        Part(Rank.TITLE, [_title(moment, signal, columns)]),
+        Part(Rank.TITLE, [_title(update, signal, columns)]),
         blank,
         Part(Rank.PICTURE, [Text.assemble("  ", line) for line in picture]),
         blank,
@@ -116,28 +116,28 @@ def frame(
         Part(Rank.LEVELS, meters),
         blank,
         Part(Rank.LATENCY, [_latency(latency)]),
-        Part(Rank.COUNTERS, [_health(moment)]),
+        Part(Rank.COUNTERS, [_health(update)]),
     ]
     if last is not None:
-        parts.append(Part(Rank.TRACKED, [_tracked(moment)]))
+        parts.append(Part(Rank.TRACKED, [_tracked(update)]))
         parts.append(Part(Rank.EVENT, [Text.assemble(("  event    ", LABEL), event_in_words(last))]))
-    notes = _notes.current(moment)
+    notes = _notes.current(update)
     parts.extend(Part(NOTE_RANKS[note.level], _notes.wrapped(note, columns), is_note=True) for note in notes)
     return fitted(parts, rows - 1)
 
 
-def several(moments: Iterable[Moment], latency: Percentiles, columns: int, rows: int) -> list[Text]:
+def several(updates: Iterable[Update], latency: Percentiles, columns: int, rows: int) -> list[Text]:
     """Return a line for each of several strings, and one for its worst note, fewer than `rows`.
 
     Where there is no room for both, an error is shown in place of the estimates.
     """
     parts = list[Part]()
-    for moment in moments:
-        worst = next(iter(_notes.current(moment)), None)
+    for update in updates:
+        worst = next(iter(_notes.current(update)), None)
         rank = Rank.PICTURE if worst is not None and worst.level == "error" else Rank.ESTIMATE
-        parts.append(Part(rank, [Text(printable(plain(moment, latency)))]))
+        parts.append(Part(rank, [Text(printable(plain(update, latency)))]))
         if worst is not None:
-            line = _notes.clipped(worst, moment.string, columns)
+            line = _notes.clipped(worst, update.string, columns)
             parts.append(Part(NOTE_RANKS[worst.level], [line]))
     return fitted(parts, rows - 1)
 
@@ -160,18 +160,18 @@ def fitted(parts: Sequence[Part], rows: int) -> list[Text]:
     return [line for k in sorted(kept) for line in kept[k]]
 
 
-def plain(moment: Moment, latency: Percentiles, events: Sequence[Event] = ()) -> str:
+def plain(update: Update, latency: Percentiles, events: Sequence[Event] = ()) -> str:
     """Return one line without any drawing, for a log or a pipe; `events` are those since the line before."""
-    health = moment.health
-    estimates = ", ".join(_in_words(name, e) for name, e in _ordered(moment.prediction.estimates.items()))
-    rms = " / ".join(f"{levels(channel)[0]:.0f}" for channel in moment.window.samples)
+    health = update.health
+    estimates = ", ".join(_in_words(name, e) for name, e in _ordered(update.prediction.estimates.items()))
+    rms = " / ".join(f"{levels(channel)[0]:.0f}" for channel in update.window.samples)
     p99 = f"{1e3 * latency.p99:.2f}"
-    true = f"; {_truth_in_words(moment.truth)}" if moment.truth else ""
-    name = f"{moment.string}  " if moment.string else ""
+    true = f"; {_truth_in_words(update.truth)}" if update.truth else ""
+    name = f"{update.string}  " if update.string else ""
     return (
-        f"{name}{moment.prediction.time:8.2f} s  {estimates}{true}; level {rms} dB, "
+        f"{name}{update.prediction.time:8.2f} s  {estimates}{true}; level {rms} dB, "
         f"latency p99 {p99} ms, gaps {health.gaps}, dropped {health.dropped}, xruns {health.xruns}, "
-        f"skipped {moment.skipped}{_events_in_words(events)}"
+        f"skipped {update.skipped}{_events_in_words(events)}"
     )
 
 
@@ -222,10 +222,10 @@ def quantity(value: float, unit: str) -> str:
     return f"{shown:.{digits}f} {name}".rstrip()
 
 
-def _title(moment: Moment, signal: Signal, columns: int) -> Text:
+def _title(update: Update, signal: Signal, columns: int) -> Text:
     inputs = "1 microphone" if signal.channels == 1 else f"{signal.channels} microphones"
     left = Text.assemble(("  monochord", "bold"), (f"   {signal.sample_rate / 1e3:g} kHz, {inputs}", LABEL))
-    right = f"{moment.prediction.time:.1f} s  "
+    right = f"{update.prediction.time:.1f} s  "
     return left + Text(right.rjust(columns - len(left)), LABEL)
 
 
@@ -237,19 +237,19 @@ def _in_words(name: str, estimate: Estimate) -> str:
     if not estimate.valid:
         # "no contact" would be an answer.
         missing = f"{name} not estimated" if name in WORDS else f"no {name}"
-        return f"{missing} ({estimate.why_not})"
+        return f"{missing} ({estimate.reason})"
     if name in WORDS:
         word, share = probability_in_words(name, estimate.value)
         return f"{word} ({share})"
     return f"{name} {quantity(estimate.value, estimate.unit)} +- {quantity(estimate.std, estimate.unit)}"
 
 
-def _estimates(moment: Moment, length: Metres, columns: int) -> Iterator[Text]:
-    for name, estimate in _ordered(moment.prediction.estimates.items()):
+def _estimates(update: Update, length: Metres, columns: int) -> Iterator[Text]:
+    for name, estimate in _ordered(update.prediction.estimates.items()):
         line = Text.assemble((f"  {name.replace('_', ' '):<12}", LABEL))
         if not estimate.valid:
             line.append(f"{'--':>10}", DIM)
-            line.append(f"  {estimate.why_not}", WARN if estimate.why_not not in NO_TROUBLE else DIM)
+            line.append(f"  {estimate.reason}", WARN if estimate.reason not in NO_TROUBLE else DIM)
         elif name in WORDS:
             word, share = probability_in_words(name, estimate.value)
             line.append(f"{word:>10}", "bold").append(f"  {share:<11}", LABEL)
@@ -258,7 +258,7 @@ def _estimates(moment: Moment, length: Metres, columns: int) -> Iterator[Text]:
             line.append(f"{quantity(estimate.value, estimate.unit):>10}", style)
             spread = quantity(estimate.std, estimate.unit) if math.isfinite(estimate.std) else "?"
             line.append(f"  ± {spread:<9}", LABEL)
-        yield _with_track(line, name, estimate, moment.truth, length, columns)
+        yield _with_track(line, name, estimate, update.truth, length, columns)
 
 
 def _with_track(
@@ -316,15 +316,15 @@ def _meter(number: int, rms: float, peak: float, columns: int) -> Text:
     return line.append("  clipped", WARN) if peak > -0.01 else line
 
 
-def _tracked(moment: Moment) -> Text:
+def _tracked(update: Update) -> Text:
     """Return what is decided and tracked over time."""
-    decided = [WORDS[name][on] for name, on in moment.decided.items() if name == "contact"]
+    decided = [WORDS[name][on] for name, on in update.decided.items() if name == "contact"]
     values = [
         f"{quantity(each.value, each.unit)} ± {quantity(each.std, each.unit)}"
-        for name, each in _ordered(moment.tracked.items())
+        for name, each in _ordered(update.tracked.items())
         if each.valid and name not in WORDS
     ]
-    slip = [WORDS["slip"][moment.decided["slip"]]] if values and "slip" in moment.decided else []
+    slip = [WORDS["slip"][update.decided["slip"]]] if values and "slip" in update.decided else []
     words = ", ".join([*decided, *values, *slip])
     return Text.assemble(("  tracked  ", LABEL), words or ("nothing is decided", DIM))
 
@@ -333,14 +333,14 @@ def _latency(latency: Percentiles) -> Text:
     return Text.assemble(("  latency  ", LABEL), latency.line())
 
 
-def _health(moment: Moment) -> Text:
-    health = moment.health
+def _health(update: Update) -> Text:
+    health = update.health
     line = Text.assemble(("  stream   ", LABEL))
     counts: Sequence[tuple[str, int]] = (
         ("gaps", health.gaps),
         ("dropped", health.dropped),
         ("xruns", health.xruns),
-        ("skipped", moment.skipped),
+        ("skipped", update.skipped),
         ("reconnects", health.reconnects),
     )
     for name, count in counts:

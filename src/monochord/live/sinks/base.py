@@ -4,16 +4,28 @@ What the live loop must know of a sink beforehand, the sink declares: whether it
 output, and whether each of several strings has one of its own. Nobody looks at its fields.
 """
 
+import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Generator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from types import MappingProxyType
+from typing import Any
 
 from monochord.capture.sources.base import Controls
 from monochord.core.ranges import Checked
-from monochord.core.types import Estimate, Estimates, Prediction, Signal, StreamHealth, Truth, Window
-from monochord.core.units import Metres, Seconds
+from monochord.core.types import (
+    Estimate,
+    Estimates,
+    NamedEstimates,
+    Prediction,
+    Signal,
+    StreamHealth,
+    Tracked,
+    Truth,
+    Window,
+)
+from monochord.core.units import Metres, Samples, Seconds
 from monochord.live.events import Event
 from monochord.live.health import Note
 from monochord.perception.estimators.base import Condition
@@ -22,25 +34,25 @@ BACKLOG = 256
 """Windows that wait for most sinks: 2.5 s at the usual hop, and 9 MB of sound, which all sinks share."""
 NEWEST = 10
 """Windows that wait for a sink whose reader acts on the newest: 0.1 s, as many as ROS 2 keeps of a topic."""
-NOTHING_TRACKED: Mapping[str, Estimate] = MappingProxyType({})
 NOTHING_DECIDED: Mapping[str, bool] = MappingProxyType({})
 NO_STRINGS: Mapping[str, Signal] = MappingProxyType({})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Moment:
-    """What a sink takes for each window: the prediction, and beside it what a view of it shows.
+class Update(NamedEstimates):
+    """What is known of a string at a window: `mc.listen` yields it, and a sink takes it.
 
-    `prediction` is of this window alone, and `condition` what its estimator knows of the string by then, None
-    where it does not watch it. `tracked` are the estimates over time by the same names, which also hold what
-    was learned earlier of the same touch, and `decided` whether there is ``contact`` and ``slip``, without
-    flicker; a name is missing where nothing was decided yet. `events` are those of this window and `notes`
-    what a person should know of the sensor now.
+    Each estimate is an attribute: ``update.position``, ``update.force``; ``update.tracked.position`` is the
+    estimate over time, which also holds what was learned earlier of the same touch. `decided` says whether
+    there is ``contact`` and ``slip``, without flicker; a name is missing where nothing is decided yet.
+    `events` are those of this window, and `notes` what a person should know of the sensor now.
 
-    `truth` is empty for real hardware; `skipped` counts windows left out so far because the reader was late.
-    `adc_time` is the monotonic-clock time of the window's first frame at the converter, where the source
-    knows it, and `at_hand` that at which the last one was at hand. `string` is the name of the string, of a
-    run that has several; empty for one alone. Sinks in several threads share a moment.
+    `prediction` is the estimator's answer to `window` alone, and `condition` what the estimator knows of the
+    string by then, None where it does not watch it. `truth` is empty for real hardware; `skipped` counts
+    windows left out so far because the reader was late, and `health` what the source lost. `adc_time` is the
+    monotonic-clock time of the window's first frame at the converter, where the source knows it, and
+    `at_hand` that at which the last one was at hand. `string` is the name of the string, of a run that has
+    several; empty for one alone. Sinks in several threads share an update.
     """
 
     prediction: Prediction
@@ -48,7 +60,7 @@ class Moment:
     health: StreamHealth
     truth: Truth
     skipped: int
-    tracked: Estimates = field(default_factory=lambda: NOTHING_TRACKED)
+    tracked: Tracked = field(default_factory=Tracked)
     decided: Mapping[str, bool] = field(default_factory=lambda: NOTHING_DECIDED)
     events: tuple[Event, ...] = ()
     notes: tuple[Note, ...] = ()
@@ -56,6 +68,39 @@ class Moment:
     adc_time: Seconds | None = None
     at_hand: Seconds | None = None
     string: str = ""
+
+    @property
+    def time(self) -> Seconds:
+        """Start of the window, in seconds since the stream began."""
+        return self.prediction.time
+
+    @property
+    def start(self) -> Samples:
+        """Sample index of the window's first frame."""
+        return self.prediction.start
+
+    @property
+    def latency(self) -> Seconds:
+        """Time from the window's last sample being at hand to its estimates."""
+        return self.prediction.latency
+
+    @property
+    def estimates(self) -> Estimates:
+        """The estimates of this window by name; an open set."""
+        return self.prediction.estimates
+
+    def _named(self) -> Estimates:
+        return self.prediction.estimates
+
+    def __str__(self) -> str:
+        """Return time and estimates as a person reads them."""
+        return f"{self.time:.2f} s: " + "; ".join(f"{name} {each}" for name, each in self.estimates.items())
+
+    def __getitem__(self, name: str) -> Estimate:
+        """Return an estimate by name; deprecated, as ``update.position`` is the same."""
+        said = f"update['{name}'] is deprecated: use update.{name}"
+        warnings.warn(said, DeprecationWarning, stacklevel=2)
+        return self.prediction[name]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,7 +132,7 @@ class Writer(ABC):
     """An open sink."""
 
     @abstractmethod
-    def write(self, moment: Moment) -> None:
+    def write(self, update: Update) -> None:
         """Take one prediction; a slow writer loses the oldest that wait for it, and delays nobody else.
 
         Calls come one at a time, from a thread of the sink's own or from the live loop. A writer that raises
@@ -119,7 +164,7 @@ class Sink(Checked, ABC):
 
     @property
     def is_for_each_string(self) -> bool:
-        """Whether each of several strings has one of its own; otherwise one takes the moments of all."""
+        """Whether each of several strings has one of its own; otherwise one takes the updates of all."""
         return False
 
 
@@ -133,3 +178,10 @@ class Listener(Sink, Writer):
     def open(self, run: Run) -> Generator[Writer]:  # noqa: ARG002
         """Return itself: there is nothing to open."""
         yield self
+
+
+def __getattr__(name: str) -> Any:
+    if name == "Moment":
+        warnings.warn("Moment is deprecated: use Update", DeprecationWarning, stacklevel=2)
+        return Update
+    raise AttributeError(f"module '{__name__}' has no attribute '{name}'")

@@ -10,7 +10,7 @@ from typing import Any, TextIO
 
 from monochord.core.errors import InputError
 from monochord.live.sinks._record import NANO, record, unix_nanoseconds
-from monochord.live.sinks.base import Moment, Run, Sink, Writer
+from monochord.live.sinks.base import Run, Sink, Update, Writer
 
 TRUE = ("true_contact", "true_slip", "true_position", "true_force")
 """What a simulated source knows, not all of it in every window."""
@@ -56,21 +56,21 @@ class _Rows(Writer):
         self._rows: Any = csv.writer(file, lineterminator="\n")
         self._columns: tuple[str, ...] = ()
 
-    def write(self, moment: Moment) -> None:
-        cells = _cells(moment)
+    def write(self, update: Update) -> None:
+        cells = _cells(update)
         if not self._columns:
-            truth = TRUE if moment.truth else ()
+            truth = TRUE if update.truth else ()
             self._columns = tuple(dict.fromkeys((*cells, *truth, *TRACKED)))
             self._rows.writerow((*self._columns, "more"))
         row = [cells.pop(name, None) for name in self._columns]
         self._rows.writerow((*row, json.dumps(cells) if cells else None))
 
 
-def _cells(moment: Moment) -> dict[str, Any]:
-    seconds, nanoseconds = divmod(unix_nanoseconds(moment), NANO)
-    values = record(moment, everything=True)
+def _cells(update: Update) -> dict[str, Any]:
+    seconds, nanoseconds = divmod(unix_nanoseconds(update), NANO)
+    values = record(update, everything=True)
     del values["why_not"]  # of the position, which has its own below
-    reasons = {f"{name}_why_not": each.why_not for name, each in moment.prediction.estimates.items()}
+    reasons = {f"{name}_why_not": each.reason for name, each in update.prediction.estimates.items()}
     events, notes = values.pop("events"), " ".join(values.pop("notes"))
     shown = {"events": json.dumps(events) if events else None, "notes": notes or None}
     stamp = f"{seconds}.{nanoseconds:09}"

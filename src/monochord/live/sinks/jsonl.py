@@ -11,7 +11,7 @@ from typing import TextIO
 
 from monochord.core.errors import InputError
 from monochord.live.sinks._record import record
-from monochord.live.sinks.base import Moment, Run, Sink, Writer
+from monochord.live.sinks.base import Run, Sink, Update, Writer
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,8 +79,8 @@ class _Lines(Writer):
         # A reader at the other end of a pipe wants each line as it comes; a file is written in blocks.
         self._file, self._everything, self._flush = file, everything, flush
 
-    def write(self, moment: Moment) -> None:
-        values = record(moment, everything=self._everything)
+    def write(self, update: Update) -> None:
+        values = record(update, everything=self._everything)
         self._file.write(json.dumps(values, allow_nan=False) + "\n")
         if self._flush:
             self._file.flush()

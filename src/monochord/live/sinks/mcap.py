@@ -14,7 +14,7 @@ from monochord.core.dated import dated_path
 from monochord.core.types import Audio, Block, Feed, Flags, Readings, Signal
 from monochord.core.units import Samples, Seconds
 from monochord.live.sinks._record import record
-from monochord.live.sinks.base import Moment, Run, Sink, Writer
+from monochord.live.sinks.base import Run, Sink, Update, Writer
 from monochord.sessions import ESTIMATES, Description, SessionClock, SessionWriter
 
 WRITE_INTERVAL: Seconds = 0.25
@@ -90,20 +90,20 @@ class _Session(Writer):
         # Refused here where it cannot be made; begun again with the first window, which tells the columns.
         self._writer = SessionWriter(path, self._description((), simulated=False))
 
-    def write(self, moment: Moment) -> None:
-        values = _values(moment)
+    def write(self, update: Update) -> None:
+        values = _values(update)
         if not self._columns:
-            self._begin(moment, values)
-        end = self._time(moment)
-        self._audio(moment)
+            self._begin(update, values)
+        end = self._time(update)
+        self._audio(update)
         for name in values.keys() - self._known:
             self._known.add(name)
             self._writer.event(end, "left_out", "a quantity that the first window did not have", column=name)
         self._rows.append(
-            (end, self._count + moment.skipped, [values.get(name, math.nan) for name in self._columns])
+            (end, self._count + update.skipped, [values.get(name, math.nan) for name in self._columns])
         )
         self._count += 1
-        self._events(moment, end)
+        self._events(update, end)
         if time.monotonic() >= self._due:
             self._flush()
 
@@ -124,38 +124,38 @@ class _Session(Writer):
             feeds=(feed,) if columns else (),
         )
 
-    def _begin(self, moment: Moment, values: dict[str, float]) -> None:
+    def _begin(self, update: Update, values: dict[str, float]) -> None:
         """Begin the file again, now that the columns and the time of the stream's first frame are known."""
-        truth = TRUE if moment.truth else ()
+        truth = TRUE if update.truth else ()
         self._columns = tuple(dict.fromkeys((*values, *LATER, *truth)))
         self._known = set(self._columns)
-        duration, start = moment.window.duration, moment.window.start / self._signal.sample_rate
-        at_hand = time.monotonic() if moment.at_hand is None else moment.at_hand
-        first = at_hand - duration if moment.adc_time is None else moment.adc_time
+        duration, start = update.window.duration, update.window.start / self._signal.sample_rate
+        at_hand = time.monotonic() if update.at_hand is None else update.at_hand
+        first = at_hand - duration if update.adc_time is None else update.adc_time
         clock = SessionClock(
             epoch_ns=time.time_ns() - round((time.monotonic() - first + start) * 1e9), origin=first - start
         )
         self._writer.close()
         self._path.unlink()
         self._writer = SessionWriter(
-            self._path, self._description(self._columns, simulated=bool(moment.truth)), clock
+            self._path, self._description(self._columns, simulated=bool(update.truth)), clock
         )
 
-    def _time(self, moment: Moment) -> Seconds:
+    def _time(self, update: Update) -> Seconds:
         """Return when the window's last sample was at the converter, on the monotonic clock."""
-        window = moment.window
-        if moment.adc_time is not None:
-            return moment.adc_time + window.duration
+        window = update.window
+        if update.adc_time is not None:
+            return update.adc_time + window.duration
         return self._writer.clock.origin + window.start / window.sample_rate + window.duration
 
-    def _audio(self, moment: Moment) -> None:
+    def _audio(self, update: Update) -> None:
         """Write the frames that no window before brought."""
-        window = moment.window
+        window = update.window
         begin = max(self._end, window.start)
         fresh = window.samples[:, begin - window.start :]
         for first, last in _kept(fresh) if window.has_gap else ((0, fresh.shape[1]),):
             start = begin + first
-            adc_time = moment.adc_time
+            adc_time = update.adc_time
             if adc_time is not None:
                 adc_time += (start - window.start) / window.sample_rate
             samples = np.ascontiguousarray(fresh[:, first:last])
@@ -163,16 +163,16 @@ class _Session(Writer):
             self._writer.audio(block)
             self._end = begin + last
 
-    def _events(self, moment: Moment, end: Seconds) -> None:
-        ahead = end - moment.prediction.time - moment.window.duration
-        for event in moment.events:
+    def _events(self, update: Update, end: Seconds) -> None:
+        ahead = end - update.prediction.time - update.window.duration
+        for event in update.events:
             more = {"delay": event.delay, "confidence": event.confidence}
             self._writer.event(ahead + event.time, event.kind, "", **_finite(more))
-        for name, estimate in moment.prediction.estimates.items():
-            if self._reasons.get(name, "") != estimate.why_not:
-                self._reasons[name] = estimate.why_not
-                self._writer.event(end, "abstention", estimate.why_not, estimate=name)
-        notes = {note.key: note for note in moment.notes}
+        for name, estimate in update.prediction.estimates.items():
+            if self._reasons.get(name, "") != estimate.reason:
+                self._reasons[name] = estimate.reason
+                self._writer.event(end, "abstention", estimate.reason, estimate=name)
+        notes = {note.key: note for note in update.notes}
         for key in self._notes.keys() - notes.keys():
             self._writer.event(end, "note_ends", self._notes.pop(key), key=key)
         for key in notes.keys() - self._notes.keys():
@@ -202,12 +202,12 @@ class _Session(Writer):
         )
 
 
-def _values(moment: Moment) -> dict[str, float]:
-    """Return all numbers of a moment by name, NaN where one is not known."""
+def _values(update: Update) -> dict[str, float]:
+    """Return all numbers of an update by name, NaN where one is not known."""
     skipped = ("string", "time", "valid", "why_not", "dropped", "gaps", "xruns", "skipped", "events", "notes")
     return {
         name: math.nan if value is None else float(value)
-        for name, value in record(moment, everything=True).items()
+        for name, value in record(update, everything=True).items()
         if name not in skipped
     }
 

@@ -11,7 +11,7 @@ from monochord.core.types import Estimate
 from monochord.core.units import Seconds
 from monochord.live.events import Event
 from monochord.live.sinks._record import NANO, unix_nanoseconds
-from monochord.live.sinks.base import NEWEST, Moment, NotDeliveredError, Run, Sink, Writer
+from monochord.live.sinks.base import NEWEST, NotDeliveredError, Run, Sink, Update, Writer
 
 if TYPE_CHECKING:
     from monochord.capture.dds.participant import Participant
@@ -113,35 +113,35 @@ class _Topics(Writer):
         self._windows = 0
         self._next: Seconds = 0.0
 
-    def write(self, moment: Moment) -> None:
+    def write(self, update: Update) -> None:
         from cyclonedds.core import DDSException  # noqa: PLC0415
 
         from monochord.capture.dds import messages as ros  # noqa: PLC0415
 
         self._windows += 1
-        self._latencies.append(moment.prediction.latency)
-        stamp = unix_nanoseconds(moment)
+        self._latencies.append(update.prediction.latency)
+        stamp = unix_nanoseconds(update)
         try:
-            for topic, message in self._messages(moment, stamp).items():
+            for topic, message in self._messages(update, stamp).items():
                 self._writers[topic].write(message, stamp)
-            for event in moment.events:
-                message = self._event(event, moment, stamp)
+            for event in update.events:
+                message = self._event(event, update, stamp)
                 self._writers["events"].write(message, ros.nanoseconds(message.header.stamp))
             if time.monotonic() >= self._next:
                 self._next = time.monotonic() + DIAGNOSIS
-                self._diagnostics.write(self._diagnosis(moment, stamp), stamp)
+                self._diagnostics.write(self._diagnosis(update, stamp), stamp)
         except DDSException as error:  # a subscriber that takes none for too long
             raise NotDeliveredError from error
 
-    def _messages(self, moment: Moment, stamp: int) -> dict[str, Any]:
+    def _messages(self, update: Update, stamp: int) -> dict[str, Any]:
         """Return the messages of a window by topic."""
         from monochord.capture.dds import messages as ros  # noqa: PLC0415
 
         tracked = self._options.tracked
         header = ros.header(stamp, self._options.frame)
-        contact, slip = (_decision(moment, name, tracked=tracked) for name in ("contact", "slip"))
-        position, force = (_newest(moment, name, tracked=tracked) for name in ("position", "force"))
-        messages: dict[str, Any] = {"estimates": _touch(moment, header)}
+        contact, slip = (_decision(update, name, tracked=tracked) for name in ("contact", "slip"))
+        position, force = (_newest(update, name, tracked=tracked) for name in ("position", "force"))
+        messages: dict[str, Any] = {"estimates": _touch(update, header)}
         if contact is not None:
             messages["contact"] = ros.Bool(data=contact)
         if slip is not None or contact is False:
@@ -156,11 +156,11 @@ class _Topics(Writer):
             messages["wrench"] = ros.WrenchStamped(header=header, wrench=wrench)
         return messages
 
-    def _event(self, event: Event, moment: Moment, stamp: int) -> Any:
+    def _event(self, event: Event, update: Update, stamp: int) -> Any:
         """Return the message of an event, stamped by how long before the window's end its onset was."""
         from monochord.capture.dds import messages as ros  # noqa: PLC0415
 
-        before = moment.prediction.time + moment.window.duration - event.time
+        before = update.prediction.time + update.window.duration - event.time
         return ros.Event(
             header=ros.header(stamp - round(before * NANO), self._options.frame),
             kind=event.kind,
@@ -168,24 +168,24 @@ class _Topics(Writer):
             data=json.dumps({"delay": event.delay, "confidence": event.confidence}),
         )
 
-    def _diagnosis(self, moment: Moment, stamp: int) -> Any:
+    def _diagnosis(self, update: Update, stamp: int) -> Any:
         from monochord.capture.dds import messages as ros  # noqa: PLC0415
 
-        ordered, health = sorted(self._latencies), moment.health
+        ordered, health = sorted(self._latencies), update.health
         self._latencies = []
         values = {
             "windows": self._windows,
-            "skipped": moment.skipped,
+            "skipped": update.skipped,
             "latency median in ms": f"{1e3 * ordered[len(ordered) // 2]:.2f}",
             "latency 99 % in ms": f"{1e3 * ordered[int(0.99 * len(ordered))]:.2f}",
             "gaps": health.gaps,
             "dropped": health.dropped,
             "xruns": health.xruns,
             "reconnects": health.reconnects,
-            **{note.key: f"{note.sentence} {note.remedy}".strip() for note in moment.notes},
+            **{note.key: f"{note.sentence} {note.remedy}".strip() for note in update.notes},
         }
-        level = max((LEVELS[note.level] for note in moment.notes), default=0)
-        worst = [note.sentence for note in moment.notes if LEVELS[note.level] == level]
+        level = max((LEVELS[note.level] for note in update.notes), default=0)
+        worst = [note.sentence for note in update.notes if LEVELS[note.level] == level]
         status = ros.DiagnosticStatus(
             level=level,
             name=f"{self._hardware or 'monochord'}: sensor",
@@ -196,24 +196,24 @@ class _Topics(Writer):
         return ros.DiagnosticArray(header=ros.header(stamp, ""), status=[status])
 
 
-def _touch(moment: Moment, header: Any) -> Any:
+def _touch(update: Update, header: Any) -> Any:
     from monochord.capture.dds import messages as ros  # noqa: PLC0415
 
     decided = {None: -1, False: 0, True: 1}
     raw = {
-        name: _plain(moment.prediction.estimate(name)) for name in ("contact", "position", "force", "slip")
+        name: _plain(update.prediction.estimate(name)) for name in ("contact", "position", "force", "slip")
     }
     unknown = Estimate.abstain("", "not tracked")
     return ros.Touch(
         header=header,
-        start=moment.prediction.start,
-        window=moment.window.duration,
-        latency=float(moment.prediction.latency),
+        start=update.prediction.start,
+        window=update.window.duration,
+        latency=float(update.prediction.latency),
         **raw,
-        touched=decided[moment.decided.get("contact")],
-        slides=decided[moment.decided.get("slip")],
-        tracked_position=_plain(moment.tracked.get("position", unknown)),
-        tracked_force=_plain(moment.tracked.get("force", unknown)),
+        touched=decided[update.decided.get("contact")],
+        slides=decided[update.decided.get("slip")],
+        tracked_position=_plain(update.tracked.get("position", unknown)),
+        tracked_force=_plain(update.tracked.get("force", unknown)),
     )
 
 
@@ -224,20 +224,20 @@ def _plain(estimate: Estimate) -> Any:
         value=float(estimate.value),
         std=float(estimate.std),
         valid=bool(estimate.valid),
-        why_not=estimate.why_not,
+        why_not=estimate.reason,
     )
 
 
-def _newest(moment: Moment, name: str, *, tracked: bool) -> Estimate:
+def _newest(update: Update, name: str, *, tracked: bool) -> Estimate:
     """Return what is followed over time, or else the estimate of the window."""
-    followed = moment.tracked.get(name) if tracked else None
-    return followed if followed and followed.valid else moment.prediction.estimate(name)
+    followed = update.tracked.get(name) if tracked else None
+    return followed if followed and followed.valid else update.prediction.estimate(name)
 
 
-def _decision(moment: Moment, name: str, *, tracked: bool) -> bool | None:
+def _decision(update: Update, name: str, *, tracked: bool) -> bool | None:
     """Return what is decided over time, or else what is more likely for the window; None where unknown."""
-    decided = moment.decided.get(name) if tracked else None
-    probability = moment.prediction.estimate(name)
+    decided = update.decided.get(name) if tracked else None
+    probability = update.prediction.estimate(name)
     if decided is not None or not probability.valid:
         return decided
     return bool(probability.value >= 0.5)

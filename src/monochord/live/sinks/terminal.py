@@ -17,7 +17,7 @@ from monochord.core.units import Metres, Seconds
 from monochord.live.events import Event
 from monochord.live.health import Note
 from monochord.live.sinks import _notes, _view
-from monochord.live.sinks.base import Moment, Run, Sink, Writer
+from monochord.live.sinks.base import Run, Sink, Update, Writer
 
 DEFAULT_LENGTH: Metres = 0.65  # to draw a string of unknown length
 
@@ -73,7 +73,7 @@ class Terminal(Sink):
 
 
 class _Picture(Writer):
-    """Draws the newest moment, at most every `interval`, within its share of the time."""
+    """Draws the newest update, at most every `interval`, within its share of the time."""
 
     def __init__(
         self,
@@ -88,20 +88,20 @@ class _Picture(Writer):
         self._signal, self._length, self._ends, self._interval = signal, length, ends, interval
         self._latency = Histogram()
         self._next: Seconds = 0.0
-        self._newest: dict[str, Moment] = {}
-        self._waiting: Moment | None = None
+        self._newest: dict[str, Update] = {}
+        self._waiting: Update | None = None
         self._last: Event | None = None
 
-    def write(self, moment: Moment) -> None:
-        self._latency.add(moment.prediction.latency)
-        self._newest[moment.string] = moment
-        if moment.events:
-            self._last = moment.events[-1]
+    def write(self, update: Update) -> None:
+        self._latency.add(update.prediction.latency)
+        self._newest[update.string] = update
+        if update.events:
+            self._last = update.events[-1]
         begin = time.monotonic()
         if begin < self._next:
-            self._waiting = moment
+            self._waiting = update
             return
-        self._draw(moment)
+        self._draw(update)
         end = time.monotonic()
         self._next = begin + max(self._interval, 8.0 * (end - begin))
 
@@ -110,17 +110,17 @@ class _Picture(Writer):
         if self._waiting is not None:
             self._draw(self._waiting)
 
-    def _draw(self, moment: Moment) -> None:
+    def _draw(self, update: Update) -> None:
         self._waiting = None
         size = self._console.size
         latency = self._latency.percentiles()
-        if moment.string:
+        if update.string:
             self._screen.show(_view.several(self._newest.values(), latency, size.width, size.height))
             return
         columns = min(size.width, 110)
         self._screen.show(
             _view.frame(
-                moment, self._signal, self._length, latency, columns, size.height, self._ends, self._last
+                update, self._signal, self._length, latency, columns, size.height, self._ends, self._last
             )
         )
 
@@ -132,31 +132,31 @@ class _Lines(Writer):
         self._console = console
         self._latency = Histogram()
         self._next: dict[str, Seconds] = {}
-        self._waiting: dict[str, Moment] = {}
+        self._waiting: dict[str, Update] = {}
         self._events: dict[str, list[Event]] = {}
         self._notes: dict[str, Mapping[str, Note]] = {}
 
-    def write(self, moment: Moment) -> None:
-        self._latency.add(moment.prediction.latency)
-        now, name = time.monotonic(), moment.string
-        self._notes[name], news = _notes.news(self._notes.get(name, {}), moment)
+    def write(self, update: Update) -> None:
+        self._latency.add(update.prediction.latency)
+        now, name = time.monotonic(), update.string
+        self._notes[name], news = _notes.news(self._notes.get(name, {}), update)
         for line in news:
             self._print(line)
-        self._waiting[name] = moment
-        if moment.events:
-            self._events.setdefault(name, []).extend(moment.events)
+        self._waiting[name] = update
+        if update.events:
+            self._events.setdefault(name, []).extend(update.events)
         if now >= self._next.get(name, 0.0):
             self._next[name] = now + 1.0
             self._print_moment(self._waiting.pop(name))
 
     def close(self) -> None:
-        """Print the newest moment of each string, unless it was printed."""
-        for moment in self._waiting.values():
-            self._print_moment(moment)
+        """Print the newest update of each string, unless it was printed."""
+        for update in self._waiting.values():
+            self._print_moment(update)
 
-    def _print_moment(self, moment: Moment) -> None:
-        events = self._events.pop(moment.string, [])
-        self._print(_view.plain(moment, self._latency.percentiles(), events))
+    def _print_moment(self, update: Update) -> None:
+        events = self._events.pop(update.string, [])
+        self._print(_view.plain(update, self._latency.percentiles(), events))
 
     def _print(self, line: str) -> None:
         self._console.print(Text(printable(line)), soft_wrap=True)

@@ -10,7 +10,7 @@ from monochord.capture.address import is_port, resolved
 from monochord.core.errors import InputError
 from monochord.core.units import Seconds
 from monochord.live.sinks._record import NANO, record, unix_nanoseconds
-from monochord.live.sinks.base import NEWEST, Moment, NotDeliveredError, Run, Sink, Writer
+from monochord.live.sinks.base import NEWEST, NotDeliveredError, Run, Sink, Update, Writer
 
 RESOLVING: Seconds = 5.0
 """How long the receiver's name may take to be found, before the first window."""
@@ -69,10 +69,10 @@ class _Datagrams(Writer):
         self._socket, self._address, self._everything = sock, address, everything
         self._count = 0
 
-    def write(self, moment: Moment) -> None:
-        about = {"sequence": self._count, "stamp": unix_nanoseconds(moment) / NANO}
+    def write(self, update: Update) -> None:
+        about = {"sequence": self._count, "stamp": unix_nanoseconds(update) / NANO}
         self._count += 1
-        values = about | record(moment, everything=self._everything)
+        values = about | record(update, everything=self._everything)
         try:
             self._socket.sendto(json.dumps(values, allow_nan=False).encode(), self._address)
         except OSError as error:

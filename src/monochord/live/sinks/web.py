@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from monochord.capture.address import is_port, resolved
 from monochord.core.errors import InputError
 from monochord.core.units import Metres
-from monochord.live.sinks.base import Moment, Run, Sink, Writer
+from monochord.live.sinks.base import Run, Sink, Update, Writer
 from monochord.live.sinks.terminal import DEFAULT_LENGTH
 from monochord.live.web.access import is_loopback
 
@@ -31,7 +31,7 @@ class Web(Sink):
     It shows the string with the touch on it, estimates with their standard errors, the spectra of both
     microphones, levels, history, latency and notes on the sensor's health. A simulated string is touched
     there with mouse or finger, and the truth stands beside the estimates. A session is recorded from there,
-    and tuning and calibration are guided. A page sees 30 moments a second at most, the newest; a slow one
+    and tuning and calibration are guided. A page sees 30 updates a second at most, the newest; a slow one
     sees fewer and delays nobody.
 
     Parameters
@@ -135,13 +135,13 @@ class _Page(Sink):
 
 
 class _Views(Writer):
-    """Shows each moment where those of its string are shown."""
+    """Shows each update where those of its string are shown."""
 
     def __init__(self, views: Mapping[str, Writer]) -> None:
         self._views = views
 
-    def write(self, moment: Moment) -> None:
-        self._views[moment.string].write(moment)
+    def write(self, update: Update) -> None:
+        self._views[update.string].write(update)
 
 
 def _has_display() -> bool:

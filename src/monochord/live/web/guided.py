@@ -15,7 +15,7 @@ from monochord.core.dated import dated_path
 from monochord.core.types import Signal
 from monochord.core.units import Metres, Newtons
 from monochord.live.delivery import reason
-from monochord.live.sinks.base import Moment
+from monochord.live.sinks.base import Update
 from monochord.live.web.recording import Recording
 from monochord.live.web.steps import Calibration, Guided, Tuning
 
@@ -117,16 +117,16 @@ class Bench:
                     self._later(lambda: self._leave(step))
         return True
 
-    def take(self, moment: Moment) -> None:
-        """Take a moment of the run."""
+    def take(self, update: Update) -> None:
+        """Take an update of the run."""
         take, step = self._take, self._step
         if take is not None and (recording := take.recording) is not None:
-            recording.take(moment)
+            recording.take(update)
             if recording.failure:
                 with self._lock:
                     self._stop(take)
         if step is not None and (guided := step.guided) is not None and step.phase == "recording":
-            guided.take(moment)
+            guided.take(update)
             if guided.complete or guided.recording.failure:
                 with self._lock:
                     if step is self._step and not self._closed:

@@ -15,7 +15,7 @@ from monochord.core.types import Audio, Contact, Estimate, Signal
 from monochord.core.units import Hertz, Seconds
 from monochord.live.events import Event
 from monochord.live.sinks._view import levels
-from monochord.live.sinks.base import Moment
+from monochord.live.sinks.base import Update
 from monochord.live.web.guided import Bench
 from monochord.perception.estimators.base import Condition
 
@@ -159,41 +159,41 @@ def settings(controls: Controls) -> list[dict[str, Any]]:
     return [{"name": s.name, "choices": s.choices, "value": s.value} for s in controls.settings]
 
 
-def state(moment: Moment) -> dict[str, Any]:
-    """Return a moment for the page: estimates of the window and over time, truth, levels and counters."""
-    health = moment.health
+def state(update: Update) -> dict[str, Any]:
+    """Return an update for the page: estimates of the window and over time, truth, levels and counters."""
+    health = update.health
     return {
         "type": "moment",
-        "string": moment.string,
-        "time": moment.prediction.time,
-        "window": _estimates(moment.prediction.estimates),
-        "tracked": _estimates(moment.tracked),
-        "decided": dict(moment.decided),
-        "pitch": _pitch(moment.condition),
-        "truth": {name: number(value) for name, value in moment.truth.items()},
-        "levels": [[number(each, 1) for each in levels(row)] for row in moment.window.samples[:MAX_CHANNELS]],
+        "string": update.string,
+        "time": update.prediction.time,
+        "window": _estimates(update.prediction.estimates),
+        "tracked": _estimates(update.tracked),
+        "decided": dict(update.decided),
+        "pitch": _pitch(update.condition),
+        "truth": {name: number(value) for name, value in update.truth.items()},
+        "levels": [[number(each, 1) for each in levels(row)] for row in update.window.samples[:MAX_CHANNELS]],
         "notes": [
             {"key": n.key, "level": n.level, "sentence": n.sentence, "remedy": n.remedy, "since": n.since}
-            for n in moment.notes
+            for n in update.notes
         ],
-        "latency": number(1e3 * moment.prediction.latency, 3),
+        "latency": number(1e3 * update.prediction.latency, 3),
         "health": {
             "frames": health.frames,
             "dropped": health.dropped,
             "gaps": health.gaps,
             "xruns": health.xruns,
             "reconnects": health.reconnects,
-            "skipped": moment.skipped,
+            "skipped": update.skipped,
         },
     }
 
 
-def brief(moment: Moment) -> dict[str, Any]:
+def brief(update: Update) -> dict[str, Any]:
     """Return what is shown of a string beside others: its name, touch, and how bad its worst note is."""
-    row_, touched = row(moment), moment.decided.get("contact")
-    levels_ = {note.level for note in moment.notes}
+    row_, touched = row(update), update.decided.get("contact")
+    levels_ = {note.level for note in update.notes}
     worst = next((level for level in ("error", "warning") if level in levels_), None)
-    return {"name": moment.string, "contact": touched, "position": row_[3], "force": row_[5], "note": worst}
+    return {"name": update.string, "contact": touched, "position": row_[3], "force": row_[5], "note": worst}
 
 
 def event(event: Event, count: int) -> dict[str, Any]:
@@ -202,16 +202,16 @@ def event(event: Event, count: int) -> dict[str, Any]:
     return values | {"delay": number(event.delay, 3), "confidence": number(event.confidence, 3)}
 
 
-def row(moment: Moment) -> list[float | None]:
-    """Return a moment as a row of the history: see `static/history.js` for the columns."""
-    tracked, estimates, truth = moment.tracked, moment.prediction.estimates, moment.truth
-    position = tracked.get("position") or moment.prediction.estimate("position")
-    force = tracked.get("force") or moment.prediction.estimate("force")
+def row(update: Update) -> list[float | None]:
+    """Return an update as a row of the history: see `static/history.js` for the columns."""
+    tracked, estimates, truth = update.tracked, update.prediction.estimates, update.truth
+    position = tracked.get("position") or update.prediction.estimate("position")
+    force = tracked.get("force") or update.prediction.estimate("force")
     names = ("contact", "slip")
     chances = [number(e.value, 3) if (e := estimates.get(name)) else None for name in names]
-    decided = [None if (on := moment.decided.get(name)) is None else float(on) for name in names]
+    decided = [None if (on := update.decided.get(name)) is None else float(on) for name in names]
     return [
-        round(moment.prediction.time, 3),
+        round(update.prediction.time, 3),
         *chances,
         number(position.value, 5), number(position.std, 5), number(force.value, 3), number(force.std, 3),
         *(number(truth[name], 5) if name in truth else None for name in (*names, "position", "force")),
@@ -281,6 +281,6 @@ def _pitch(condition: Condition | None) -> dict[str, Any] | None:
 
 def _estimates(estimates: Mapping[str, Estimate]) -> dict[str, Any]:
     return {
-        name: {"value": number(e.value), "std": number(e.std), "unit": e.unit, "why": e.why_not}
+        name: {"value": number(e.value), "std": number(e.std), "unit": e.unit, "why": e.reason}
         for name, e in estimates.items()
     }

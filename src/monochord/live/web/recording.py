@@ -7,7 +7,7 @@ from monochord.core.types import Signal
 from monochord.core.units import Samples, Seconds
 from monochord.live.delivery import Delivery, reason
 from monochord.live.sinks import SINKS
-from monochord.live.sinks.base import Moment, Run
+from monochord.live.sinks.base import Run, Update
 
 
 class Recording:
@@ -43,16 +43,16 @@ class Recording:
         self._delivery = Delivery([SINKS.build("mcap", {"path": str(path)})], Run(signal=signal), paced=True)
         self._delivery.__enter__()
 
-    def take(self, moment: Moment) -> None:
-        """Record a moment; the first one is the session's beginning."""
-        window = moment.window
+    def take(self, update: Update) -> None:
+        """Record an update; the first one is the session's beginning."""
+        window = update.window
         if self._first is None:
             self._first = window.start
         start = window.start - self._first
         if self.failure:
             return
         try:
-            self._delivery.hand_over(replace(moment, window=replace(window, start=start), string=""))
+            self._delivery.hand_over(replace(update, window=replace(window, start=start), string=""))
         except Exception as error:  # noqa: BLE001  (whatever writing raised; the run and the page go on)
             self.failure = reason(error)
         self.seconds = start / window.sample_rate + window.duration

@@ -1,6 +1,6 @@
 """The server of the page: one thread with an event loop, whose clients delay neither the run nor each other.
 
-A moment that is handed over is only stored. At a steady pace the newest one is encoded, once, for all; each
+An update that is handed over is only stored. At a steady pace the newest one is encoded, once, for all; each
 client is sent the newest encoding as soon as it has taken the one before, so that a slow client sees fewer
 and one that never reads is closed. Nothing is queued but what the system's own buffers hold.
 """
@@ -35,7 +35,7 @@ from monochord.core.errors import DeviceError
 from monochord.core.timing import Histogram
 from monochord.core.types import Signal
 from monochord.core.units import Metres, Seconds
-from monochord.live.sinks.base import Moment, Writer
+from monochord.live.sinks.base import Update, Writer
 from monochord.live.web import messages
 from monochord.live.web.access import Guard, page_name
 from monochord.live.web.connections import Connections, share_of_descriptors
@@ -188,7 +188,7 @@ class Server:
         folder: Path = Path(),
         model: str = "",
     ) -> Generator[Writer]:
-        """Show a run, or one of its strings by its name: the writer takes its moments.
+        """Show a run, or one of its strings by its name: the writer takes its updates.
 
         See `Bench` for `folder` and `model`.
         """
@@ -263,7 +263,7 @@ class _Stage:
         return views.get(string) or views.get(self.first) or next(iter(tuple(views.values())), None)
 
     async def keep_pace(self) -> None:
-        """Encode the newest moment, and wake the clients, as often as may be."""
+        """Encode the newest update, and wake the clients, as often as may be."""
         while not self.closing:
             await asyncio.sleep(max(1.0 / RATE, len(self.clients) / TOTAL_RATE))
             views = tuple(self.views.values())
@@ -368,10 +368,10 @@ class _View(Writer):
 
     def __init__(self, signal: Signal, length: Metres, controls: Controls | None, bench: Bench) -> None:
         self._signal, self._length, self.controls, self.bench = signal, length, controls, bench
-        self.newest: Moment | None = None
+        self.newest: Update | None = None
         self.text, self.number = "", 0
         self.spectrum, self.spectrum_number = b"", 0
-        self._remembered: Moment | None = None
+        self._remembered: Update | None = None
         self._spectrum_due: Seconds = 0.0
         self._latency = Histogram()
         self._counts = [0] * (len(EDGES) + 1)
@@ -382,36 +382,36 @@ class _View(Writer):
         self._timing_due: Seconds = 0.0
         self._simulated = controls is not None
 
-    def write(self, moment: Moment) -> None:
-        latency = moment.prediction.latency
+    def write(self, update: Update) -> None:
+        latency = update.prediction.latency
         self._latency.add(latency)
         self._counts[bisect_right(EDGES, latency)] += 1
-        self._simulated = self._simulated or bool(moment.truth)
-        for event in moment.events:
+        self._simulated = self._simulated or bool(update.truth)
+        for event in update.events:
             self._event += 1
             self._events.append(messages.event(event, self._event))
-        self.newest = moment
-        self.bench.take(moment)
+        self.newest = update
+        self.bench.take(update)
 
     def remember(self) -> bool:
-        """Add the newest moment to the history; return whether there is a new one."""
-        moment = self.newest
-        if moment is None or moment is self._remembered:
+        """Add the newest update to the history; return whether there is a new one."""
+        update = self.newest
+        if update is None or update is self._remembered:
             return False
-        self._remembered = moment
-        self._history.append(messages.row(moment))
+        self._remembered = update
+        self._history.append(messages.row(update))
         return True
 
     def encode(self, extra: dict[str, Any]) -> None:
-        """Encode the newest moment, with what is sent beside it, and at times its spectrum."""
-        moment, now = self.newest, time.monotonic()
-        if moment is None:
+        """Encode the newest update, with what is sent beside it, and at times its spectrum."""
+        update, now = self.newest, time.monotonic()
+        if update is None:
             return
-        self.text = messages.packed(self._state(moment, now) | extra)
+        self.text = messages.packed(self._state(update, now) | extra)
         self.number += 1
         if now >= self._spectrum_due:
             self._spectrum_due = now + 0.9 / SPECTRUM_RATE
-            self.spectrum = messages.spectrum(moment.window.samples, moment.window.sample_rate)
+            self.spectrum = messages.spectrum(update.window.samples, update.window.sample_rate)
             self.spectrum_number += 1
 
     def hello(self) -> dict[str, Any]:
@@ -419,9 +419,9 @@ class _View(Writer):
         about = messages.hello(self._signal, self._length, self._simulated, self.controls)
         return about | {"history": list(self._history), "events": list(self._events)}
 
-    def _state(self, moment: Moment, now: Seconds) -> dict[str, Any]:
+    def _state(self, update: Update, now: Seconds) -> dict[str, Any]:
         """Return what is new, with the timing twice a second."""
-        state = messages.state(moment) | {"events": list(self._events), "simulated": self._simulated}
+        state = messages.state(update) | {"events": list(self._events), "simulated": self._simulated}
         state["tasks"] = self.bench.state()
         if self.controls is not None:
             state["settings"] = messages.settings(self.controls)

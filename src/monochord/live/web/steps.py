@@ -20,7 +20,7 @@ from monochord.core.dated import dated_path
 from monochord.core.files import replacing
 from monochord.core.types import Signal
 from monochord.core.units import Metres, Newtons, Seconds
-from monochord.live.sinks.base import Moment
+from monochord.live.sinks.base import Update
 from monochord.live.tuning import SECONDS, SensorAsTuned, tuned
 from monochord.live.web.recording import Recording
 from monochord.physics.known_touches import why_impossible
@@ -72,9 +72,9 @@ class Guided(ABC):
     def save(self) -> list[str]:
         """Save what was computed, and return it as lines."""
 
-    def take(self, moment: Moment) -> None:
-        """Take a moment of the run."""
-        self.recording.take(moment)
+    def take(self, update: Update) -> None:
+        """Take an update of the run."""
+        self.recording.take(update)
 
     def close(self) -> None:
         """Remove the recording."""
@@ -154,21 +154,21 @@ class Calibration(Guided):
             return f"{1e3 * position:g} mm is not on the string, which is {1e3 * self._length:g} mm long."
         return self._outside_range(f"{1e3 * position:g} mm") if self._is_outside(position) else ""
 
-    def take(self, moment: Moment) -> None:
-        """Take a moment, and note a touch that was held long enough."""
-        super().take(moment)
+    def take(self, update: Update) -> None:
+        """Take an update, and note a touch that was held long enough."""
+        super().take(update)
         now = self.recording.seconds
-        self._states_truth = self._states_truth or bool(moment.truth)
+        self._states_truth = self._states_truth or bool(update.truth)
         if now < UNTOUCHED or self.complete:
             return
         if self._states_truth:
-            self._watch(moment, now)
+            self._watch(update, now)
         elif self._known is not None and now >= self._known[1]:
             self.rows.append(self._known)
             self._known = None
 
-    def _watch(self, moment: Moment, now: Seconds) -> None:
-        truth = moment.truth
+    def _watch(self, update: Update, now: Seconds) -> None:
+        truth = update.truth
         if truth.get("contact") != 1.0 or truth.get("slip") != 0.0 or not {"position", "force"} <= {*truth}:
             self._touch_windows, self._outside = [], False
             self._free = self._free or truth.get("contact") == 0.0
@@ -179,7 +179,7 @@ class Calibration(Guided):
             return
         if not self._free:
             return
-        self._touch_windows.append((now - moment.window.duration, now, truth["position"], truth["force"]))
+        self._touch_windows.append((now - update.window.duration, now, truth["position"], truth["force"]))
         begin, _, position, _ = self._touch_windows[0]
         if abs(truth["position"] - position) > STILL:
             self._touch_windows = self._touch_windows[-1:]

@@ -99,7 +99,7 @@ class Model:
     >>> silence = np.zeros((2, model.definition.window), np.float32)
     >>> window = Window(samples=silence, start=0, sample_rate=44100, has_gap=False)
     >>> state, estimates = model.step(state, window)
-    >>> estimates["position"].why_not
+    >>> estimates["position"].reason
     'silence'
     """
 

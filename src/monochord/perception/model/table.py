@@ -54,7 +54,7 @@ class EstimateColumn:
             std=float(self.std[index]),
             unit=self.unit,
             valid=bool(self.valid[index]),
-            why_not=str(self.reason[index]),
+            reason=str(self.reason[index]),
         )
 
     def __repr__(self) -> str:
@@ -106,7 +106,7 @@ class PredictionTable:
                 value=_fixed(np.array([one.value for one in each], np.float64)),
                 std=_fixed(np.array([one.std for one in each], np.float64)),
                 valid=_fixed(np.array([one.valid for one in each], np.bool_)),
-                reason=_fixed(np.array([one.why_not for one in each], np.str_)),
+                reason=_fixed(np.array([one.reason for one in each], np.str_)),
                 unit=each[0].unit,
             )
         start = np.array(starts, np.int64)
@@ -235,7 +235,7 @@ def _scale(unit: str) -> tuple[float, str]:
 
 def _cell(estimate: Estimate) -> str:
     if not estimate.valid:
-        return estimate.why_not
+        return estimate.reason
     scale, unit = _scale(estimate.unit)
     value = f"{scale * estimate.value:.2f}"
     return f"{value} \N{PLUS-MINUS SIGN} {scale * estimate.std:.2f}" if unit else value

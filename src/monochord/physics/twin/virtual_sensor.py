@@ -45,6 +45,11 @@ class VirtualSensor:
     sample_rate
         In Hz, 16000 to 192000.
 
+    Attributes
+    ----------
+    design, sensor
+        The sensor as designed, and this build of it.
+
     Raises
     ------
     InputError
@@ -73,7 +78,7 @@ class VirtualSensor:
         sample_rate: int = 44100,
     ) -> None:
         design = load_sensor(sensor) if isinstance(sensor, str) else sensor
-        self.sensor = sensor_of(design, world, build=build, day=day)
+        self.design, self.sensor = design, sensor_of(design, world, build=build, day=day)
         self.world, self._seed = world, seed
         length = self.sensor.string.length
         pluck = Pluck(position=0.2 * length, height=PLUCK * length)

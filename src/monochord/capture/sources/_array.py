@@ -1,0 +1,57 @@
+"""Sound in an array, for programs: it has no name on the command line."""
+
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+
+from monochord.capture.sources._paced_stream import PacedStream
+from monochord.capture.sources.base import Source, refuse_other_rates
+from monochord.core.errors import InputError
+from monochord.core.ranges import Count
+from monochord.core.shapes import sound
+from monochord.core.types import Audio, Signal
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ArraySource(Source):
+    """Samples (channels, n) or (n,) of one or two channels in full scale, as fast as they are read.
+
+    `sample_rate` is in Hz; a block has `block` frames, the last one what is left.
+    """
+
+    samples: Audio
+    sample_rate: float
+    block: Count = 441
+
+    @contextmanager
+    def open(self) -> Generator["_ArrayStream"]:
+        """Begin at the first frame; raises `InputError` for another shape, type or rate."""
+        refuse_other_rates(self.sample_rate, "sound", "resample it")
+        if self.sample_rate != round(self.sample_rate):
+            raise InputError(f"sound at {self.sample_rate} Hz", "a whole number of Hz")
+        given = np.atleast_1d(np.asarray(self.samples))
+        if given.dtype.kind in "iub":
+            remedy = "divide by 32768 what has 16 bits"
+            raise InputError(f"sound of type {given.dtype}", "float in full scale, -1 to 1", remedy)
+        samples = sound(given[None] if given.ndim == 1 else given)
+        if samples.shape[0] > 2:
+            shape = f"sound of shape {samples.shape}"
+            raise InputError(shape, "(channels, samples), 1 or 2 channels", "transpose (samples, channels)")
+        stream = _ArrayStream(self, samples)
+        try:
+            yield stream
+        finally:
+            stream.release()
+
+
+class _ArrayStream(PacedStream):
+    def __init__(self, options: ArraySource, samples: Audio) -> None:
+        channels, frames = samples.shape
+        signal = Signal(sample_rate=int(options.sample_rate), channels=channels)
+        super().__init__(signal, block=options.block, speed=0.0, end=frames)
+        self._samples = samples
+
+    def _read(self, frames: int) -> Audio:
+        return self._samples[:, self._start : self._start + frames].copy()

@@ -1,0 +1,65 @@
+"""A virtual sensor that a program touches, for programs: it has no name on the command line."""
+
+import math
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+
+from monochord.capture.sources._labels import LabelMemory
+from monochord.capture.sources._paced_stream import PacedStream
+from monochord.capture.sources.base import Source
+from monochord.core.ranges import Count
+from monochord.core.types import Audio, Signal, Truth
+from monochord.core.units import Samples, Seconds
+from monochord.physics.sensors import with_sensor
+from monochord.physics.twin.virtual_sensor import VirtualSensor
+
+LABELS = ("contact", "contacts", "position", "force", "slip", "slip_velocity", "settled")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class VirtualSensorSource(Source):
+    """A virtual sensor, whose time runs by a block of `block` frames each time that one is read.
+
+    It ends after `seconds`. What the program lets pass by `VirtualSensor.advance` itself is a gap.
+    """
+
+    sensor: VirtualSensor
+    block: Count = 441
+    seconds: Seconds = math.inf
+
+    @contextmanager
+    def open(self) -> Generator["_SensorStream"]:
+        """Begin at the present time of the sensor, which is frame 0."""
+        stream = _SensorStream(self)
+        try:
+            yield stream
+        finally:
+            stream.release()
+
+
+class _SensorStream(PacedStream):
+    def __init__(self, options: VirtualSensorSource) -> None:
+        sensor, rate = options.sensor, options.sensor.sample_rate
+        signal = with_sensor(Signal(sample_rate=rate, channels=2), sensor.design)
+        end = round(options.seconds * rate) if options.seconds < math.inf else math.inf
+        super().__init__(signal, block=options.block, speed=0.0, end=end)
+        self._sensor, self._origin = sensor, round(sensor.time * rate)
+        self._labels = LabelMemory(LABELS, rate)
+
+    def truth(self, start: Samples, stop: Samples) -> Truth:
+        """Return the labels of the frames [start, stop); of several objects, the one that presses hardest."""
+        return self._labels.over(start, stop)
+
+    def _lost(self) -> Samples:
+        lost = round(self._sensor.time * self._signal.sample_rate) - self._origin - self._start
+        if lost:
+            self._labels.add({name: np.full(lost, np.nan) for name in LABELS}, lost)
+        return lost
+
+    def _read(self, frames: Samples) -> Audio:
+        sound, labels = self._sensor.advance(max(frames, 0) / self._signal.sample_rate)
+        self._labels.add(labels, sound.shape[1])
+        return sound
