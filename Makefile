@@ -34,7 +34,7 @@ system: # Debian packages that pip cannot bring; looks first, so it costs nothin
 # The interpreter as an order-only prerequisite: a newer timestamp on it is no reason to install again.
 $(BIN)/python:
 	@$(PYTHON) -c 'import sys; v = sys.version_info; sys.exit(v < (3, 11) and \
-	  "Python %d.%d: allowed is 3.11 or newer; name another one: make PYTHON=python3.12" % v[:2])'
+	  "Python %d.%d: expected 3.11 or newer; name another one: make PYTHON=python3.12" % v[:2])'
 	@echo "making $(VENV)"; $(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); exit 1; }
 
 # What is installed is not compiled to bytecode ahead: that takes as long again, for modules of which few are used.

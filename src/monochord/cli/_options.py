@@ -40,7 +40,7 @@ def amount(text: str) -> float:
     except ValueError:
         number = math.nan
     if not 0.0 < number < math.inf:
-        raise click.BadParameter(f"'{text}': allowed is a number above 0")
+        raise click.BadParameter(f"'{text}': expected a number above 0")
     return number
 
 
@@ -48,7 +48,7 @@ def radius(text: str) -> float:
     """Return the radius of what touches a string, in metres; anything else is a usage error."""
     number = amount(text)
     if number > MAX_RADIUS:
-        raise click.BadParameter(f"'{text}': allowed is up to {MAX_RADIUS:g} m")
+        raise click.BadParameter(f"'{text}': expected up to {MAX_RADIUS:g} m")
     return number
 
 
@@ -60,7 +60,7 @@ def known_take(text: str) -> tuple[str, float]:
     except ValueError:
         position = math.nan
     if not (colon and path and 0.0 <= position < math.inf):
-        raise click.BadParameter(f"'{text}': allowed is FILE:POSITION, the position in metres from the nut")
+        raise click.BadParameter(f"'{text}': expected FILE:POSITION, the position in metres from the nut")
     return path, position
 
 
@@ -199,7 +199,7 @@ def _one_of_both(context: click.Context, parameter: click.Parameter, value: Any)
     given = {**context.params, parameter.name: value}
     workers, cluster = given.get("workers"), given.get("cluster")
     if workers and cluster:
-        raise InputError("--workers beside --cluster", "one of both", "a cluster has its own workers")
+        raise InputError("--workers beside --cluster", "only one of them", "a cluster has its own workers")
     return value
 
 
@@ -218,7 +218,7 @@ def refuse_string_twice(options: dict[str, Any]) -> None:
     string, length, open_frequency = (options[key] for key in ("string", "length", "open_frequency"))
     if string and options["sensor"]:
         given = f"--string {string} beside --sensor {options['sensor']}"
-        raise InputError(given, "one of both", "a sensor has its string")
+        raise InputError(given, "only one of them", "a sensor has its string")
     if string and length is not None and open_frequency is not None:
         given = f"--string {string} beside --length and --open-frequency"
         raise InputError(given, "a preset, or both numbers", "leave one or the other out")
@@ -254,7 +254,7 @@ def put_source(
     `models` are the names of models, where INPUT may have been meant as one.
     """
     if opened is not None and options["device"] is not None:
-        raise InputError(f"{opened} beside --device {options['device']}", "one of both")
+        raise InputError(f"{opened} beside --device {options['device']}", "only one of them")
     before = table(tree, "source")
     inferred = recording_source(opened) if opened is not None else None
     if options["device"] is not None and "name" not in before:
@@ -297,7 +297,7 @@ def _refuse_nothing(opened: str, models: Iterable[str]) -> None:
 def put_estimator(tree: Tree, options: dict[str, Any], model: str | None) -> None:
     """Lay the estimator and the window into the tree: `model` is MODEL, and `options` those of the string."""
     if model is not None and options["estimator"]:
-        raise InputError(f"model {model} beside --estimator {options['estimator']}", "one of both")
+        raise InputError(f"model {model} beside --estimator {options['estimator']}", "only one of them")
     if model is not None:
         definition = load(model).definition
         tree["estimator"] = {"name": MODEL, first_field(ESTIMATORS, MODEL): model}
@@ -336,7 +336,7 @@ def calibrated(tree: Tree, takes: Iterable[tuple[str, float]]) -> Tree:
         except InputError as error:
             if Path(path).name in error.given:
                 raise
-            raise InputError(f"{path}, {error.given}", error.allowed, error.remedy) from error
+            raise InputError(f"{path}, {error.given}", error.expected, error.remedy) from error
         inharmonicity = [median["inharmonicity"]] if "inharmonicity" in median else []
         rows.append([median["frequency"], position, *inharmonicity])
     if not rows:

@@ -110,7 +110,7 @@ def build(
         split = split_dataset(dataset, by=by, seed=seed, held_out=held_out)
     except InputError as error:
         remedy = f"{error.remedy}; {out} stands without a split".removeprefix("; ")
-        raise InputError(error.given, error.allowed, remedy) from error
+        raise InputError(error.given, error.expected, remedy) from error
     split.write(out / SPLIT_FILE)
     audit = audit_split(dataset, split)
     result = _result(dataset, split, out)

@@ -139,7 +139,7 @@ def _sinks(configured: Tree | None, named: tuple[str, ...], *, as_json: bool) ->
             raise InputError(f"--sink {kind} twice", "one of each kind")
         sinks[kind] = {**table(known, kind), **({first_field(SINKS, kind): where} if equals else {})}
     if as_json and sinks.get(LINES):
-        raise InputError(f"--json beside --sink {LINES}", "one of both", "both write the same lines")
+        raise InputError(f"--json beside --sink {LINES}", "only one of them", "both write the same lines")
     if as_json:
         sinks[LINES] = {**table(known, LINES), first_field(SINKS, LINES): "-"}
     if sinks or configured is not None:

@@ -146,7 +146,7 @@ def export(
             written = exporter.write(whole, part)
         except InputError as error:  # a person knows the folder by its own name
             given = error.given.replace(str(part), str(out))
-            raise InputError(given, error.allowed, error.remedy) from error
+            raise InputError(given, error.expected, error.remedy) from error
         size = sum(path.stat().st_size for path in written)
         part.rename(out)
     summary = {"form": form, "out": str(out), "sessions": len(files), "files": len(written), "bytes": size}

@@ -24,7 +24,7 @@ def refuse_endless(path: Path) -> None:
 
     >>> refuse_endless(Path("/dev/zero"))
     Traceback (most recent call last):
-    monochord.core.errors.InputError: file /dev/zero (a device): allowed is a file on a disk; save it first
+    monochord.core.errors.InputError: file /dev/zero (a device): expected a file on a disk; save it first
     """
     try:
         kind = _KINDS.get(stat.S_IFMT(path.stat().st_mode))

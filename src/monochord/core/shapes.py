@@ -48,7 +48,7 @@ def sound(
     >>> sound(np.zeros((1, 4410)), channels=2)
     Traceback (most recent call last):
     ...
-    monochord.core.errors.InputError: one microphone: allowed is two microphones; record both
+    monochord.core.errors.InputError: one microphone: expected two microphones; record both
     """
     array = _numbers(given, dtype)
     if array.ndim != 2 or 0 in array.shape:
@@ -67,7 +67,7 @@ def refuse_other_channels(given: int, expected: int, reader: str = "") -> None:
     >>> refuse_other_channels(1, 2, "for a model")
     Traceback (most recent call last):
     ...
-    monochord.core.errors.InputError: one microphone for a model: allowed is two microphones; record both
+    monochord.core.errors.InputError: one microphone for a model: expected two microphones; record both
     """
     if given != expected:
         one = "record both" if (given, expected) == (1, 2) else "choose those of the string"
@@ -99,7 +99,7 @@ def alike(name: str, *arrays: NDArray[Any]) -> None:
     >>> alike("spectrum", np.ones(3), np.ones(2))
     Traceback (most recent call last):
     ...
-    monochord.core.errors.InputError: spectrum of shapes (3,) and (2,): allowed is one shape, not empty
+    monochord.core.errors.InputError: spectrum of shapes (3,) and (2,): expected one shape, not empty
     """
     shapes = [array.shape for array in arrays]
     if len({*shapes}) > 1 or 0 in shapes[0]:

@@ -301,17 +301,17 @@ def _flags_of(stream: str, late: Lateness, spacing: Seconds, limits: Limits) -> 
         if offset.std > std:
             flags.append(
                 f"{stream}'s offset at the {place} is uncertain by {1e3 * offset.std:.2f} ms;"
-                f" allowed is {1e3 * std:.2f} ms"
+                f" expected {1e3 * std:.2f} ms"
             )
         if abs(offset.value) > limits.offset:
             flags.append(
                 f"{stream} is {abs(offset.value):.2f} s {'late' if offset.value > 0.0 else 'early'} at the"
-                f" {place}; allowed is {limits.offset:g} s"
+                f" {place}; expected {limits.offset:g} s"
             )
     if abs(late.drift) > drift:
         flags.append(
             f"{stream} drifts by {1e3 * late.drift:+.2f} ms ({late.ppm:+.0f} ppm) from the start to the end;"
-            f" allowed is {1e3 * drift:.2f} ms"
+            f" expected {1e3 * drift:.2f} ms"
         )
     return flags
 
@@ -342,4 +342,4 @@ def _strays(session: SessionReader, limits: Limits) -> list[str]:
     lost = (
         f"audio's times stray from its frames by {1e3 * stray:.1f} ms: the sound server lost some uncounted"
     )
-    return [f"{lost}; allowed is {1e3 * limits.stray:g} ms"]
+    return [f"{lost}; expected {1e3 * limits.stray:g} ms"]

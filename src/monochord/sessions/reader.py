@@ -101,7 +101,7 @@ class SessionReader:
             self.clock = SessionClock.load(opening)
         except InputError as error:
             given = f"file {path} (its description is damaged: {error.given})"
-            raise InputError(given, error.allowed, "repair it: monochord sessions recover") from error
+            raise InputError(given, error.expected, "repair it: monochord sessions recover") from error
         # As every session of ours numbers them; where the chunk that says so is damaged, this does.
         self._names = (dict(enumerate(self.topics, 1)) if ours else {}) | self._names
 

@@ -179,7 +179,7 @@ def read_labels(
     wrong = why_impossible(position, force, string)
     if wrong is not None:
         row = "" if wrong.touch is None else f" row {numbers[wrong.touch]}"
-        raise InputError(f"file {path}{row}, {wrong.given}", wrong.allowed, wrong.remedy)
+        raise InputError(f"file {path}{row}, {wrong.given}", wrong.expected, wrong.remedy)
     return _of_touches(times, columns, seconds) if by_touch else (times[:, 0], columns)
 
 
@@ -253,7 +253,7 @@ def _refuse_times(path: Path, rows: list[int], time: Floats, seconds: Seconds) -
     if len(wrong):
         given = f"file {path} row {rows[wrong[0]]}, time {time[wrong[0]]:g}"
         raise InputError(
-            given, f"0 to {seconds:g} s, as long as the audio is", "give times in s from its begin"
+            given, f"0 to {seconds:g} s, as long as the audio is", "give times in s from its beginning"
         )
     back = np.flatnonzero(np.diff(time) < 0.0)
     if len(back):

@@ -110,7 +110,7 @@ def read_about(folder: Path, form: str) -> tuple[Description, SessionClock]:
         return Description.load(json.dumps(parts["description"])), SessionClock.load(content["clock"])
     except InputError as error:
         given = f"file {folder / ABOUT} (not as it was written: {error.given})"
-        raise InputError(given, error.allowed, error.remedy) from error
+        raise InputError(given, error.expected, error.remedy) from error
 
 
 def _read_json(folder: Path, allowed: str) -> Tree:
@@ -125,7 +125,7 @@ def _read_json(folder: Path, allowed: str) -> Tree:
     except UnicodeDecodeError as error:
         raise InputError(f"file {path} (not as it was written: {error})", "JSON in UTF-8") from error
     except InputError as error:
-        raise InputError(f"file {path} (not as it was written: {error.given})", error.allowed) from error
+        raise InputError(f"file {path} (not as it was written: {error.given})", error.expected) from error
     if not isinstance(content.get("form"), str):
         raise InputError(f"file {path} (not as it was written: it names no form)", allowed)
     return content
@@ -155,7 +155,7 @@ def checked(path: Path, name: str, columns: Columns, description: Description) -
         try:
             json_object(data)
         except InputError as error:
-            raise InputError(f"file {path}, {number}. data ({error.given})", error.allowed) from error
+            raise InputError(f"file {path}, {number}. data ({error.given})", error.expected) from error
     return table
 
 
