@@ -337,7 +337,7 @@ class Assignment:
 
     @property
     def epoch(self) -> Seconds:
-        """Its begin, in s since 1970."""
+        """Its beginning, in s since 1970."""
         return self.plan.epoch + self.day * DAY + self.order * SESSION_INTERVAL
 
     @property

@@ -99,7 +99,7 @@ def concatenate(parts: Iterable[Rendering]) -> Rendering:
     Returns
     -------
     Rendering
-        From the first one's begin to the last one's end.
+        From the first one's beginning to the last one's end.
     """
     parts = list(parts)
     if not parts:

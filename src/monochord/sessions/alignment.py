@@ -57,7 +57,7 @@ class Limits:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Lateness:
-    """How late a stream is at a session's begin and end, by the taps around `times`, in session seconds.
+    """How late a stream is at a session's beginning and end, by the taps around `times`, in session seconds.
 
     Where there were taps at one end only, both are the same. Where there were none, both are unknown.
     """
@@ -121,7 +121,7 @@ class Alignment:
 
 
 def align(session: SessionReader, limits: Limits | None = None) -> Alignment:
-    """Return by how much a session's streams are apart, from the taps at its begin and its end.
+    """Return by how much a session's streams are apart, from the taps at its beginning and its end.
 
     The reference is the force where there is one, else the microphones, and the pose then says where
     their taps are. Every other stream's offset is measured in the first and in the last group of taps (see

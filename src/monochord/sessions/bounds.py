@@ -11,7 +11,7 @@ from monochord.core.errors import InputError
 from monochord.core.units import Seconds
 
 MAX_DURATION: Seconds = 7 * 24 * 3600.0
-"""How far from its begin any time of a session lies, either way; audio ends by then, its gaps counted in."""
+"""How far from its beginning any time of a session lies, either way; audio ends by then, its gaps counted in."""
 MAX_SAMPLE_RATE = 10_000_000
 """Frames of audio a second."""
 MAX_STREAMS = 64

@@ -22,7 +22,7 @@ ABOUT = "session.json"
 COMMON_TABLES = ("labels", "events", "clocks")
 """Tables that every session has; each stream of readings has one of its own name beside them."""
 Columns: TypeAlias = dict[str, np.ndarray[Any, np.dtype[Any]]]
-"""Columns (n,) by name; text is of type object. The first is ``time`` in s since the session's begin."""
+"""Columns (n,) by name; text is of type object. The first is ``time`` in s since the session's beginning."""
 READING_COLUMNS = {"sequence": np.int64, "device_time": np.int64, "status": np.uint32}
 """Columns of a reading beside its time and its values, with the types they have in a session."""
 MAX_STRETCH = 1 << 25
@@ -150,7 +150,7 @@ def checked(path: Path, name: str, columns: Columns, description: Description) -
     wrong = np.flatnonzero(~(np.abs(table["time"]) <= MAX_DURATION))
     if len(wrong):
         given = f"file {path}, {wrong[0] + 1}. time {table['time'][wrong[0]]:g}"
-        raise InputError(given, f"seconds since the session's begin, at most {MAX_DURATION:g} either way")
+        raise InputError(given, f"seconds since the session's beginning, at most {MAX_DURATION:g} either way")
     for number, data in enumerate(table["data"] if name == "events" else (), start=1):
         try:
             json_object(data)
@@ -224,7 +224,7 @@ def _refuse_stretch(stretch: Stretch, description: Description) -> None:
         raise InputError(given, f"0 to {limit} frames, or {MAX_DURATION:g} s")
     if not abs(stretch.time) <= MAX_DURATION:
         given = f"audio at {stretch.time:g} s"
-        raise InputError(given, f"seconds since the session's begin, at most {MAX_DURATION:g} either way")
+        raise InputError(given, f"seconds since the session's beginning, at most {MAX_DURATION:g} either way")
     if not -1 <= stretch.device_frame < 2**63:
         raise InputError(f"device frame {stretch.device_frame}", f"-1, or 0 to {2**63 - 1}")
 

@@ -97,7 +97,7 @@ def pick(errors: Floats) -> float:
     Parameters
     ----------
     errors
-        One channel (n,), noise at its begin and the event before its end.
+        One channel (n,), noise at its beginning and the event before its end.
 
     Examples
     --------
@@ -127,7 +127,7 @@ def first_onset(errors: Floats) -> float:
     Parameters
     ----------
     errors
-        One channel (n,), noise at its begin: `MIN_NOISE` samples or more.
+        One channel (n,), noise at its beginning: `MIN_NOISE` samples or more.
 
     Examples
     --------
