@@ -97,7 +97,7 @@ def installation(extra: str) -> str:
 
 
 class DeviceError(MonochordError, RuntimeError):
-    """A device or a server that is needed is absent or went away for good."""
+    """A required device or server is absent, or was lost for good."""
 
 
 def _shortened(given: str) -> str:

@@ -1,4 +1,4 @@
-"""Files that are read only where they have an end, and written so that half of one never has its name."""
+"""Reading of finite files only, and writing that never leaves half a file under the final name."""
 
 import os
 import re
@@ -35,12 +35,12 @@ def refuse_endless(path: Path) -> None:
 
 
 def similar_name(path: Path | str, names: Iterable[str] = ()) -> str:
-    """Return ``did you mean 'x'?`` where something of a similar name is there, or an empty string.
+    """Return ``did you mean 'x'?`` if something with a similar name exists, else an empty string.
 
     Parameters
     ----------
     path
-        What was asked for, and is not there.
+        The path that was asked for and does not exist.
     names
         What else may be meant, beside what lies in the same folder and has the same suffix.
 

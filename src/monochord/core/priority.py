@@ -12,7 +12,7 @@ USUAL, FIRST = 1, 2
 
 @contextmanager
 def before_other_programs() -> Generator[None]:
-    """Give this thread, and those and the programs that it begins, real-time priority.
+    """Give real-time priority to this thread and to the threads and programs that it starts.
 
     Raises
     ------

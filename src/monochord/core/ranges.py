@@ -112,7 +112,7 @@ def _within(number: Any, meta: Meta) -> bool:
 
 
 def refuse_unordered(where: str, **pairs: tuple[float, float] | None) -> None:
-    """Raise `InputError` where the first number of a pair is above the second; `where` names what has them.
+    """Raise `InputError` if the first number of a pair is above the second; `where` names their owner.
 
     >>> refuse_unordered("touch", forces=(2.0, 0.1))
     Traceback (most recent call last):

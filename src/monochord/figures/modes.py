@@ -214,9 +214,10 @@ class History:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Study:
-    """How histories ended: `levels` (n, 2, partials) in dB of the whole, `steady` (n,), `pattern` (n,).
+    """How simulated histories ended.
 
-    Patterns are numbered by how often they came, 0 first; a sound that is not steady has -1.
+    `levels` (n, 2, partials) are in dB of the whole; `steady` and `pattern` are (n,). Patterns are numbered
+    by how often they came, 0 first; a sound that is not steady has -1.
     """
 
     levels: Floats

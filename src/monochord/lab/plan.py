@@ -337,7 +337,7 @@ class Assignment:
 
     @property
     def epoch(self) -> Seconds:
-        """Its beginning, in s since 1970."""
+        """Start time, in s since 1970."""
         return self.plan.epoch + self.day * DAY + self.order * SESSION_INTERVAL
 
     @property

@@ -57,9 +57,9 @@ class Limits:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Lateness:
-    """How late a stream is at a session's beginning and end, by the taps around `times`, in session seconds.
+    """Delay of a stream at a session's beginning and end, by the taps around `times`, in session seconds.
 
-    Where there were taps at one end only, both are the same. Where there were none, both are unknown.
+    With taps at one end only, both are the same; without taps, both are unknown.
     """
 
     times: tuple[Seconds, Seconds]
@@ -121,7 +121,7 @@ class Alignment:
 
 
 def align(session: SessionReader, limits: Limits | None = None) -> Alignment:
-    """Return by how much a session's streams are apart, from the taps at its beginning and its end.
+    """Return the offsets between a session's streams, from the taps at its beginning and its end.
 
     The reference is the force where there is one, else the microphones, and the pose then says where
     their taps are. Every other stream's offset is measured in the first and in the last group of taps (see
@@ -211,7 +211,7 @@ def aligned_readings(session: SessionReader, stream: str, alignment: Alignment) 
 
 
 def calibration_spans(session: SessionReader, alignment: Alignment) -> Spans:
-    """Return when the drivers are off for the taps, as spans (begin, end) in s.
+    """Return the spans (begin, end) in s in which the drivers are off for the taps.
 
     The session's events of the kind "drivers" say when; without them it is what lies before the first group
     of taps and after the last, with `AROUND_TAPS` on the other side of each. Sound of these spans has no

@@ -102,7 +102,7 @@ class SessionFile:
 
 
 def size_limit() -> int:
-    """Return the most bytes that the system lets a file of this process have, as it is at this moment."""
+    """Return the system's present limit on the size of a file of this process, in bytes."""
     limit = resource.getrlimit(resource.RLIMIT_FSIZE)[0]
     return sys.maxsize if limit == resource.RLIM_INFINITY else limit
 

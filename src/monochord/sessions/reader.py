@@ -30,12 +30,12 @@ if TYPE_CHECKING:
 
 
 def read_session(path: Path) -> "SessionReader":
-    """Return a session, of which nothing but the description has been read yet.
+    """Open a session; only its description is read at first.
 
     Raises
     ------
     InputError
-        If there is no such file, or it is no session.
+        If the file does not exist, or is not a session.
     """
     return SessionReader(Path(path))
 

@@ -42,8 +42,8 @@ def from_files(
     r"""Write a session of an audio file and a table of labels.
 
     The audio is WAV or FLAC, 1 or 2 channels at 16 to 96 kHz. Samples of up to 24 bits, and 32-bit floats,
-    are stored exactly; wider ones are rounded to 32-bit floats. The session's beginning is the file's date minus
-    its duration; there are no device times, so frame n is at n / rate. A session that was recorded with
+    are stored exactly; wider ones are rounded to 32-bit floats. The session's beginning is the file's date
+    minus its duration; there are no device times, so frame n is at n / rate. A session that was recorded with
     microphones alone can take the place of the file: its sensor, string and gaps are kept. Estimates that a
     live run recorded beside them are left out.
 
@@ -52,8 +52,8 @@ def from_files(
     audio
         The file.
     labels
-        A CSV file; its first line names the columns: ``time`` in s from the audio's beginning; ``contact`` and
-        ``slip`` (0 or 1), ``position`` in m from pickup 1, ``force`` in N, or any others, all numbers. An
+        A CSV file; its first line names the columns: ``time`` in s from the audio's beginning; ``contact``
+        and ``slip`` (0 or 1), ``position`` in m from pickup 1, ``force`` in N, or any others, all numbers. An
         empty cell is unknown. With ``begin`` and ``end`` in place of ``time`` a row is a touch, and nothing
         touches between them. None for no labels.
     out

@@ -119,7 +119,7 @@ def pick(errors: Floats) -> float:
 
 
 def first_onset(errors: Floats) -> float:
-    """Return the sample index where the first event begins that is no trifle beside the greatest, or NaN.
+    """Return the sample index of the first event that is not negligible beside the strongest, or NaN.
 
     A touch is followed by louder things, such as its end. `pick` finds the strongest of them, and again what
     came before that, as long as that is several times louder than what went before it.

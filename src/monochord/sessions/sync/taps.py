@@ -189,7 +189,7 @@ def audio_offset(
 
 
 def height_offset(taps: Taps, time: Floats, height: Floats, *, reach: Seconds = REACH) -> Offset:
-    """Return how late a tool's height is against taps: the middle of each dip against the contact's middle.
+    """Return the delay of a tool's height against taps: the middle of each dip minus the contact's middle.
 
     Parameters
     ----------
