@@ -63,7 +63,7 @@ def locate(inputs: tuple[str, ...], *, allow_truncated: bool, as_json: bool, **o
     refuse_string_twice(options)
     model, file = model_and_input(inputs)
     if file is None:
-        raise InputError(f"model {model} alone", "a FILE beside it")
+        raise InputError(f"model {model} alone", "a FILE after it")
     source = {**recording(file), **({"allow_truncated": True} if allow_truncated else {})}
     tree: Tree = {"source": source, "sinks": {"jsonl": {"everything": False}} if as_json else {}}
     put_estimator(tree, options, model)

@@ -219,7 +219,7 @@ def import_(what: Path, labels: Path | None, *, out: Path, as_json: bool, **said
         EXPORTS.build(form_of(what)).read(what, out)
     else:
         if "string" in described and "sensor" in described:
-            raise InputError("--string with --sensor", "one of them", "a sensor has its own string")
+            raise InputError("--string with --sensor", "only one of them", "a sensor has its own string")
         if "sensor" in described:
             described |= of_sensor(str(described["sensor"]))
             described["string"] = to_tree(described["string"])

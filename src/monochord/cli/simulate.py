@@ -87,7 +87,7 @@ def _contact(
     """Return the touch; what is left out is the preset's."""
     if untouched:
         if at is not None or force is not None:
-            raise InputError("--untouched with --at or --force", "one of them")
+            raise InputError("--untouched with --at or --force", "only one of them")
         return None
     usual = string.usual_contact
     return Contact(

@@ -63,8 +63,8 @@ class MissingLibraryError(InputError):
     extra
         The extra of Monochord that needs it, ``"train"``, or else its name on the package index.
 
-    >>> str(MissingLibraryError("Export parquet", "pyarrow >= 17", "export"))
-    "Export parquet requires pyarrow >= 17. Install it: ...python... -m pip install 'pyarrow>=17'"
+    >>> str(MissingLibraryError("Exporting parquet", "pyarrow >= 17", "export"))
+    "Exporting parquet requires pyarrow >= 17. Install it: ...python... -m pip install 'pyarrow>=17'"
     """
 
     def __init__(self, task: str, library: str, extra: str) -> None:

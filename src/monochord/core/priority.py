@@ -39,4 +39,6 @@ def prioritise(priority: int) -> None:
         os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(priority))
     except PermissionError as error:
         given = f"real-time priority {priority} (not permitted)"
-        raise InputError(given, "a user who may have it", "see what monochord doctor says of it") from error
+        raise InputError(
+            given, "a user with that permission", "see what monochord doctor says of it"
+        ) from error

@@ -174,7 +174,9 @@ def _entries(group: str) -> Iterable[EntryPoint]:
             by_package.setdefault(package.name, package.entry_points.select(group=group))
         except Exception as error:  # noqa: BLE001  (whatever the library makes of damage)
             given = f"package {package.metadata['Name']} (its entry points are damaged: {error})"
-            _log.warning("monochord: %s", InputError(given, "those of its author", "reinstall or remove it"))
+            _log.warning(
+                "monochord: %s", InputError(given, "the entry points of its author", "reinstall or remove it")
+            )
             by_package[package.name] = ()
     return [entry for entries in by_package.values() for entry in entries]
 

@@ -85,7 +85,9 @@ class Audit:
         if not self.clean:
             more = f", and {len(self.leaks) - 1} more" if len(self.leaks) > 1 else ""
             raise InputError(
-                f"split with a leak: {self.leaks[0]}{more}", "none", "split by session, and leave copies out"
+                f"split with a leak: {self.leaks[0]}{more}",
+                "no leak",
+                "split by session, and leave copies out",
             )
 
 

@@ -194,7 +194,7 @@ def build_dataset(
         raise InputError("no sessions", "one or more")
     if not out.absolute().parent.is_dir():
         raise InputError(
-            f"folder {out.absolute().parent}, which is not there", "one that is", "make it first"
+            f"folder {out.absolute().parent}, which is not there", "an existing folder", "make it first"
         )
     files = named_sessions(sessions)
     names = [*files, ""]

@@ -173,7 +173,9 @@ def _refuse_outside(dataset: Dataset) -> None:
         np.array_equal(dataset.session, session) and np.all((dataset.start >= 0) & (dataset.start <= ends))
     ):
         raise InputError(
-            f"{dataset.path / 'windows'} (windows outside of their sessions)", "those built", REMEDY
+            f"{dataset.path / 'windows'} (windows outside of their sessions)",
+            "the windows that were built",
+            REMEDY,
         )
 
 

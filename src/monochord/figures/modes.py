@@ -102,7 +102,7 @@ class Modes(Measured):
         counts = endings.counts()
         if not counts:
             raise InputError(
-                f"{self.histories} histories without a steady end", "a steady one", "raise after"
+                f"{self.histories} histories without a steady end", "a steady end", "raise after"
             )
         columns = min(len(counts), self.shown)
         page = _style.canvas(138.0)

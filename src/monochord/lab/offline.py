@@ -390,7 +390,9 @@ def summarise(path: Path, *, kept: bool = False) -> CollectedSession:
     session = read_session(path)
     switched = {event.text: event.time for event in session.events if event.kind == "drivers"}
     if set(switched) != {"on", "off"}:
-        raise InputError(f"session {path} (ends too early)", "a whole one", "delete it, and collect it again")
+        raise InputError(
+            f"session {path} (ends too early)", "a whole session", "delete it, and collect it again"
+        )
     counts = count_windows(session.labels.time, session.labels.columns, switched["on"], switched["off"])
     with path.open("rb") as file:
         checksum = hashlib.file_digest(file, "sha256").hexdigest()
