@@ -36,7 +36,7 @@ class Impossible(NamedTuple):
 
     touch: int | None
     given: str
-    allowed: str
+    expected: str
     remedy: str
 
 
