@@ -16,7 +16,8 @@ VERSIONS := constraints.txt
 INSTALL := $(PIP) install --no-compile --constraint $(VERSIONS)
 TORCH := torch==2.13.0
 EXTRAS := dev,ros,cluster,export,pandas,figures,train,encoders,openvino
-REPOSITORY_RULES := tests/contract/test_layout.py
+REPOSITORY_RULES := tests/contract/test_layout.py tests/contract/test_identifiers.py
+SPELLED := src docs examples ros studies README.md ARCHITECTURE.md CONTRIBUTING.md CHANGELOG.md Makefile
 
 # Tests start hundreds of processes. Where bytecode may not be written, each one compiles numba, scipy and Monochord
 # again before it begins, which takes three times as long as its imports.
@@ -34,7 +35,7 @@ system: # Debian packages that pip cannot bring; looks first, so it costs nothin
 # The interpreter as an order-only prerequisite: a newer timestamp on it is no reason to install again.
 $(BIN)/python:
 	@$(PYTHON) -c 'import sys; v = sys.version_info; sys.exit(v < (3, 11) and \
-	  "Python %d.%d: allowed is 3.11 or newer; name another one: make PYTHON=python3.12" % v[:2])'
+	  "Python %d.%d: expected 3.11 or newer; name another one: make PYTHON=python3.12" % v[:2])'
 	@echo "making $(VENV)"; $(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); exit 1; }
 
 # What is installed is not compiled to bytecode ahead: that takes as long again, for modules of which few are used.
@@ -73,7 +74,7 @@ endef
 export LIST_VERSIONS
 
 # Types take longer than all else together: the two run side by side, and both are told whatever comes of one.
-check: install ## Linter, format, types, layers, docstrings, security, repository rules
+check: install ## Linter, format, types, layers, docstrings, spelling, security, repository rules
 	@$(MAKE) --no-print-directory --jobs 2 --keep-going --output-sync types rules
 
 types: # Two threads: more of them read most of the files again, each with 3 GB
@@ -84,6 +85,7 @@ rules: # All of make check but types
 	$(BIN)/ruff format --check
 	$(BIN)/lint-imports
 	$(BIN)/interrogate --quiet src
+	$(BIN)/codespell $(SPELLED)
 	$(BIN)/bandit --quiet --recursive --configfile pyproject.toml src
 	$(BIN)/pytest --quiet $(REPOSITORY_RULES)
 

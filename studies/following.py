@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 RATE = 44100
 QUIET, MUSIC, MOTORS = "quiet", "music", "motors"
 COLOURS = {QUIET: "#0072B2", MUSIC: "#D55E00", MOTORS: "#009E73"}
-"""Okabe and Ito's blue, vermillion and green."""
+"""Okabe and Ito's blue, vermilion and green."""
 BLOCKS = 800
 """Blocks from whose median power the level of a source is taken: the first eight seconds."""
 NAMES = ("contact", "slip")

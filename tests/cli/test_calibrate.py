@@ -55,7 +55,7 @@ def test_another_rate_is_resampled_by_the_command_that_is_named(
     capsys.readouterr()
     assert run([*calibrate, "my touches.mcap"]) == 2
     line = capsys.readouterr().err
-    assert f"session my touches.mcap at {rate} Hz: allowed is 44100 Hz" in line
+    assert f"session my touches.mcap at {rate} Hz: expected 44100 Hz" in line
     program, *words = shlex.split(line.partition("resample it: ")[2])
     assert program == "monochord"
     assert run(words) == 0

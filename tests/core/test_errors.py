@@ -10,14 +10,20 @@ from monochord.core.errors import TORCH, DeviceError, InputError, MonochordError
 
 
 @given(st.text(), st.text(), st.text())
-def test_an_input_error_is_one_line(given_: str, allowed: str, remedy: str) -> None:
-    assert len(str(InputError(given_, allowed, remedy)).splitlines()) <= 1
+def test_an_input_error_is_one_line(given_: str, expected: str, remedy: str) -> None:
+    assert len(str(InputError(given_, expected, remedy)).splitlines()) <= 1
 
 
-def test_the_line_says_what_was_given_what_is_allowed_and_what_to_do() -> None:
+def test_the_line_says_what_was_given_what_was_expected_and_what_to_do() -> None:
     parts = ("length 0 m", "more than 0 m", "give the scale length")
-    assert all(part in str(InputError(*parts)) for part in parts)
-    assert str(InputError(*parts[:2])).endswith(parts[1])
+    error = InputError(*parts)
+    assert str(error) == "length 0 m: expected more than 0 m; give the scale length"
+    assert (error.given, error.expected, error.remedy) == parts
+    assert str(InputError(given=parts[0], expected=parts[1])) == "length 0 m: expected more than 0 m"
+
+
+def test_the_old_name_of_what_was_expected_still_reads() -> None:
+    assert InputError("force -1 N", "0 N or more").allowed == "0 N or more"
 
 
 @pytest.mark.parametrize(("kind", "builtin"), [(InputError, ValueError), (DeviceError, RuntimeError)])

@@ -84,7 +84,7 @@ def test_python_refuses_what_a_file_may_not_hold(name: str, value: Any, place: s
         from_tree(Scan, {name: value}, "scan")
     assert read.value.given.startswith(f"option 'scan.{place}' = ")
     for error in (built.value, read.value):
-        assert allowed in error.allowed
+        assert allowed in error.expected
 
 
 @pytest.mark.parametrize("name", ["rate", "delay", "place", "share", "lost", "inner", "hold", "limit"])

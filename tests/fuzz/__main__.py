@@ -31,7 +31,7 @@ def main() -> int:
     names = target_names(options.folder)
     strange = set(options.targets) - set(names)
     if strange:
-        parser.error(f"target {', '.join(sorted(strange))}: allowed is {', '.join(names)}")
+        parser.error(f"target {', '.join(sorted(strange))}: expected {', '.join(names)}")
     if options.repeat:
         return _repeat(options.folder, options.targets[0], options.repeat)
     failed = False

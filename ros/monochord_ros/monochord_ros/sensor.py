@@ -82,7 +82,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         )
     except OSError as error:
         allowed = "a command, or its path where Monochord is in an environment of its own"
-        node.get_logger().fatal(f"executable '{words[0]}' ({error.strerror}): allowed is {allowed}")
+        node.get_logger().fatal(f"executable '{words[0]}' ({error.strerror}): expected {allowed}")
         sys.exit(1)
     reader = threading.Thread(target=_log, args=(process, node.get_logger()), daemon=True)
     reader.start()

@@ -32,12 +32,11 @@ from monochord.core.errors import DeviceError, InputError, MonochordError, did_y
 INTERRUPTED = 130
 """Exit status of a command that Control-C, SIGTERM or SIGHUP cut off."""
 GROUPS: Mapping[str, tuple[str, ...]] = {
-    "First steps": ("demo", "doctor", "list"),
-    "Estimate touches": ("tune", "live", "locate"),
-    "Collect data": ("record", "collect", "sessions"),
-    "Prepare and train": ("build", "audit", "train", "calibrate", "weights"),
-    "Evaluate": ("evaluate",),
-    "Simulate, draw, measure": ("simulate", "figure", "bench"),
+    "Try it": ("demo", "simulate"),
+    "Use a sensor": ("tune", "live", "locate", "calibrate"),
+    "Record and collect": ("record", "collect", "sessions"),
+    "Train and test": ("build", "audit", "train", "evaluate", "weights"),
+    "Look and check": ("list", "doctor", "figure", "bench"),
 }
 """Commands as the help shows them; a command that is in no group comes last."""
 UNGROUPED = "More commands"
@@ -96,8 +95,12 @@ class _Commands(click.Group):
 def monochord(begin: Callable[[], None] | None) -> None:
     """Monochord: acoustic tactile sensing with a driven string.
 
-    'monochord COMMAND --help' explains a command, and 'monochord list' shows every name that options take.
-    """
+    Try 'monochord demo' first. 'monochord COMMAND --help' explains a command with examples.
+
+    \b
+    monochord demo
+    monochord live demo --source twin
+    """  # noqa: D301
     if begin:  # the command's file is loaded, and its work comes next
         begin()
 
@@ -199,7 +202,7 @@ def _verdict(error: click.ClickException | MonochordError | OSError, arguments: 
             return str(error), 2
         case OSError() if error.errno in _NOT_WRITTEN:
             given = f"{error.filename or 'output'} ({error.strerror})"
-            return str(InputError(given, "a place that takes all of it", _REMEDY_FULL)), 2
+            return str(InputError(given, "a place with enough space", _REMEDY_FULL)), 2
         case OSError(filename=None):
             raise error
         case OSError():

@@ -40,7 +40,7 @@ def amount(text: str) -> float:
     except ValueError:
         number = math.nan
     if not 0.0 < number < math.inf:
-        raise click.BadParameter(f"'{text}': allowed is a number above 0")
+        raise click.BadParameter(f"'{text}': expected a number above 0")
     return number
 
 
@@ -48,7 +48,7 @@ def radius(text: str) -> float:
     """Return the radius of what touches a string, in metres; anything else is a usage error."""
     number = amount(text)
     if number > MAX_RADIUS:
-        raise click.BadParameter(f"'{text}': allowed is up to {MAX_RADIUS:g} m")
+        raise click.BadParameter(f"'{text}': expected up to {MAX_RADIUS:g} m")
     return number
 
 
@@ -60,7 +60,7 @@ def known_take(text: str) -> tuple[str, float]:
     except ValueError:
         position = math.nan
     if not (colon and path and 0.0 <= position < math.inf):
-        raise click.BadParameter(f"'{text}': allowed is FILE:POSITION, the position in metres from the nut")
+        raise click.BadParameter(f"'{text}': expected FILE:POSITION, the position in metres from the nut")
     return path, position
 
 
@@ -81,7 +81,7 @@ def set_option(listing: str) -> Callable[[F], F]:
         "assignments",
         multiple=True,
         metavar="NAME=VALUE",
-        help=f"Override a setting; repeatable. '{listing}' shows the names.",
+        help=f"Override a setting; repeatable. List the names with '{listing}'.",
     )
 
 
@@ -91,24 +91,26 @@ def allow_host_option(command: F) -> F:
         "--allow-host",
         multiple=True,
         metavar="NAME[:PORT]",
-        help="Another name by which browsers call the page: a full DNS name, that of a proxy, or that of the "
-        "machine that a container runs on; repeatable.",
+        help="Another host name of the page: a full DNS name, or the name of a proxy or container's host; "
+        "repeatable.",
     )(command)
 
 
 def source_options(command: F) -> F:
     """Add what names a source and sets it up."""
     for option in (
-        click.option("--rate", type=amount, metavar="HZ", help="Sample rate, where the source has a choice."),
+        click.option(
+            "--rate", type=amount, metavar="HZ", help="Sample rate, if the source supports several."
+        ),
         click.option(
             "--device",
             metavar="NAME",
-            help="Input device or ports to open: 'monochord list devices'. Without --source, a sound card's.",
+            help="Input device, or ports of --source jack, from 'monochord list devices'.",
         ),
         click.option(
             "--source",
             metavar="NAME",
-            help=f"Where audio comes from.  [default: by the file; else {DEFAULT_SOURCE}]",
+            help=f"Audio source: 'monochord list sources'.  [default: by the file; else {DEFAULT_SOURCE}]",
             **completes(SOURCES.names),
         ),
     ):
@@ -124,20 +126,20 @@ def string_options(command: F) -> F:
             type=known_take,
             multiple=True,
             metavar="FILE:POSITION",
-            help="A take (a recording) touched at POSITION metres from the nut; repeatable.",
+            help="Recording of a touch at POSITION metres from the nut; repeatable.",
         ),
         click.option(
             "--string",
             metavar="PRESET",
-            help="A string of 'monochord list strings', or FILE.toml.",
+            help="String: a name from 'monochord list strings', or FILE.toml.",
             **completes(string_names),
         ),
-        click.option("--open-frequency", type=amount, metavar="HZ", help="Frequency of the open string."),
+        click.option("--open-frequency", type=amount, metavar="HZ", help="Pitch of the open string."),
         click.option("--length", type=amount, metavar="M", help="Length of the string, from nut to bridge."),
         click.option(
             "--estimator",
             metavar="NAME",
-            help=f"What turns windows of sound into estimates.  [default: {DEFAULT_ESTIMATOR}]",
+            help=f"Estimator, if there is no MODEL.  [default: {DEFAULT_ESTIMATOR}]",
             **completes(ESTIMATORS.names),
         ),
     ):
@@ -150,7 +152,7 @@ def sensor_option(command: F) -> F:
     return click.option(
         "--sensor",
         metavar="PRESET",
-        help="A sensor of 'monochord list sensors', or FILE.toml, such as monochord tune writes.",
+        help="Sensor: a name from 'monochord list sensors', or a file of 'monochord tune'.",
         **completes(sensor_names),
     )(command)
 
@@ -159,13 +161,13 @@ def window_options(command: F) -> F:
     """Add the window's length and hop."""
     for option in (
         click.option(
-            "--hop", type=amount, metavar="S", help="Time between starts of windows.  [default: 0.01]"
+            "--hop", type=amount, metavar="S", help="Time from one window to the next.  [default: 0.01]"
         ),
         click.option(
             "--window",
             type=amount,
             metavar="S",
-            help="Length of a window, the stretch of sound that is estimated at once.  [default: 0.1]",
+            help="Length of a window: one estimate is made per window.  [default: 0.1]",
         ),
     ):
         command = option(command)
@@ -180,14 +182,14 @@ def worker_options(command: F) -> F:
             default="",
             metavar="ADDRESS",
             callback=_one_of_both,
-            help="Address of a running dask scheduler, whose workers do the work.",
+            help="Run on the dask cluster of this scheduler address.",
         ),
         click.option(
             "--workers",
             type=click.IntRange(min=1),
             metavar="N",
             callback=_one_of_both,
-            help="Worker processes.  [default: one a core, where that is faster]",
+            help="Number of worker processes.  [default: one per core, if that is faster]",
         ),
     ):
         command = option(command)
@@ -199,7 +201,7 @@ def _one_of_both(context: click.Context, parameter: click.Parameter, value: Any)
     given = {**context.params, parameter.name: value}
     workers, cluster = given.get("workers"), given.get("cluster")
     if workers and cluster:
-        raise InputError("--workers beside --cluster", "one of both", "a cluster has its own workers")
+        raise InputError("--workers beside --cluster", "only one of them", "a cluster has its own workers")
     return value
 
 
@@ -218,7 +220,7 @@ def refuse_string_twice(options: dict[str, Any]) -> None:
     string, length, open_frequency = (options[key] for key in ("string", "length", "open_frequency"))
     if string and options["sensor"]:
         given = f"--string {string} beside --sensor {options['sensor']}"
-        raise InputError(given, "one of both", "a sensor has its string")
+        raise InputError(given, "only one of them", "a sensor has its string")
     if string and length is not None and open_frequency is not None:
         given = f"--string {string} beside --length and --open-frequency"
         raise InputError(given, "a preset, or both numbers", "leave one or the other out")
@@ -254,7 +256,7 @@ def put_source(
     `models` are the names of models, where INPUT may have been meant as one.
     """
     if opened is not None and options["device"] is not None:
-        raise InputError(f"{opened} beside --device {options['device']}", "one of both")
+        raise InputError(f"{opened} beside --device {options['device']}", "only one of them")
     before = table(tree, "source")
     inferred = recording_source(opened) if opened is not None else None
     if options["device"] is not None and "name" not in before:
@@ -297,7 +299,7 @@ def _refuse_nothing(opened: str, models: Iterable[str]) -> None:
 def put_estimator(tree: Tree, options: dict[str, Any], model: str | None) -> None:
     """Lay the estimator and the window into the tree: `model` is MODEL, and `options` those of the string."""
     if model is not None and options["estimator"]:
-        raise InputError(f"model {model} beside --estimator {options['estimator']}", "one of both")
+        raise InputError(f"model {model} beside --estimator {options['estimator']}", "only one of them")
     if model is not None:
         definition = load(model).definition
         tree["estimator"] = {"name": MODEL, first_field(ESTIMATORS, MODEL): model}
@@ -336,7 +338,7 @@ def calibrated(tree: Tree, takes: Iterable[tuple[str, float]]) -> Tree:
         except InputError as error:
             if Path(path).name in error.given:
                 raise
-            raise InputError(f"{path}, {error.given}", error.allowed, error.remedy) from error
+            raise InputError(f"{path}, {error.given}", error.expected, error.remedy) from error
         inharmonicity = [median["inharmonicity"]] if "inharmonicity" in median else []
         rows.append([median["frequency"], position, *inharmonicity])
     if not rows:

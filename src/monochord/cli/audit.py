@@ -13,17 +13,22 @@ from monochord.front.audit import audit as audit_dataset
 @click.command()
 @click.argument("dataset", type=click.Path(path_type=Path))
 @click.option(
-    "--split", "file", type=click.Path(path_type=Path), metavar="FILE", help="[default: the dataset's own]"
+    "--split",
+    "file",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Split to check.  [default: the dataset's own]",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def audit(dataset: Path, *, file: Path | None, as_json: bool) -> None:
-    """Look for leaks between training, validation and test of DATASET; fails if there is one.
+    """Check a dataset for leaks between training and test.
 
-    A leak is a window, a sample, a session, a day or an object that two parts share, a guard gap that is too
-    small, or a recording that is there twice: under another name, shifted, scaled or with noise added.
+    A leak is a window, sample, session, day or object that two parts share, a guard gap that is too small,
+    or a copy of a recording: renamed, shifted, scaled or with noise added. Any leak makes the command fail.
 
     \b
-    monochord audit dataset --json
+    monochord audit dataset
+    monochord audit dataset --split other.json --json
     """  # noqa: D301
     report = audit_dataset(dataset, file)
     if as_json:

@@ -20,10 +20,17 @@ from monochord.core.errors import InputError, MonochordError
 
 @click.command()
 @click.argument("name", required=False, **completes(BENCHMARKS.names))
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object a row.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object per row.")
 @set_option("monochord list benchmarks")
 def bench(name: str | None, as_json: bool, assignments: tuple[str, ...]) -> None:  # noqa: FBT001
-    """Run the benchmark NAME, or all of them, and print each figure with its baseline."""
+    """Run the benchmarks and print each result beside its baseline.
+
+    NAME is a benchmark of 'monochord list benchmarks'; without it, all of them run.
+
+    \b
+    monochord bench model
+    monochord bench live --json
+    """  # noqa: D301
     if assignments and not name:
         raise InputError(f"--set {assignments[0]} for all benchmarks", "one NAME with --set")
     refuse_moved("benchmark", name, BENCHMARKS.names())

@@ -15,47 +15,52 @@ from monochord.perception.data import LabelledData
 
 @click.command()
 @click.argument("sessions", nargs=-1, required=True)
-@click.option(
-    "--out", type=click.Path(path_type=Path), required=True, help="Folder of the dataset, a new one."
-)
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="New folder for the dataset.")
 @click.option(
     "--window", type=amount, default=0.1, show_default=True, metavar="S", help="Length of a window."
 )
 @click.option(
-    "--hop", type=amount, default=0.1, show_default=True, metavar="S", help="Time between starts of windows."
+    "--hop",
+    type=amount,
+    default=0.1,
+    show_default=True,
+    metavar="S",
+    help="Time from one window to the next.",
 )
 @click.option(
     "--labels",
     type=click.Choice(["recorded", "measured"]),
-    help="From the session, or from force and pose.  [default: recorded where there are any]",
+    help="Use the labels of the session, or derive them from force and pose.  [default: recorded, if any]",
 )
 @click.option(
     "--split",
     metavar="BY",
-    help="By session, object, time, day or build.  [default: session; time with fewer than 3 sessions]",
+    help="Split by session, object, time, day or build.  [default: session; time below 3 sessions]",
     **completes(lambda: ("session", "object", "time", "day", "build")),
 )
 @click.option(
     "--held-out",
     multiple=True,
     metavar="NAME",
-    help="Held out for the test: an object, or sessions by a pattern such as 'music*'; repeatable.",
+    help="Keep an object, or sessions by a pattern such as 'music*', for the test alone; repeatable.",
 )
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Random seed.")
 @click.option("--force", is_flag=True, help="Accept sessions whose streams are not on one clock.")
 @sensor_option
-@click.option("--skip", is_flag=True, help="Leave out sessions that cannot be used.")
+@click.option("--skip", is_flag=True, help="Skip sessions that cannot be used.")
 @worker_options
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def build(sessions: tuple[str, ...], *, out: Path, as_json: bool, **options: Any) -> None:
-    """Build a dataset of SESSIONS: files, folders or patterns.
+    """Build a dataset from sessions, with labels and a split.
 
-    Cut them into windows with labels, split these into training, validation and test, and audit the split:
-    the command fails where anything leaks from one part to another. The string is tuned as the session says,
-    else as --sensor does, else as its untouched beginning sounds.
+    SESSIONS are files, folders or patterns. Their sound is cut into windows, each with its labels, and the
+    windows are split into training, validation and test. The split is audited: any leak between the parts
+    makes the command fail. The string's pitch comes from the session, else from --sensor, else from the
+    untouched beginning of the recording.
 
     \b
-    monochord build sessions --out dataset --held-out wood --held-out 'music*'
+    monochord build sessions --out dataset
+    monochord build sessions --out unseen --held-out 'slide*'
     """  # noqa: D301
     data = built(sessions, out, note=lambda line: echo(line, err=True), **options)
     result = _result(data, out)

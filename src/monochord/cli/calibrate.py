@@ -13,46 +13,48 @@ from monochord.front.calibrate import calibrate as adapted
 
 @click.command()
 @click.argument("model")
-@click.option("--sessions", multiple=True, required=True, metavar="FILES", help="Known touches; repeatable.")
+@click.option(
+    "--sessions", multiple=True, required=True, metavar="FILES", help="Sessions of known touches; repeatable."
+)
 @click.option(
     "--touches",
     type=click.IntRange(min=0),
     metavar="N",
-    help="Use the first N; 0 changes nothing and judges by all.  [default: all]",
+    help="Use only the first N touches; 0 tests the model and changes nothing.  [default: all]",
 )
 @click.option(
     "--objects",
     type=click.Choice(["same", "others"]),
     default="same",
-    help="What will touch it: the object of these touches, or others too.  [default: same]",
+    help="Will the same object touch the string later, or others too?  [default: same]",
 )
 @click.option(
     "--labels",
     type=click.Choice(["recorded", "measured"]),
-    help="From the session, or from force and pose.  [default: recorded where there are any]",
+    help="Use the labels of the session, or derive them from force and pose.  [default: recorded, if any]",
 )
 @click.option(
-    "--out", type=click.Path(path_type=Path), help="Folder of the new model; not needed for 0 touches."
+    "--out", type=click.Path(path_type=Path), help="New folder for the model; not needed with --touches 0."
 )
 @click.option("--force", is_flag=True, help="Accept sessions whose streams are not on one clock.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def calibrate(
     model: str, *, sessions: tuple[str, ...], out: Path | None, as_json: bool, **options: Any
 ) -> None:
-    """Adapt MODEL to one sensor and object by touches of known position and force.
+    """Adapt a model to your sensor with a few known touches.
 
-    A few touches at different places and forces are enough: record them, or import a sound file and a table
-    of what a ruler and a kitchen scale showed (monochord sessions import). What the model was adapted to
-    before stays known. Most of what they teach is the object's: with --objects others, each session of one
-    object, the sensor alone is learned. The sensor is taken to be in order: what it sounds like is no fault
-    from then on. Every error is of touches that were left out. With 0 touches the model stays as it is, and
-    all of them say how good it is. Labels that cannot be, such as forces in grams, are refused: nothing is
-    saved then.
+    Touch the string at a few places with a few forces. Record the touches, or import a sound file with a
+    table of positions and forces, as read from a ruler and a kitchen scale ('monochord sessions import').
+    Earlier calibrations of MODEL are kept. With --objects others, and one session per object, only the
+    sensor is learned, not the object. The sensor counts as healthy: its present sound is no fault from then
+    on.
+
+    The errors that are printed are of touches that were left out. Use --touches 0 to test the model on all
+    touches without changing it. Impossible labels, such as forces in grams, are refused.
 
     \b
     monochord calibrate demo --sessions touches.mcap --out mine
-    monochord live mine
-    monochord calibrate mine --sessions more.mcap --touches 0
+    monochord calibrate demo --sessions touches.mcap --touches 0
     """  # noqa: D301
     if out is None and options["touches"] != 0:
         raise InputError("no --out", "a new folder for the model", "or --touches 0, which judges it alone")

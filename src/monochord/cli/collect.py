@@ -19,23 +19,24 @@ from monochord.lab.plans import plan_names
     "--out",
     type=click.Path(path_type=Path),
     required=True,
-    help="Folder for the sessions; created if missing.",
+    help="Folder for the sessions; made if missing.",
 )
 @worker_options
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Random seed.")
 @set_option("monochord list settings collect")
-@click.option("--only", default="", metavar="NAME", help="Collect one session or one group of the plan.")
-@click.option("--real-time", is_flag=True, help="Play and record through JACK, UDP and DDS.")
-@click.option("--server", default="", metavar="NAME", help="Name of the JACK server, with --real-time.")
+@click.option("--only", default="", metavar="NAME", help="Collect only this session or group of the plan.")
+@click.option("--real-time", is_flag=True, help="Play and record in real time, through JACK, UDP and DDS.")
+@click.option("--server", default="", metavar="NAME", help="Name of the JACK server for --real-time.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def collect(plan: str, *, out: Path, assignments: Sequence[str], as_json: bool, **options: Any) -> None:
-    """Simulate the sessions of PLAN, a preset's name or a TOML file.
+    """Simulate the recording sessions of a plan.
 
-    A robot touches the virtual sensor while microphones, force and pose are recorded. Sessions that exist
-    already are not made again: after an interruption the same command continues.
+    PLAN is a plan of 'monochord list plans', or a TOML file. A simulated robot touches the virtual sensor
+    while microphones, force and pose are recorded. Sessions that exist are kept: after an interruption, run
+    the same command again.
 
     \b
-    monochord collect small --out sessions
+    monochord collect quick --out sessions
     monochord collect small --out sessions-one-driver --set sensor=prototype_one_driver
     """  # noqa: D301
     result = carry_out(plan, out, settings=assignments, **options)

@@ -46,7 +46,7 @@ UNSEEN: Mapping[str, Any] = {
 @click.command()
 @click.argument("sensor", default="prototype", **completes(sensor_names))
 @click.option(
-    "--seconds", type=amount, metavar="S", help="How long.  [default: until Control-C; 20 with --json]"
+    "--seconds", type=amount, metavar="S", help="How long to run.  [default: until Control-C; 20 with --json]"
 )
 @click.option(
     "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Random seed of the touches."
@@ -56,44 +56,62 @@ UNSEEN: Mapping[str, Any] = {
     default=LEARNED,
     show_default=True,
     metavar="NAME",
-    help=f"{LEARNED}: the bundled trained one; {PHYSICS}: physics, with modes chosen by trained networks.",
+    help=f"{LEARNED}: the bundled trained model; {PHYSICS}: physics, with modes picked by trained networks.",
     **completes(lambda: (LEARNED, PHYSICS)),
 )
 @click.option(
     "--world",
     type=click.Choice(get_args(World)),
-    help="How true to a real build: without or with what one brings besides.  [default: plausible]",
+    help="A perfect sensor, or one with the tolerances and noise of a real build.  [default: plausible]",
 )
-@click.option("--build", type=click.IntRange(min=0), metavar="N", help="Another sensor of the same design.")
-@click.option("--day", type=click.IntRange(min=0), metavar="N", help="Another day of the same sensor.")
+@click.option(
+    "--build",
+    type=click.IntRange(min=0),
+    metavar="N",
+    help="Simulate build N of the sensor: the same design, other tolerances.",
+)
+@click.option(
+    "--day", type=click.IntRange(min=0), metavar="N", help="Simulate day N: another temperature and tuning."
+)
 @click.option(
     "--material",
     multiple=True,
     metavar="NAME",
-    help="Material of what touches it: 'monochord list materials'; repeatable.",
+    help="Object that touches the string, from 'monochord list materials'; repeatable.",
     **completes(material_names),
 )
 @click.option(
-    "--jack", is_flag=True, help="Through a JACK server; one with the dummy driver is started if none runs."
+    "--jack",
+    is_flag=True,
+    help="Send the sound through a JACK server; start one with the dummy driver if none runs.",
 )
-@click.option("--port", type=click.IntRange(0, 65535), default=0, metavar="PORT", help="Port of the page.")
+@click.option(
+    "--port",
+    type=click.IntRange(0, 65535),
+    default=0,
+    metavar="PORT",
+    help="Port of the page; 0 picks a free one.",
+)
 @allow_host_option
-@click.option("--no-browser", is_flag=True, help="Open no browser; the page is served all the same.")
-@click.option("--json", "as_json", is_flag=True, help="Print only the result, as one JSON object.")
+@click.option("--no-browser", is_flag=True, help="Serve the page without opening a browser.")
+@click.option("--json", "as_json", is_flag=True, help="Print the score alone, as one JSON object.")
 def demo(sensor: str, **options: Any) -> None:
-    """Touch a simulated SENSOR in real time and show estimates beside the truth.
+    """Touch a simulated sensor, and see estimates beside the truth.
 
-    The twin, a simulation of the sensor, takes the place of string, drivers, objects and contact microphones;
-    windows, estimator and view are those of `monochord live`. It is tuned first, as by `monochord tune`. Then
-    objects press, slide and roll at random, and a small bundled model estimates contact, position, normal
-    force and slip on a build that it was not trained on. A page in the browser shows it, where the string is
-    touched with mouse or finger; over ssh, or without a display, open the address that is printed. Control-C
-    or SIGTERM ends it with its score.
+    SENSOR is a sensor of 'monochord list sensors', by default the prototype. Its digital twin, a simulation,
+    stands in for the string, the drivers, the microphones and the touching objects; everything else runs as
+    in 'monochord live'. The sensor is tuned first. Objects then press, slide and roll at random, and a
+    bundled model estimates contact, position, normal force and slip. It was trained on other builds of this
+    sensor.
+
+    A page opens in the browser; press on its string with the mouse or a finger to touch it yourself. Over
+    ssh, or without a display, open the address that is printed. Control-C ends the demonstration and prints
+    a score.
 
     \b
-    monochord demo --material allen_key
-    monochord demo --estimator closed_form
-    monochord demo --jack
+    monochord demo
+    monochord demo --material allen_key --estimator closed_form
+    monochord demo --seconds 5 --json
     """  # noqa: D301
     name = options["estimator"].replace("-", "_")
     if name not in (LEARNED, PHYSICS):

@@ -15,11 +15,22 @@ MARKS = {"ok": "ok     ", "warn": "warn   ", "missing": "missing"}
 
 @click.command()
 @click.option(
-    "--compile", "compiles", is_flag=True, help="First compile all kernels, so that no other command has to."
+    "--compile",
+    "compiles",
+    is_flag=True,
+    help="Compile all kernels first, so that other commands start at once.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def doctor(*, compiles: bool, as_json: bool) -> int:
-    """Check what live audio needs on this machine; fails only if a required part is missing."""
+    """Check whether this machine is ready for live audio.
+
+    Each line is one requirement; a line with -> says what to do. The exit status is 2 only if a required
+    part is missing.
+
+    \b
+    monochord doctor
+    monochord doctor --json
+    """  # noqa: D301
     if compiles:
         compile_kernels()
     results = [*checks(), _recordings()]

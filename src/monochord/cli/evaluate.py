@@ -22,41 +22,72 @@ SUITE = "noise"
 
 @click.command()
 @click.argument("model", required=False, **completes(bundled_names))
-@click.option("--dataset", type=click.Path(path_type=Path), metavar="DIR", help="[default: that of MODEL]")
 @click.option(
-    "--split", type=click.Path(path_type=Path), metavar="FILE", help="[default: that of MODEL, or of DIR]"
+    "--dataset",
+    type=click.Path(path_type=Path),
+    metavar="DIR",
+    help="Dataset to test on.  [default: that of MODEL]",
 )
 @click.option(
-    "--part", type=click.Choice(PARTS), default="test", show_default=True, help="Part of the split."
+    "--split",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Split to use.  [default: that of MODEL, or of the dataset]",
 )
-@click.option("--sessions", multiple=True, metavar="FILES", help="Sessions to test on instead; repeatable.")
 @click.option(
-    "--estimator", metavar="NAME", help=f"An estimator instead of MODEL.  [default: {DEFAULT_ESTIMATOR}]"
+    "--part",
+    type=click.Choice(PARTS),
+    default="test",
+    show_default=True,
+    help="Part of the split to test on.",
+)
+@click.option(
+    "--sessions",
+    multiple=True,
+    metavar="FILES",
+    help="Test on these sessions instead of a dataset; repeatable.",
+)
+@click.option(
+    "--estimator",
+    metavar="NAME",
+    help=f"Estimator to test if there is no MODEL.  [default: {DEFAULT_ESTIMATOR}]",
 )
 @set_option("monochord list estimators")
-@click.option("--sensor", metavar="PRESET", help="Sensor whose string the estimator is given.")
+@click.option("--sensor", metavar="PRESET", help="Sensor whose string the estimator assumes.")
+@click.option("--tuned", is_flag=True, help="Tune that string to the untouched beginning of each session.")
 @click.option(
-    "--tuned", is_flag=True, help="Give it that string as tuned, by each session's untouched beginning."
+    "--noise",
+    "noises",
+    multiple=True,
+    metavar="KIND:DB",
+    help="Also test with added noise, such as music:10; repeatable.",
 )
-@click.option("--noise", "noises", multiple=True, metavar="KIND:DB", help="Also test with noise; repeatable.")
 @click.option(
     "--suite",
     metavar=SUITE,
     is_flag=False,
     flag_value="",
-    help="Also test with every kind of noise, at 0 to 25 dB.",
+    help="Also test with every kind of noise at 0 to 25 dB.",
 )
 @click.option(
     "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Random seed of the noise."
 )
-@click.option("--baselines/--no-baselines", default=True, show_default=True, help="Ridge and extra trees.")
+@click.option("--baselines/--no-baselines", default=True, show_default=True, help="Also test the baselines.")
 @click.option(
-    "--out", type=click.Path(path_type=Path), metavar="DIR", help="Write results and a report there."
+    "--out",
+    type=click.Path(path_type=Path),
+    metavar="DIR",
+    help="Write the results and a report to this folder.",
 )
 @click.option(
-    "--rows", type=click.Path(path_type=Path), metavar="FILE", help="Keep rows of the table in FILE, a JSON."
+    "--rows",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Also keep the rows of the table in a JSON file.",
 )
-@click.option("--feature", metavar="NAME", help="Name of these rows.  [default: the feature, or MODEL]")
+@click.option(
+    "--feature", metavar="NAME", help="Name of these rows in that file.  [default: the feature, or MODEL]"
+)
 @worker_options
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def evaluate(
@@ -73,17 +104,16 @@ def evaluate(
     noises: tuple[str, ...],
     **options: Any,
 ) -> None:
-    """Test MODEL, or the estimator NAME, on sessions that it was not trained on.
+    """Test a model on sessions that it was not trained on.
 
-    MODEL is the folder of a training run or of a model, or the name of a bundled model: demo. Every test
-    session is replayed window by window, as live. A split that leaks is refused, and so is a session that
-    MODEL was trained on. Ridge regression and extra trees on the same features are fitted to the training
-    windows and stand below.
+    MODEL is a run folder, a model folder, or a bundled model such as demo. Each test session is replayed
+    window by window, as live. A leaking split is refused, and so is a session that MODEL was trained on. For
+    comparison, ridge regression and extra trees are fitted to the same features of the training windows.
 
     \b
     monochord evaluate run --out report --noise music:10
-    monochord evaluate demo --sessions monday/*.mcap
-    monochord evaluate --estimator closed_form --dataset dataset --sensor prototype --suite noise
+    monochord evaluate demo --sessions session.mcap
+    monochord evaluate --estimator closed_form --dataset dataset --sensor prototype
     """  # noqa: D301
     if model is not None and estimator is not None:
         raise InputError(f"model {model} beside --estimator {estimator}", "one of both")

@@ -20,11 +20,13 @@ SUFFIXES = (".png", ".pdf", ".svg")
 
 @click.command()
 @click.argument("name", **completes(FIGURES.names))
-@click.option("--out", type=click.Path(path_type=Path), help="File to write: .png, .pdf or .svg [NAME.png].")
+@click.option(
+    "--out", type=click.Path(path_type=Path), help="File to write: .png, .pdf or .svg.  [default: NAME.png]"
+)
 @click.option(
     "--model",
     metavar="NAME",
-    help="Simulator that is drawn, in figures that have one: the same as --set model=NAME.",
+    help="Simulator to draw, in figures of a simulation; short for --set model=NAME.",
     **completes(SIMULATORS.names),
 )
 @set_option("monochord list figures")
@@ -32,13 +34,20 @@ SUFFIXES = (".png", ".pdf", ".svg")
 def figure(
     name: str, *, out: Path | None, model: str | None, assignments: tuple[str, ...], as_json: bool
 ) -> None:
-    """Draw the figure NAME into a file; 'monochord list figures' shows the names."""
+    """Draw a figure into a file.
+
+    NAME is a figure of 'monochord list figures', which shows its options too.
+
+    \b
+    monochord figure trends --set steps=5
+    monochord figure session --set path=session.mcap --out session.svg
+    """  # noqa: D301
     refuse_moved("figure", name, FIGURES.names())
     require_matplotlib()
     path = out or Path(f"{name}.png")
     refuse_unwritable(path, SUFFIXES)
     if model is not None and any(text.partition("=")[0].strip() == "model" for text in assignments):
-        raise InputError("--model beside --set model=", "one of both")
+        raise InputError("--model beside --set model=", "only one of them")
     chosen = override({} if model is None else {"model": model}, assignments)
     drawing = FIGURES.build(name, chosen, where="")
     with replacing(path) as part:

@@ -45,10 +45,11 @@ SETTINGS: Mapping[str, tuple[str, type]] = {
 @click.argument("name", required=False)
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def list(kind: str | None, name: str | None, *, as_json: bool) -> None:  # noqa: A001
-    """Show all names that options take, or those of one KIND, or NAME alone.
+    """List the names that options take, and the settings.
 
-    Plug-ins come with their options and defaults. KIND 'settings' shows what --set overrides, and 'devices'
-    the inputs of this machine.
+    Without arguments, list everything but settings and devices. KIND lists one kind, such as sources,
+    materials or models; NAME shows one entry. Plug-ins are shown with their options and defaults. The kind
+    'settings' lists the settings of a command, and 'devices' the audio inputs of this machine.
 
     \b
     monochord list sources

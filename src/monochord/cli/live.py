@@ -49,7 +49,7 @@ LINES = "jsonl"
     "sensors",
     multiple=True,
     metavar="[NAME=]PRESET",
-    help="A sensor of 'monochord list sensors', or FILE.toml, such as monochord tune writes. Repeated with "
+    help="Sensor: a name from 'monochord list sensors', or a file of 'monochord tune'. Repeat it with "
     "names: several strings, of two channels each in this order.",
     **completes(sensor_names),
 )
@@ -60,29 +60,35 @@ LINES = "jsonl"
     "sinks",
     multiple=True,
     metavar="NAME[=WHERE]",
-    help="Where predictions go; repeatable.  [default: terminal]",
+    help="Where to send estimates, from 'monochord list sinks'; repeatable.  [default: terminal]",
     **completes(SINKS.names),
 )
 @allow_host_option
-@click.option("--seconds", type=amount, metavar="S", help="How much of the stream to process.")
-@click.option("--real-time", is_flag=True, help="Run before other programs, with real-time priority.")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object a window.")
-@click.option("--config", type=click.Path(path_type=Path), metavar="FILE", help="Settings from a TOML file.")
+@click.option("--seconds", type=amount, metavar="S", help="Stop after S seconds of sound.")
+@click.option("--real-time", is_flag=True, help="Run with real-time priority.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object per window.")
+@click.option(
+    "--config", type=click.Path(path_type=Path), metavar="FILE", help="Read settings from a TOML file."
+)
 @set_option("monochord list settings live")
-@click.option("--save-config", type=click.Path(path_type=Path), metavar="FILE", help="Save all settings.")
+@click.option(
+    "--save-config",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Write all settings of this run to a TOML file.",
+)
 def live(inputs: tuple[str, ...], **options: Any) -> int:
-    """Show where a sounding string is touched, live.
+    """Estimate touches live, from a sensor or a recording.
 
-    INPUT is what the source opens: a recording (.wav, .flac, or a session's .mcap), ports, a device. MODEL is
-    what estimates: a folder that monochord train made, or a bundled name such as demo. Settings come from
-    --config, then from the options, then from --set. Control-C or SIGTERM ends the run with its summary. A
-    sink that fails is closed and the others go on; the status is 1 then.
+    MODEL is the folder of a trained model, or a bundled one such as demo; without it, a closed-form
+    estimator is used. INPUT is a recording (.wav, .flac, or a session's .mcap), a device or JACK ports.
+    Options override --config, and --set overrides both. Control-C or SIGTERM ends the run and prints a
+    summary. If a sink fails, it is closed, the others go on, and the exit status is 1.
 
     \b
-    monochord live demo --source twin           (the twin is a simulated sensor)
+    monochord live demo --source twin
     monochord live take.wav --length 0.65 --open-frequency 110 --json
-    monochord live run session.mcap
-    monochord live --device 'USB Audio' --rate 48000 --length 0.65 --open-frequency 110
+    monochord live demo --device 'USB Audio' --sensor sensor.toml
     monochord live demo --sensor left=left.toml --sensor right=right.toml
     """  # noqa: D301
     options["sensor"] = " --sensor ".join(options["sensors"])
@@ -139,7 +145,7 @@ def _sinks(configured: Tree | None, named: tuple[str, ...], *, as_json: bool) ->
             raise InputError(f"--sink {kind} twice", "one of each kind")
         sinks[kind] = {**table(known, kind), **({first_field(SINKS, kind): where} if equals else {})}
     if as_json and sinks.get(LINES):
-        raise InputError(f"--json beside --sink {LINES}", "one of both", "both write the same lines")
+        raise InputError(f"--json beside --sink {LINES}", "only one of them", "both write the same lines")
     if as_json:
         sinks[LINES] = {**table(known, LINES), first_field(SINKS, LINES): "-"}
     if sinks or configured is not None:

@@ -41,29 +41,29 @@ CONTACT = "contact"
 @string_options
 @window_options
 @set_option("monochord list settings live")
-@click.option("--allow-truncated", is_flag=True, help="Read what is there of a file that was cut short.")
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object a window.")
+@click.option("--allow-truncated", is_flag=True, help="Read a file that was cut short as far as it goes.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object per window.")
 def locate(inputs: tuple[str, ...], *, allow_truncated: bool, as_json: bool, **options: Any) -> int:
-    """Locate the touch in a recording, for every window.
+    """Estimate where the string is touched in a recording.
 
-    FILE is a .wav, .flac or a session's .mcap. MODEL, a folder that monochord train made or a bundled name
-    such as demo, estimates in place of the closed form. Positions are in metres from pickup 1, and from the
-    nut for a stopped string, as on a guitar. Control-C ends it with what it has so far, and with status 130.
+    FILE is a .wav, a .flac or a session's .mcap. MODEL is the folder of a trained model, or a bundled one
+    such as demo; without it, a closed-form estimator is used. Positions are in metres from pickup 1; on a
+    stopped string, as on a guitar, from the nut. Control-C prints the result so far and exits with status
+    130.
 
-    With --length and --open-frequency, position follows from pitch alone: the sound must be that string's.
-    Another instrument in the string's range has a position too; a voice mostly has none. Of two channels,
-    both are used as a sensor's where each carries a segment of its own, and as one recording where both carry
-    the same note; a line says which.
+    With --length and --open-frequency, position follows from pitch alone, so the sound must be of that
+    string: another instrument in its range gets a position too. Two channels are used as a sensor's two
+    microphones if each carries a segment of its own, and as one recording if both carry the same note; a
+    line says which.
 
     \b
-    monochord locate take.wav --length 0.65 --open-frequency 110 --json
-    monochord locate two_microphones.wav --string prototype
-    monochord locate demo session.mcap
+    monochord locate take.wav --length 0.65 --open-frequency 110
+    monochord locate demo session.mcap --json
     """  # noqa: D301
     refuse_string_twice(options)
     model, file = model_and_input(inputs)
     if file is None:
-        raise InputError(f"model {model} alone", "a FILE beside it")
+        raise InputError(f"model {model} alone", "a FILE after it")
     source = {**recording(file), **({"allow_truncated": True} if allow_truncated else {})}
     tree: Tree = {"source": source, "sinks": {"jsonl": {"everything": False}} if as_json else {}}
     put_estimator(tree, options, model)

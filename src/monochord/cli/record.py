@@ -35,28 +35,30 @@ from monochord.front.record import recording_job
     "instruments",
     multiple=True,
     metavar="[STREAM:]NAME[=WHERE]",
-    help="A force sensor, robot or other stream to record beside it; repeatable.",
+    help="Also record a force sensor, robot or other stream; repeatable.",
     **completes(INSTRUMENTS.names),
 )
-@click.option("--seconds", type=amount, metavar="S", help="How long; else until Control-C.")
-@click.option("--object", "object_", metavar="TEXT", help="What touches the string.")
-@click.option("--material", metavar="TEXT", help="What that is made of.")
-@click.option("--radius", type=radius, metavar="M", help="Its radius at the touch.")
+@click.option("--seconds", type=amount, metavar="S", help="How long to record.  [default: until Control-C]")
+@click.option("--object", "object_", metavar="TEXT", help="Object that touches the string.")
+@click.option("--material", metavar="TEXT", help="Material of the object.")
+@click.option("--radius", type=radius, metavar="M", help="Radius of the object where it touches.")
 @sensor_option
-@click.option("--notes", metavar="TEXT", help="Whatever else should be known.")
-@click.option("--simulated", is_flag=True, default=None, help="Mark the session as no real one.")
+@click.option("--notes", metavar="TEXT", help="Notes to save with the session.")
+@click.option("--simulated", is_flag=True, default=None, help="Mark the session as simulated.")
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as one JSON object.")
-@click.option("--config", type=click.Path(path_type=Path), metavar="FILE", help="Settings from a TOML file.")
+@click.option(
+    "--config", type=click.Path(path_type=Path), metavar="FILE", help="Read settings from a TOML file."
+)
 @set_option("monochord list settings record")
 def record(out: Path, **options: Any) -> None:
-    """Record audio, force and pose into the session OUT.mcap.
+    """Record microphones, force and pose into one session file.
 
-    Settings come from --config, then from the options, then from --set, where an instrument's options go by
-    its name: its STREAM where one was given, else NAME, and NAME_2 for the second of a kind. Control-C,
-    SIGTERM or SIGHUP ends the recording; what was recorded is saved at every moment.
+    Options override --config, and --set overrides both. Set an instrument's options by its name: STREAM if
+    one was given, else NAME, or NAME_2 for the second of a kind. Control-C, SIGTERM or SIGHUP ends the
+    recording; everything up to then is saved.
 
     \b
-    monochord record take.mcap --object plastic --seconds 60
+    monochord record take.mcap --source twin --seconds 2
     monochord record take.mcap --instrument net_ft=192.168.1.1 --set net_ft.bias=true
     monochord record take.mcap --instrument left:pose_udp=9871 --instrument right:pose_udp=9872
     """  # noqa: D301

@@ -36,26 +36,38 @@ FILE = click.Path(path_type=Path)
 USUAL_RATE = 44100
 OVERVIEW = "session"  # the figure that shows one
 some_files = click.argument("files", type=FILE, nargs=-1, required=True, metavar="FILES...")
-json_lines = click.option("--json", "as_json", is_flag=True, help="Print one JSON object a file.")
+json_lines = click.option("--json", "as_json", is_flag=True, help="Print one JSON object per file.")
 json_object = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 
 
 @click.group()
 def sessions() -> None:
-    """Check, show, repair, export, import and resample sessions."""
+    """Check, show, repair, convert and label recorded sessions.
+
+    A session is one .mcap file with audio, instruments and labels on one clock.
+
+    \b
+    monochord sessions show session.mcap
+    monochord sessions export wav-csv session.mcap --out tables
+    """  # noqa: D301
 
 
 @sessions.command()
 @some_files
-@click.option("--strict", is_flag=True, help="Count faults of the recording as bad, too.")
+@click.option("--strict", is_flag=True, help="Count faults of the recording as bad too.")
 @json_lines
 def check(files: tuple[Path, ...], *, strict: bool, as_json: bool) -> int:
-    """Read FILES to the end and say whether they are whole, as they were written, and what is missing.
+    """Check that session files are whole and unchanged.
 
-    One line a file. A file is bad if it is damaged, cut off or not what was written; then the status is 2.
-    What went wrong while recording is noted behind the line, such as lost frames, a stepped clock, or streams
-    that are further apart than the limits allow, by their taps. That makes a file bad with --strict only.
-    """
+    FILES are read to the end, and each gets one line. A file is bad if it is damaged, cut off or changed
+    since it was written; the exit status is then 2. Faults of the recording, such as lost frames, a clock
+    that jumped, or streams that are too far apart by their taps, are noted behind the line. With --strict
+    they count as bad too.
+
+    \b
+    monochord sessions check session.mcap
+    monochord sessions check sessions/*.mcap
+    """  # noqa: D301
 
     def result(file: Path) -> tuple[bool, dict[str, Any], str]:
         report, alignment = check_session(file), align(read_session(file))
@@ -79,10 +91,19 @@ def check(files: tuple[Path, ...], *, strict: bool, as_json: bool) -> int:
 
 @sessions.command()
 @click.argument("file", type=FILE)
-@click.option("--figure", type=FILE, metavar="FILE", help="Also draw it: .png, .pdf or .svg.")
+@click.option(
+    "--figure", type=FILE, metavar="FILE", help="Also draw the session into a .png, .pdf or .svg file."
+)
 @json_object
 def show(file: Path, *, figure: Path | None, as_json: bool) -> None:
-    """Show what is in the session FILE: what was recorded, with what, how long, how much is missing."""
+    """Show what a session contains.
+
+    The lines say what was recorded, with which instruments, for how long, and how much is missing.
+
+    \b
+    monochord sessions show session.mcap
+    monochord sessions show session.mcap --figure session.png
+    """  # noqa: D301
     if figure is not None:
         refuse_unwritable(figure, SUFFIXES)
     facts = facts_of(read_session(file))
@@ -97,11 +118,15 @@ def show(file: Path, *, figure: Path | None, as_json: bool) -> None:
 @some_files
 @json_lines
 def recover(files: tuple[Path, ...], *, as_json: bool) -> int:
-    """Repair FILES that were cut off or damaged, in place; whole files are not changed.
+    """Repair session files that were cut off or damaged, in place.
 
-    What is changed or cut away, but for a writing that was cut off, is saved as FILE.cut. A file that
-    is being recorded is refused.
-    """
+    Whole files stay as they are. Damaged parts that are changed or removed are saved as FILE.cut; an
+    unfinished last record is not. A file that is still being recorded is refused.
+
+    \b
+    monochord sessions recover session.mcap
+    monochord sessions recover sessions/*.mcap --json
+    """  # noqa: D301
 
     def result(file: Path) -> tuple[bool, dict[str, Any], str]:
         done = recover_session(file)
@@ -124,17 +149,19 @@ def recover(files: tuple[Path, ...], *, as_json: bool) -> int:
 @sessions.command()
 @click.argument("form")
 @some_files
-@click.option("--out", type=FILE, required=True, metavar="DIR", help="A new folder.")
+@click.option("--out", type=FILE, required=True, metavar="DIR", help="New folder to write to.")
 @set_option("monochord list exports")
 @json_object
 def export(
     form: str, files: tuple[Path, ...], *, out: Path, assignments: tuple[str, ...], as_json: bool
 ) -> None:
-    """Write FILES in another FORM below a new folder; `monochord list exports` shows which there are.
+    """Export sessions in another format, into a new folder.
+
+    FORM is a format of 'monochord list exports'.
 
     \b
-    monochord sessions export wav-csv take.mcap --out take
-    monochord sessions export lerobot takes/*.mcap --out set --set fps=30
+    monochord sessions export wav-csv session.mcap --out tables
+    monochord sessions export lerobot sessions/*.mcap --out robot --set fps=30
     """  # noqa: D301
     exporter = EXPORTS.build(form, override({}, assignments))
     whole = [read_session(file) for file in files]
@@ -146,7 +173,7 @@ def export(
             written = exporter.write(whole, part)
         except InputError as error:  # a person knows the folder by its own name
             given = error.given.replace(str(part), str(out))
-            raise InputError(given, error.allowed, error.remedy) from error
+            raise InputError(given, error.expected, error.remedy) from error
         size = sum(path.stat().st_size for path in written)
         part.rename(out)
     summary = {"form": form, "out": str(out), "sessions": len(files), "files": len(written), "bytes": size}
@@ -159,27 +186,29 @@ def export(
 @sessions.command("import")
 @click.argument("what", type=FILE, metavar="AUDIO|FOLDER")
 @click.argument("labels", type=FILE, metavar="[LABELS.csv]", required=False)
-@click.option("--out", type=FILE, required=True, metavar="FILE.mcap", help="The new session.")
+@click.option("--out", type=FILE, required=True, metavar="FILE.mcap", help="Session to write.")
 @click.option("--name", metavar="TEXT", help="Name of the session.  [default: the file's name]")
-@click.option("--object", "object_", metavar="TEXT", help="What touches the string.")
-@click.option("--material", metavar="TEXT", help="What that is made of.")
-@click.option("--radius", type=radius, metavar="M", help="Its radius where it touches.")
-@click.option("--string", metavar="PRESET", help="A string of the catalogue, or FILE.toml.")
+@click.option("--object", "object_", metavar="TEXT", help="Object that touches the string.")
+@click.option("--material", metavar="TEXT", help="Material of the object.")
+@click.option("--radius", type=radius, metavar="M", help="Radius of the object where it touches.")
+@click.option(
+    "--string", metavar="PRESET", help="String: a name from 'monochord list strings', or FILE.toml."
+)
 @sensor_option
-@click.option("--notes", metavar="TEXT", help="Notes.")
+@click.option("--notes", metavar="TEXT", help="Notes to save with the session.")
 @json_object
 def import_(what: Path, labels: Path | None, *, out: Path, as_json: bool, **said: str | float | None) -> None:
-    """Make a session of a user's own audio and labels, or of a folder that `export` wrote.
+    """Make a session from your own audio and labels.
 
-    AUDIO is WAV or FLAC with 1 or 2 channels, or a session of microphones alone. The first line of LABELS.csv
-    names its columns: time in s from the audio's begin, and any of contact (0 or 1), position (m), force (N),
-    slip (0 or 1) or others. With begin and end in place of time, a row is a touch. Positions and forces that
-    no touch has are refused; --sensor says on which string.
+    AUDIO is a WAV or FLAC file with 1 or 2 channels, or a session that has audio alone. The first line of
+    LABELS.csv names its columns: time in s from the beginning of the audio, and any of contact (0 or 1),
+    position (m), force (N), slip (0 or 1) and others. With columns begin and end in place of time, each row
+    is a touch. Impossible positions and forces are refused; --sensor says for which string. FOLDER is what
+    'monochord sessions export' wrote.
 
     \b
-    monochord sessions import take.wav take.csv --out take.mcap --sensor sensor.toml --object "Allen key"
-    monochord sessions import recorded.mcap touches.csv --out touches.mcap
-    monochord sessions import exported/take --out take.mcap
+    monochord sessions import take.wav take.csv --out touches.mcap --object "Allen key"
+    monochord sessions import tables/session --out copy.mcap
     """  # noqa: D301
     refuse_unwritable(out, (".mcap",))
     described: dict[str, Any] = {name.rstrip("_"): value for name, value in said.items() if value is not None}
@@ -190,7 +219,7 @@ def import_(what: Path, labels: Path | None, *, out: Path, as_json: bool, **said
         EXPORTS.build(form_of(what)).read(what, out)
     else:
         if "string" in described and "sensor" in described:
-            raise InputError("--string with --sensor", "one of them", "a sensor has its own string")
+            raise InputError("--string with --sensor", "only one of them", "a sensor has its own string")
         if "sensor" in described:
             described |= of_sensor(str(described["sensor"]))
             described["string"] = to_tree(described["string"])
@@ -211,14 +240,19 @@ def import_(what: Path, labels: Path | None, *, out: Path, as_json: bool, **said
     metavar="HZ",
     help="The new sample rate.",
 )
-@click.option("--out", type=FILE, required=True, metavar="FILE.mcap", help="The new session.")
+@click.option("--out", type=FILE, required=True, metavar="FILE.mcap", help="Session to write.")
 @json_object
 def resample(file: Path, *, rate: int, out: Path, as_json: bool) -> None:
-    """Give the sound of the session FILE another sample rate; all else stays.
+    """Copy a session at another sample rate.
 
-    A model reads sound of the rate that it was trained at. Sound of less than that has nothing at its upper
-    end, which a model may take for another sensor's: record at the model's rate where you can.
-    """
+    Everything but the sound stays the same. A model needs sound at the sample rate of its training. Sound
+    that was recorded at a lower rate lacks the highest frequencies, which a model may take for another
+    sensor: record at the model's rate if you can.
+
+    \b
+    monochord sessions resample session.mcap --out slow.mcap --rate 22050
+    monochord sessions resample slow.mcap --out usual.mcap
+    """  # noqa: D301
     refuse_unwritable(out, (".mcap",))
     resample_session(read_session(file), out, rate)
     facts = facts_of(read_session(out))
@@ -227,20 +261,22 @@ def resample(file: Path, *, rate: int, out: Path, as_json: bool) -> None:
 
 @sessions.command()
 @click.argument("recording", type=FILE)
-@click.option("--out", type=FILE, required=True, metavar="FILE.csv", help="The new table.")
-@click.option("--model", metavar="NAME", default="demo", show_default=True, help="What tells contact.")
+@click.option("--out", type=FILE, required=True, metavar="FILE.csv", help="Table to write.")
+@click.option(
+    "--model", metavar="NAME", default="demo", show_default=True, help="Model that detects contact."
+)
 @sensor_option
 @json_object
 def touches(recording: Path, *, out: Path, model: str, sensor: str | None, as_json: bool) -> None:
-    """List the touches heard in RECORDING as a table to fill in: what a ruler and a scale show.
+    """List the touches in a recording as a table to fill in.
 
-    Each row is a touch, with its begin and end in s from the recording's begin. Write the position in m from
-    pickup 1 and the force in N into the empty cells; leave out rows that were no touches of yours.
+    Each row is a touch, with its begin and end in s from the beginning of RECORDING. Fill in the position in
+    m from pickup 1 and the force in N, as read from a ruler and a scale. Delete rows that are not your
+    touches. Then make a session of the recording and the table, and calibrate with it.
 
     \b
     monochord sessions touches take.mcap --out touches.csv
     monochord sessions import take.mcap touches.csv --out touches.mcap
-    monochord calibrate demo --sessions touches.mcap --out mine
     """  # noqa: D301
     refuse_unwritable(out, (".csv",))
     if out.exists():

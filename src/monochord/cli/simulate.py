@@ -25,17 +25,21 @@ SUBTYPES = {".wav": "FLOAT", ".flac": "PCM_24"}
     default="split_string",
     show_default=True,
     metavar="NAME",
-    help="Simulator: 'monochord list simulators'.",
+    help="Simulator, from 'monochord list simulators'.",
     **completes(SIMULATORS.names),
 )
-@click.option("--at", type=float, metavar="M", help="Position of the touch from pickup 1 [the preset's].")
-@click.option("--force", type=float, metavar="N", help="Normal force of the touch [the preset's].")
-@click.option("--untouched", is_flag=True, help="Leave the string alone.")
-@click.option("--seconds", type=float, default=0.4, show_default=True, metavar="S", help="How long.")
 @click.option(
-    "--route", metavar="NAME", help="Numerical method, where there are several: fdtd, modal, reference."
+    "--at", type=float, metavar="M", help="Position of the touch, from pickup 1.  [default: the preset's]"
 )
-@click.option("--out", type=click.Path(path_type=Path), help="Sound to write: .wav or .flac.")
+@click.option("--force", type=float, metavar="N", help="Normal force of the touch.  [default: the preset's]")
+@click.option("--untouched", is_flag=True, help="Do not touch the string.")
+@click.option(
+    "--seconds", type=float, default=0.4, show_default=True, metavar="S", help="Seconds to simulate."
+)
+@click.option(
+    "--route", metavar="NAME", help="Numerical method, if the simulator has several: fdtd, modal, reference."
+)
+@click.option("--out", type=click.Path(path_type=Path), help="Write the sound to a .wav or .flac file.")
 @set_option("monochord list settings simulate")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def simulate(
@@ -51,10 +55,13 @@ def simulate(
     assignments: tuple[str, ...],
     as_json: bool,
 ) -> None:
-    """Simulate the string PRESET and print its peaks beside what the closed forms expect.
+    """Simulate a touched string and compare its peaks with theory.
+
+    PRESET is a string of 'monochord list strings', or a sensor for the model twin.
 
     \b
-    monochord simulate appendix --at 0.2275 --out touch.wav --json
+    monochord simulate appendix --at 0.2275
+    monochord simulate appendix --untouched --out open.wav --json
     """  # noqa: D301
     if out is not None:
         refuse_unwritable(out, SUBTYPES)

@@ -15,23 +15,24 @@ from monochord.perception.training.configs import DEFAULT
 @click.command()
 @click.argument("config", default=DEFAULT)
 @click.option(
-    "--out", type=click.Path(path_type=Path), default=Path("run"), show_default=True, help="Folder."
+    "--out", type=click.Path(path_type=Path), default=Path("run"), show_default=True, help="Run folder."
 )
-@click.option("--dataset", type=click.Path(), metavar="DIR", help="Dataset that monochord build made.")
+@click.option("--dataset", type=click.Path(), metavar="DIR", help="Dataset of 'monochord build'.")
 @set_option("monochord list settings train")
 @worker_options
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def train(
     dataset: str | None, out: Path, *, assignments: tuple[str, ...], as_json: bool, **options: Any
 ) -> None:
-    """Train a model by CONFIG, a preset's name or a TOML file; by default that of the published results.
+    """Train a model on a dataset.
 
-    The folder of the run holds its settings, its history, also drawn, the model and its scores on
-    validation. After an interruption the same command goes on. Worker processes compute the features.
+    CONFIG is a preset or a TOML file; the default is the configuration of the published results. The run
+    folder receives the model, its settings, its learning curve and its validation scores. After an
+    interruption, run the same command again to continue.
 
     \b
     monochord train --dataset dataset --out run
-    monochord train paper --set feature.name=log_mel --out run
+    monochord train paper --dataset dataset --out paper --set seed=1
     """  # noqa: D301
     model = train_model(dataset, out, settings=assignments, **options)
     echo(*([json.dumps(model.tree())] if as_json else model.lines()))

@@ -39,30 +39,28 @@ OUT = Path("sensor.toml")
     default=SECONDS,
     show_default=True,
     metavar="S",
-    help="How much of each INPUT to listen to.",
+    help="How long to listen to each INPUT.",
 )
 @window_options
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help=f"File of the sensor as tuned.  [default: {OUT}]",
+    help=f"Sensor file to write.  [default: {OUT}]",
 )
-@click.option("--force", is_flag=True, help="Replace that file if it exists.")
+@click.option("--force", is_flag=True, help="Overwrite the file if it exists.")
 @set_option("monochord list settings live")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def tune(inputs: tuple[str, ...], *, out: Path | None, force: bool, as_json: bool, **options: Any) -> None:
-    """Listen to the untouched string and write its pitch into sensor.toml.
+    """Measure the untouched string's pitch and write sensor.toml.
 
-    INPUT is what the source opens: a recording (.wav, .flac, or a session's .mcap), ports, a device; several
-    are several takes. The drivers are on and nothing touches the string. The file is the sensor as it is
-    tuned now; live, locate, record and collect take it by --sensor. Nothing is written where the sound does
-    not tell the pitch.
+    Switch the drivers on and touch nothing. INPUT is a recording (.wav, .flac, or a session's .mcap), a
+    device or JACK ports; give several for several recordings. Pass the file that is written as --sensor to
+    live, locate, record and collect. If the sound does not tell the pitch, nothing is written.
 
     \b
     monochord tune --sensor prototype
-    monochord tune untouched.wav --sensor long --out long.toml
-    monochord tune --source twin --set source.sensor=gauge_012
+    monochord tune --source twin --set source.sensor=gauge_012 --out thin.toml
     """  # noqa: D301
     path = out or OUT
     refuse_unwritable(path, (".toml",))

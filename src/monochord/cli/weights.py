@@ -20,26 +20,36 @@ json_object = click.option("--json", "as_json", is_flag=True, help="Print one JS
 
 @click.group()
 def weights() -> None:
-    """Fetch, check and convert the weights of pretrained networks."""
+    """Download, check and export pretrained encoder weights.
+
+    The encoder of the feature ast is the Audio Spectrogram Transformer.
+
+    \b
+    monochord weights get ast
+    monochord weights check ast
+    """  # noqa: D301
 
 
 @weights.command()
 @click.argument("name", **completes(weight_names))
 @click.option(
-    "--folder", type=DIR, metavar="DIR", help="Where to put them.  [default: the user's data folder]"
+    "--folder", type=DIR, metavar="DIR", help="Folder to save to.  [default: the user's data folder]"
 )
 @click.option(
     "--sha256",
     default="",
     metavar="SUM",
-    help="The file's checksum.  [default: the published one]",
+    help="Expected checksum.  [default: the published one]",
 )
 @json_object
 def get(name: str, *, folder: Path | None, sha256: str, as_json: bool) -> None:
-    """Fetch the weights NAME from where they are published, and check them.
+    """Download pretrained weights and verify their checksum.
+
+    NAME is a network whose weights are published: ast.
 
     \b
     monochord weights get ast
+    monochord weights get ast --folder weights
     """  # noqa: D301
     known = load_known(name)
     known = replace(known, sha256=sha256 or known.sha256)
@@ -51,15 +61,14 @@ def get(name: str, *, folder: Path | None, sha256: str, as_json: bool) -> None:
 
 @weights.command()
 @click.argument("name", **completes(weight_names))
-@click.option(
-    "--path", type=click.Path(), default="", metavar="PATH", help="The file, or the folder it is in."
-)
+@click.option("--path", type=click.Path(), default="", metavar="PATH", help="Weights file, or its folder.")
 @json_object
 def check(name: str, *, path: str, as_json: bool) -> None:
-    """Say which file holds the weights NAME, what its sum is, and whether it is what it should be.
+    """Show the path and checksum of a weights file, and verify it.
 
     \b
     monochord weights check ast
+    monochord weights check ast --path weights
     """  # noqa: D301
     known = load_known(name)
     file = find_weights(known, path)
@@ -68,19 +77,18 @@ def check(name: str, *, path: str, as_json: bool) -> None:
 
 @weights.command()
 @click.argument("name", **completes(weight_names))
+@click.option("--path", type=click.Path(), default="", metavar="PATH", help="Weights file, or its folder.")
+@click.option("--out", type=FILE, required=True, metavar="FILE.onnx", help="File to write.")
 @click.option(
-    "--path", type=click.Path(), default="", metavar="PATH", help="The file, or the folder it is in."
+    "--frames", type=click.IntRange(min=1), default=100, show_default=True, help="Frames per spectrogram."
 )
-@click.option("--out", type=FILE, required=True, metavar="FILE.onnx", help="To write.")
-@click.option(
-    "--frames", type=click.IntRange(min=1), default=100, show_default=True, help="Frames of a spectrogram."
-)
-@click.option("--int8", is_flag=True, help="Quantise the large products to 8 bits.")
+@click.option("--int8", is_flag=True, help="Quantise the matrix products to 8 bits.")
 @json_object
 def export(name: str, *, path: str, out: Path, frames: int, int8: bool, as_json: bool) -> None:
-    """Write the network of the weights NAME as an ONNX file, for other programs.
+    """Export a pretrained network as an ONNX file, for other programs.
 
     \b
+    monochord weights export ast --out ast.onnx
     monochord weights export ast --out ast.onnx --int8
     """  # noqa: D301
     known = load_known(name)

@@ -29,7 +29,7 @@ def pack(value: Any) -> bytes:
 
 
 def call(work: bytes, job: bytes) -> Any:
-    """Run a packed job by its packed function; raises `DeviceError` where this worker lacks its module."""
+    """Run a packed job with its packed function; raises `DeviceError` if this worker lacks its module."""
     try:
         if getattr(_last, "packed", None) != work:
             _last.work = pickle.loads(work)  # noqa: S301  (from the process that started this one)  # nosec B301

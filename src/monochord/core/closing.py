@@ -1,4 +1,4 @@
-"""What is closed as its context is left."""
+"""Things that a `with` block closes."""
 
 from abc import ABC, abstractmethod
 from types import TracebackType
@@ -6,11 +6,11 @@ from typing import Self
 
 
 class Closing(ABC):
-    """Something open that `close` ends; as a context it yields itself, and is closed as that is left."""
+    """Base of anything that is opened and closed; a `with` block yields it and closes it at the end."""
 
     @abstractmethod
     def close(self) -> None:
-        """Release everything; what is closed already stays so."""
+        """Release everything. A second call does nothing."""
 
     def __enter__(self) -> Self:
         return self

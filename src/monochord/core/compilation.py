@@ -1,4 +1,4 @@
-"""What a person sees while kernels are compiled.
+"""The progress bar that a user sees while kernels are compiled.
 
 A kernel is compiled when it is first called after an installation or an update, and kept on disk. That takes
 some tens of seconds; a terminal that stays blank meanwhile looks as if the program hangs.

@@ -33,7 +33,7 @@ MAX_SHOWN = 80
 
 
 def load_toml(path: Path) -> Tree:
-    """Read a TOML file; raises `InputError` where it is absent or not TOML."""
+    """Read a TOML file; raises `InputError` if it is absent or not TOML."""
     refuse_endless(path)
     try:
         return tomllib.loads(_text(path))
@@ -44,7 +44,7 @@ def load_toml(path: Path) -> Tree:
 
 
 def load_json(path: Path, remedy: str = "") -> Any:
-    """Read a JSON file; raises `InputError`, which ends with `remedy`, where it is absent or not JSON."""
+    """Read a JSON file; raises `InputError`, ending with `remedy`, if it is absent or not JSON."""
     refuse_endless(path)
     try:
         return json.loads(_text(path))
@@ -141,7 +141,7 @@ def dump_toml(tree: Tree) -> str:
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class Setting:
-    """One value of a configuration: its path, what it may be, and its default, None where there is none."""
+    """One value of a configuration: its path, the values it takes, and its default (None if it has none)."""
 
     name: str
     allowed: str

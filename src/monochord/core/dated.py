@@ -5,7 +5,7 @@ from pathlib import Path
 
 
 def dated_path(begin: str, suffix: str = "", folder: Path = Path()) -> Path:
-    """Return a path in a folder that nothing has: ``BEGIN_DATE_TIME`` with the suffix.
+    """Return an unused path in a folder: ``BEGIN_DATE_TIME`` with the suffix.
 
     >>> dated_path("live", ".mcap").name.startswith("live_2")
     True

@@ -1,4 +1,4 @@
-"""The errors that a person sees: one line that says what was given, what is allowed, what to do."""
+"""The errors that a person sees: one line that says what was given, what was expected, and what to do."""
 
 import shlex
 import sys
@@ -14,33 +14,41 @@ LONGEST_GIVEN = 1000
 
 
 class MonochordError(Exception):
-    """Base of every error that Monochord raises on purpose."""
+    """Base class of every error that Monochord raises on purpose."""
 
 
 class InputError(MonochordError, ValueError):
-    """Something handed in from outside cannot be used; the command line exits with status 2.
+    """An input that cannot be used; the command line prints it as one line and exits with status 2.
 
     Parameters
     ----------
     given
-        What was given, as a noun phrase: ``"force -1.0 N"``.
-    allowed
-        What is allowed instead: ``"0 to 2 N"``.
+        What was given, as a noun phrase: ``"force -1.0 N"``. An attribute too, as are the others.
+    expected
+        What was expected instead: ``"0 to 2 N"``.
     remedy
         What to do, as an order; optional.
 
-    >>> str(InputError("force -1 N", "0 N or more", "press, don't pull"))
-    "force -1 N: allowed is 0 N or more; press, don't pull"
+    >>> error = InputError("force -1 N", "0 N or more", "press, don't pull")
+    >>> str(error)
+    "force -1 N: expected 0 N or more; press, don't pull"
+    >>> error.given, error.expected, error.remedy
+    ('force -1 N', '0 N or more', "press, don't pull")
     """
 
-    def __init__(self, given: str, allowed: str, remedy: str = "") -> None:
-        self.given, self.allowed, self.remedy = given, allowed, remedy
-        line = f"{_shortened(given)}: allowed is {allowed}" + (f"; {remedy}" if remedy else "")
+    def __init__(self, given: str, expected: str, remedy: str = "") -> None:
+        self.given, self.expected, self.remedy = given, expected, remedy
+        line = f"{_shortened(given)}: expected {expected}" + (f"; {remedy}" if remedy else "")
         super().__init__(" ".join(line.split()))
+
+    @property
+    def allowed(self) -> str:
+        """Another name of `expected`."""
+        return self.expected
 
     def __reduce__(self) -> tuple[type["InputError"], tuple[str, str, str]]:
         # Without it an error raised in a worker process cannot come home: pickle hands over one argument.
-        return type(self), (self.given, self.allowed, self.remedy)
+        return type(self), (self.given, self.expected, self.remedy)
 
 
 class MissingLibraryError(InputError):
@@ -55,8 +63,8 @@ class MissingLibraryError(InputError):
     extra
         The extra of Monochord that needs it, ``"train"``, or else its name on the package index.
 
-    >>> str(MissingLibraryError("Export parquet", "pyarrow >= 17", "export"))
-    "Export parquet requires pyarrow >= 17. Install it: ...python... -m pip install 'pyarrow>=17'"
+    >>> str(MissingLibraryError("Exporting parquet", "pyarrow >= 17", "export"))
+    "Exporting parquet requires pyarrow >= 17. Install it: ...python... -m pip install 'pyarrow>=17'"
     """
 
     def __init__(self, task: str, library: str, extra: str) -> None:
@@ -89,7 +97,7 @@ def installation(extra: str) -> str:
 
 
 class DeviceError(MonochordError, RuntimeError):
-    """A device or a server that is needed is absent or went away for good."""
+    """A required device or server is absent, or was lost for good."""
 
 
 def _shortened(given: str) -> str:

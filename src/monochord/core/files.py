@@ -1,4 +1,4 @@
-"""Files that are read only where they have an end, and written so that half of one never has its name."""
+"""Reading of finite files only, and writing that never leaves half a file under the final name."""
 
 import os
 import re
@@ -24,7 +24,7 @@ def refuse_endless(path: Path) -> None:
 
     >>> refuse_endless(Path("/dev/zero"))
     Traceback (most recent call last):
-    monochord.core.errors.InputError: file /dev/zero (a device): allowed is a file on a disk; save it first
+    monochord.core.errors.InputError: file /dev/zero (a device): expected a file on a disk; save it first
     """
     try:
         kind = _KINDS.get(stat.S_IFMT(path.stat().st_mode))
@@ -35,12 +35,12 @@ def refuse_endless(path: Path) -> None:
 
 
 def similar_name(path: Path | str, names: Iterable[str] = ()) -> str:
-    """Return ``did you mean 'x'?`` where something of a similar name is there, or an empty string.
+    """Return ``did you mean 'x'?`` if something with a similar name exists, else an empty string.
 
     Parameters
     ----------
     path
-        What was asked for, and is not there.
+        The path that was asked for and does not exist.
     names
         What else may be meant, beside what lies in the same folder and has the same suffix.
 
@@ -113,5 +113,5 @@ def sound_written(path: Path) -> Generator[None]:
     except soundfile.LibsndfileError as error:
         given = f"file {path} ({error.error_string.rstrip('.')})"
         raise InputError(
-            given, "a place that takes all of it", "free space there, or write elsewhere"
+            given, "a place with enough space", "free space there, or write elsewhere"
         ) from error

@@ -1,4 +1,4 @@
-"""Control-C, SIGTERM and SIGHUP as a request that a loop grants between two steps."""
+"""Control-C, SIGTERM and SIGHUP as a request that a loop answers between two steps."""
 
 import signal
 import threading
@@ -60,7 +60,7 @@ class Interruption:
 
 @contextmanager
 def interruption() -> Generator[Interruption]:
-    """Take SIGINT, SIGTERM and SIGHUP, and put back what stood there before.
+    """Handle SIGINT, SIGTERM and SIGHUP, and restore the previous handlers afterwards.
 
     One that is ignored, as SIGHUP is under nohup, stays so. Outside the main thread, where Python takes no
     signals, nothing is changed.

@@ -44,7 +44,7 @@ SETTLED = 1.0 - 1e-6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LabelTrack:
-    """What is known to be true at times (n,) in s, by column (n,); NaN where it is not known."""
+    """Ground truth at times (n,) in s, one column (n,) per quantity; NaN where it is unknown."""
 
     time: Floats
     columns: dict[str, Floats]

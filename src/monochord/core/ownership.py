@@ -1,4 +1,4 @@
-"""Folders and files that one running process owns, and what processes that ended left behind.
+"""Folders and files that one running process owns, and the leftovers of processes that ended.
 
 Ownership is a lock of `flock`, which the system releases when its process ends, however that ends: no lock is
 ever stale, and a process number that was given out again deceives nobody. Children do not inherit it, unless

@@ -75,7 +75,7 @@ class Presets(Generic[Preset]):
 
 
 def preset_names(package: str) -> list[str]:
-    """Return the names of the presets in a package's folder and of those that were installed, sorted.
+    """Return the names of a package's presets and of installed ones, sorted.
 
     Examples
     --------

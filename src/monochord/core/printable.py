@@ -10,10 +10,10 @@ _CONTROLS = re.compile(
 
 
 def printable(line: str) -> str:
-    r"""Return a line in which nothing makes a terminal do anything but print.
+    r"""Return a line that a terminal only prints, without acting on it.
 
     Control characters, line ends among them, and those that turn the direction of writing are written as
-    JSON writes them. JSON stays what it is, but that none of these is left in it.
+    JSON writes them. JSON keeps its meaning, and contains none of these characters afterwards.
 
     >>> printable("plain \x1b[31mred\u202e")
     'plain \\u001b[31mred\\u202e'

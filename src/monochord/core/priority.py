@@ -12,7 +12,7 @@ USUAL, FIRST = 1, 2
 
 @contextmanager
 def before_other_programs() -> Generator[None]:
-    """Give this thread, and those and the programs that it begins, real-time priority.
+    """Give real-time priority to this thread and to the threads and programs that it starts.
 
     Raises
     ------
@@ -39,4 +39,6 @@ def prioritise(priority: int) -> None:
         os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(priority))
     except PermissionError as error:
         given = f"real-time priority {priority} (not permitted)"
-        raise InputError(given, "a user who may have it", "see what monochord doctor says of it") from error
+        raise InputError(
+            given, "a user with that permission", "see what monochord doctor says of it"
+        ) from error

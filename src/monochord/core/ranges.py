@@ -46,7 +46,7 @@ class Checked:
     >>> from monochord.live.health import HealthSettings
     >>> HealthSettings(look=-0.1)
     Traceback (most recent call last):
-    monochord.core.errors.InputError: HealthSettings look -0.1 s: allowed is a finite number of 0 s or more
+    monochord.core.errors.InputError: HealthSettings look -0.1 s: expected a finite number of 0 s or more
     """
 
     __slots__ = ()
@@ -112,11 +112,11 @@ def _within(number: Any, meta: Meta) -> bool:
 
 
 def refuse_unordered(where: str, **pairs: tuple[float, float] | None) -> None:
-    """Raise `InputError` where the first number of a pair is above the second; `where` names what has them.
+    """Raise `InputError` if the first number of a pair is above the second; `where` names their owner.
 
     >>> refuse_unordered("touch", forces=(2.0, 0.1))
     Traceback (most recent call last):
-    monochord.core.errors.InputError: touch: forces 2 to 0.1: allowed is the least first
+    monochord.core.errors.InputError: touch: forces 2 to 0.1: expected the least first
     """
     for name, pair in pairs.items():
         if pair is not None and not pair[0] <= pair[1]:

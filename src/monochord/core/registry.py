@@ -87,7 +87,7 @@ class Registry(Generic[T]):
         return from_tree(self.load(name), options or {}, where=name if where is None else where)
 
     def name_of(self, plug_in: T) -> str:
-        """Return the name of a plug-in; raises `InputError` for one of a class that is in no list."""
+        """Return the name of a plug-in; raises `InputError` if its class is not registered."""
         kind = type(plug_in)
         package, _, name = kind.__module__.rpartition(".")
         if package == self.package and name in self._own_names():
@@ -174,13 +174,15 @@ def _entries(group: str) -> Iterable[EntryPoint]:
             by_package.setdefault(package.name, package.entry_points.select(group=group))
         except Exception as error:  # noqa: BLE001  (whatever the library makes of damage)
             given = f"package {package.metadata['Name']} (its entry points are damaged: {error})"
-            _log.warning("monochord: %s", InputError(given, "those of its author", "reinstall or remove it"))
+            _log.warning(
+                "monochord: %s", InputError(given, "the entry points of its author", "reinstall or remove it")
+            )
             by_package[package.name] = ()
     return [entry for entries in by_package.values() for entry in entries]
 
 
 def refuse_clash(kind: str, name: str, added: tuple[EntryPoint, ...], *, own: bool) -> None:
-    """Raise `InputError` where a name stands for several things: one of Monochord's own, or of packages."""
+    """Raise `InputError` if a name is defined more than once, by Monochord or by packages."""
     if len(added) + own > 1:
         owners = [*(["Monochord"] if own else []), *sorted(map(_distribution, added))]
         given = f"{kind} '{name}' (of {' and of '.join(owners)})"

@@ -1,4 +1,4 @@
-"""The lower part of a terminal, of which a new picture rewrites only the lines that it changes."""
+"""A picture at the bottom of a terminal; an update rewrites only the lines that changed."""
 
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
@@ -25,7 +25,7 @@ def can_draw(console: Console) -> bool:
 
 
 class Screen(AbstractContextManager["Screen"]):
-    """Pictures one over the other, below what stood there before; the last one stays.
+    """Pictures that replace one another below the earlier output; the last one stays.
 
     `console` must be a terminal that takes ANSI's control sequences.
     """

@@ -48,7 +48,7 @@ def sound(
     >>> sound(np.zeros((1, 4410)), channels=2)
     Traceback (most recent call last):
     ...
-    monochord.core.errors.InputError: one microphone: allowed is two microphones; record both
+    monochord.core.errors.InputError: one microphone: expected two microphones; record both
     """
     array = _numbers(given, dtype)
     if array.ndim != 2 or 0 in array.shape:
@@ -62,12 +62,12 @@ def sound(
 
 
 def refuse_other_channels(given: int, expected: int, reader: str = "") -> None:
-    """Raise `InputError` unless as many channels are given as `reader`, such as "for a model", takes.
+    """Raise `InputError` unless the number of channels is what `reader`, such as "for a model", takes.
 
     >>> refuse_other_channels(1, 2, "for a model")
     Traceback (most recent call last):
     ...
-    monochord.core.errors.InputError: one microphone for a model: allowed is two microphones; record both
+    monochord.core.errors.InputError: one microphone for a model: expected two microphones; record both
     """
     if given != expected:
         one = "record both" if (given, expected) == (1, 2) else "choose those of the string"
@@ -75,12 +75,12 @@ def refuse_other_channels(given: int, expected: int, reader: str = "") -> None:
 
 
 def batch(given: ArrayLike, channels: int, size: int) -> NDArray[np.float32]:
-    """Return windows (n, channels, size) as `sound` returns each; there may be none of them.
+    """Return windows (n, channels, size), each as `sound` returns it; n may be 0.
 
     Raises
     ------
     InputError
-        If they have another shape, or are none of numbers.
+        If they have another shape, or do not contain numbers.
 
     Examples
     --------
@@ -94,12 +94,12 @@ def batch(given: ArrayLike, channels: int, size: int) -> NDArray[np.float32]:
 
 
 def alike(name: str, *arrays: NDArray[Any]) -> None:
-    """Raise `InputError` unless the arrays, which are those of `name`, are of one shape and not empty.
+    """Raise `InputError` unless the arrays have one shape and are not empty; `name` says what they are.
 
     >>> alike("spectrum", np.ones(3), np.ones(2))
     Traceback (most recent call last):
     ...
-    monochord.core.errors.InputError: spectrum of shapes (3,) and (2,): allowed is one shape, not empty
+    monochord.core.errors.InputError: spectrum of shapes (3,) and (2,): expected one shape, not empty
     """
     shapes = [array.shape for array in arrays]
     if len({*shapes}) > 1 or 0 in shapes[0]:

@@ -1,4 +1,4 @@
-"""Silence: the level below which a microphone picks up nothing at all, and what to look at then."""
+"""Silence: the level below which a microphone picks up nothing, and what to check then."""
 
 import numpy as np
 
@@ -13,7 +13,7 @@ SILENCE_REMEDY = (
 
 
 def is_silent(samples: Audio) -> bool:
-    """Return whether sound is silence; sound with samples that are not numbers is not.
+    """Return whether sound is silence. Sound with samples that are not numbers counts as not silent.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""How long things take: percentiles of an endless run of durations, in memory that is taken once."""
+"""Percentiles of an endless series of durations, in a fixed amount of memory."""
 
 import math
 from array import array
@@ -17,7 +17,7 @@ CLASSES = math.ceil(math.log(LONGEST / SHORTEST) / STEP) + 1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Percentiles:
-    """What a `Histogram` has seen: the count, three percentiles and the longest; NaN where none was seen."""
+    """Summary of a `Histogram`: count, three percentiles and the longest duration; NaN if it is empty."""
 
     count: int
     p50: Seconds

@@ -1,4 +1,4 @@
-"""Type aliases that tell the unit of a number, and the few unit conversions of the field.
+"""Type aliases that state the unit of a number, and the few unit conversions of the field.
 
 Inside Monochord every quantity is in SI base units and carries no suffix; the alias in its annotation
 tells which, and errors quote it. Millimetres, milliseconds and decibels appear only where a person reads
@@ -25,7 +25,7 @@ FINITE = sys.float_info.max
 
 
 def unit_of(kind: Any) -> str:
-    """Return the unit of an annotated type with a space before, an empty string where it states none.
+    """Return a space and the unit of an annotated type; an empty string if it states no unit.
 
     >>> unit_of(Metres), unit_of(float)
     (' m', '')

@@ -106,7 +106,7 @@ def _on_cluster(
         except (OSError, ValueError) as error:
             raise InputError(
                 f"cluster {address} (no dask scheduler answers there)",
-                "the address of one, such as tcp://10.0.0.5:8786",
+                "the address of a running scheduler, such as tcp://10.0.0.5:8786",
                 "start it: dask scheduler; dask worker ADDRESS",
             ) from error
         with client:

@@ -52,7 +52,7 @@ MAX_SHOWN = 3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Leak:
-    """Something that two parts share: `kind`, the names of the `parts`, `where`, and how `many` windows.
+    """A leak between two parts: its `kind`, the names of the `parts`, `where`, and how `many` windows.
 
     >>> print(Leak(kind="shared session", parts=("train", "test"), where="monday", many=12))
     shared session: train and test, 12 windows (monday)
@@ -70,7 +70,7 @@ class Leak:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Audit:
-    """The result of an audit: `leaks`, and `notes` of what is no leak but should be known."""
+    """The result of an audit: `leaks`, and `notes` on anything else worth knowing."""
 
     leaks: Sequence[Leak]
     notes: Sequence[str] = ()
@@ -85,7 +85,9 @@ class Audit:
         if not self.clean:
             more = f", and {len(self.leaks) - 1} more" if len(self.leaks) > 1 else ""
             raise InputError(
-                f"split with a leak: {self.leaks[0]}{more}", "none", "split by session, and leave copies out"
+                f"split with a leak: {self.leaks[0]}{more}",
+                "no leak",
+                "split by session, and leave copies out",
             )
 
 

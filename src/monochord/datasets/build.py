@@ -100,7 +100,7 @@ def recorded_tension(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Job:
-    """A session that is to be read: its name and file, and where its samples go."""
+    """A session to read: its name, its file, and where its samples go."""
 
     name: str
     path: Path
@@ -111,7 +111,7 @@ class Job:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Taken:
-    """What a session gives but for its samples, which are on disk; `refused` is why it gives nothing.
+    """What a session contributes beside its samples, which are on disk; `refused` says why it is unusable.
 
     `part` has no place among the others yet: its `first` is 0, and its `audio` empty.
     """
@@ -125,12 +125,12 @@ class Taken:
 
 
 def find_sessions(names: Iterable[str]) -> list[Path]:
-    """Return the session files that names stand for: files, folders with any below, and patterns.
+    """Return the session files of these names: files, folders (searched below), and patterns.
 
     Raises
     ------
     InputError
-        For a name that stands for none.
+        If a name matches no session.
     """
     paths: dict[Path, None] = {}
     for name in names:
@@ -155,7 +155,7 @@ def build_dataset(
     workers: int | None = 1,
     cluster: str = "",
 ) -> Dataset:
-    """Return the dataset that sessions make, written to the new folder `out`; `store` tells what is in it.
+    """Build a dataset from sessions in the new folder `out`, and return it; its format is in `store`.
 
     The samples of a session are taken as they were recorded: lost frames are zeros, clipped ones and those
     that are no numbers stay, and the windows that hold any are flagged. A process holds one session at a
@@ -194,7 +194,7 @@ def build_dataset(
         raise InputError("no sessions", "one or more")
     if not out.absolute().parent.is_dir():
         raise InputError(
-            f"folder {out.absolute().parent}, which is not there", "one that is", "make it first"
+            f"folder {out.absolute().parent}, which is not there", "an existing folder", "make it first"
         )
     files = named_sessions(sessions)
     names = [*files, ""]

@@ -1,4 +1,4 @@
-"""Finds the same recording under two names, whole or cut: by samples that both hold.
+"""Finds copies of a recording, whole or cut, by the samples they share.
 
 Runs of `RUN` samples, rounded to 16 bits, are compared, which two takes share by chance as rarely as two
 random numbers are equal: the converter's noise sees to that. The runs begin where a sample's own bits say so,
@@ -48,7 +48,7 @@ class Duplicate:
 
 
 def find_duplicates(track: Track, pairs: Iterable[tuple[int, int]]) -> list[Duplicate]:
-    """Return the pairs of sessions that hold the same sound, at the lag where most of it agrees.
+    """Return the pairs of sessions with the same sound, each at the lag where most samples agree.
 
     Parameters
     ----------

@@ -39,14 +39,13 @@ TABLE: dict[str, type[np.generic]] = {
 class Part:
     """One session in a dataset.
 
-    `source` is the name of its file and `checksum` that file's sha256; `audio` is the file of its samples
-    (2, `frames`) below the dataset and `audio_checksum` the sha256 of the samples alone. It has `windows`
-    rows of the table, from row `first` on. `labels` says where they come from: "recorded" or "measured".
-    `late` is by how much its sound was late at its begin, in s, where it has taps, and `flags` are what its
-    alignment was warned of, where it was taken all the same. `music` is what sounded in the room, empty for
-    nothing, and None where that is unknown. `tension` is that of its string at rest, in N, where it is known.
-    `tuned` says from where: "recorded" with the sensor as tuned, or "heard", estimated from the untouched
-    beginning.
+    `source` is the name of its file and `checksum` that file's sha256; `audio` is the file of its samples (2,
+    `frames`) below the dataset and `audio_checksum` the sha256 of the samples alone. It has `windows` rows of
+    the table, from row `first` on. `labels` says where they come from: "recorded" or "measured". `late` is by
+    how much its sound was late at its beginning, in s, where it has taps, and `flags` are what its alignment
+    was warned of, where it was taken all the same. `music` is what sounded in the room, empty for nothing,
+    and None where that is unknown. `tension` is that of its string at rest, in N, where it is known. `tuned`
+    says from where: "recorded" with the sensor as tuned, or "heard", estimated from the untouched beginning.
     """
 
     name: str
@@ -115,7 +114,7 @@ class Manifest:
         return any(part.simulated for part in self.parts)
 
     def arrays(self) -> Mapping[str, Layout]:
-        """Return what is in each file of the dataset, by its name below the folder."""
+        """Return the contents of each file of the dataset, by its name below the folder."""
         rows = (self.windows,)
         return {
             **{part.audio: (np.float32, (self.channels, part.frames)) for part in self.parts},

@@ -39,7 +39,7 @@ QUIET = 0.1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Thresholds(Checked):
-    """What counts as contact and as sliding; the module tells how each is used."""
+    """Thresholds of contact and sliding; the module describes how each is used."""
 
     on: Annotated[Newtons, Meta(gt=0.0)] = 0.05
     off: Annotated[Newtons, Meta(gt=0.0)] = 0.03
@@ -59,7 +59,7 @@ THRESHOLDS = Thresholds()
 def measured_truth(
     wrench: ReadingTrack, pose: ReadingTrack, thresholds: Thresholds = THRESHOLDS
 ) -> LabelTrack:
-    """Return the labels that readings give, every millisecond, NaN where readings are missing.
+    """Return labels from force and pose readings, every millisecond; NaN where readings are missing.
 
     Parameters
     ----------

@@ -157,7 +157,7 @@ def split_dataset(
     held_out: Sequence[str] = (),
     guard: Seconds | None = None,
 ) -> Split:
-    """Return a split of a dataset; the module tells what each way does.
+    """Split a dataset; the module describes each way.
 
     Parameters
     ----------
@@ -225,7 +225,7 @@ def split_dataset(
 def refuse_impossible(
     by: str, fractions: tuple[float, float, float] = SHARES, held_out: Sequence[str] = ()
 ) -> None:
-    """Raise `InputError` for a split that is refused whatever the dataset.
+    """Raise `InputError` for a split that no dataset allows.
 
     >>> refuse_impossible("session")
     """

@@ -137,7 +137,7 @@ class Dataset:
 
 
 def open_dataset(path: Path, *, sampled: int = SAMPLED_BLOCKS, seed: int | None = None) -> Dataset:
-    """Return the dataset in a folder, having looked whether it is as it was built.
+    """Open the dataset in a folder, and check that it is unchanged since it was built.
 
     Size and header of every file are looked at, and all of the table and the labels, since they are small. Of
     audio `sampled` blocks of 1 MiB are compared with their checksums, all of them where there are no more;
@@ -198,7 +198,9 @@ def _refuse_outside(dataset: Dataset) -> None:
         np.array_equal(dataset.session, session) and np.all((dataset.start >= 0) & (dataset.start <= ends))
     ):
         raise InputError(
-            f"{dataset.path / 'windows'} (windows outside of their sessions)", "those built", REMEDY
+            f"{dataset.path / 'windows'} (windows outside of their sessions)",
+            "the windows that were built",
+            REMEDY,
         )
 
 
@@ -220,7 +222,7 @@ def write_table(folder: Path, table: Mapping[str, NDArray[Any]], labels: Mapping
 
 
 def write_array(file: Path, values: NDArray[Any]) -> None:
-    """Write an array as `numpy.save` does, but that errors name the file and tell a full disk as such."""
+    """Write an array as `numpy.save` does; errors name the file, and report a full disk."""
     values = np.ascontiguousarray(values)
     try:
         with file.open("wb") as out:

@@ -36,7 +36,7 @@ class SessionTruth:
 def truth_of(
     session: SessionReader, source: str = "", thresholds: Thresholds = THRESHOLDS, *, force: bool = False
 ) -> SessionTruth:
-    """Return what is true of a session, its streams aligned by their taps.
+    """Return the ground truth of a session, with its streams aligned by their taps.
 
     Parameters
     ----------

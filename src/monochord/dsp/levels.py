@@ -21,7 +21,7 @@ MIN_LINES = 16
 
 
 def measure_levels(samples: Audio, sample_rate: Hertz) -> Floats:
-    """Return level, peak, share of samples at the peak, and share of hum of each channel, (channels, 4).
+    """Return each channel's level, peak, share of samples at the peak, and share of hum, (channels, 4).
 
     The level is the root mean square without the mean. Hum is the power at the mains' frequency, 50 or
     60 Hz, and its first harmonics, by Goertzel's recursion (1958) under no taper, over all power.
@@ -78,7 +78,7 @@ def _measured(samples: Audio, sample_rate: Hertz) -> Floats:
 
 
 def tone_prominence(samples: Audio, sample_rate: Hertz) -> float:
-    """Return the power of the strongest tone over that of the noise beside it, in any channel.
+    """Return the power of the strongest tone of any channel over the noise around it.
 
     It is the largest line of a Hann-windowed spectrum over the median of the lines around it. Of white noise
     it is 8 to 60, since the power of a line is exponentially distributed. Infinite where the window is too

@@ -123,7 +123,7 @@ def hum(
 
 
 def chord(stream: np.random.Generator, shape: Shape, sample_rate: float) -> Floats:
-    """Return some tones of any pitch that begin or fade at random, with a stroke beside them: as of music.
+    """Return noise like music: tones of random pitch that begin or fade at random, and a drum stroke.
 
     Two to six tones from 50 to 1000 Hz, each of twelve partials whose amplitude falls as a power of their
     number, 1 to 2; and a burst of white noise of up to their level, which dies away. All channels have the
@@ -207,7 +207,7 @@ def noise_loop(
     stretches: int = 8,
     fade: Seconds = 0.02,
 ) -> Floats:
-    """Return a noise that goes on without a jump when it is repeated, of `stretches` as long as `shape`.
+    """Return a noise that repeats without a jump, made of `stretches` that are each as long as `shape`.
 
     Each stretch fades into the next, and the last into the first, with powers that add up to one: the level
     stays that of the stretches.

@@ -22,7 +22,7 @@ MIN_SALIENCE = 1.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Series:
-    """One candidate: f0 in Hz and B with their standard errors, and what speaks for it.
+    """One candidate: f0 in Hz and B with their standard errors, and the evidence for it.
 
     `claims` says of every spectral peak what share of all power it is if it lies on a partial, and zero if
     not; `evidence` is the log evidence over clutter in nats.
@@ -42,7 +42,7 @@ class Series:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PitchFinder:
-    """Finds stiff harmonic series in windows of one size, looking for f0 in [lowest, highest].
+    """Finds stiff harmonic series with f0 in [lowest, highest], in windows of one size.
 
     Series outside that range are reported where they are relatives of one inside, such as its lower octave.
 

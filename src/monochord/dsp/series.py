@@ -43,7 +43,7 @@ COLUMNS = ("frequency", "frequency_std", "inharmonicity", "inharmonicity_std", "
 
 
 class View(NamedTuple):
-    """What a search looks at and for.
+    """The spectrum that a search reads, and the series it looks for.
 
     `salience` is the logarithmic height of the spectrum over its noise floor, (bins,); `spacing` the distance
     of two bins and `resolution` one over the window's duration, in Hz. Peaks count from `bottom` to `top`, in

@@ -85,7 +85,7 @@ class Analyser:
         return np.log1p(power / noise_floor(power, block))
 
     def peaks(self, power: Floats, salience: Floats, least: float) -> Peaks:
-        """Return the peaks of at least a salience of `least` that are not a stronger peak's side lobe."""
+        """Return the peaks with a salience of at least `least`, without side lobes of stronger peaks."""
         frequency, height, stands = find_peaks(power, salience, self.spacing, 1.0 / self.resolution, least)
         rank = np.empty(frequency.size)
         rank[np.argsort(-height)] = np.arange(1.0, frequency.size + 1.0)
@@ -210,7 +210,7 @@ def _quantile(rows: Floats, share: float) -> Floats:
 def find_peaks(
     power: Floats, salience: Floats, spacing: Hertz, duration: Seconds, least: float
 ) -> tuple[Floats, Floats, Floats]:
-    """Return frequency, power and salience of the spectral peaks that are not a stronger peak's side lobe.
+    """Return frequency, power and salience of the spectral peaks, without side lobes of stronger peaks.
 
     A peak is a local maximum of `power` whose salience is at least `least`; its place is that of the parabola
     through the logarithms of three bins (Smith & Serra 1987). A peak below the side-lobe envelope that a Hann

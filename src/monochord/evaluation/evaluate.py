@@ -170,7 +170,7 @@ def write(folder: Path, evaluation: Evaluation, draw: Draw = lambda *_: {}) -> N
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"folder {folder} ({error.strerror})", "one that can be made") from error
+        raise InputError(f"folder {folder} ({error.strerror})", "a folder that can be made") from error
     write_results(results, folder / RESULTS)
     write_csv(results, folder / TABLE)
     scores = json.dumps(card.tree(), indent=1, allow_nan=False)
@@ -194,7 +194,7 @@ def refuse_unwritable(folder: Path) -> None:
                 each.mkdir()
                 made.append(each)
     except OSError as error:
-        raise InputError(f"folder {folder} ({error.strerror})", "one that can be made") from error
+        raise InputError(f"folder {folder} ({error.strerror})", "a folder that can be made") from error
     finally:
         for each in reversed(made):
             each.rmdir()

@@ -88,7 +88,9 @@ class Disturbance(Checked):
             raise InputError(f"noise '{self.kind}'", ", ".join(known), did_you_mean(self.kind, known))
         sound = self.recordings.get(self.kind)
         if sound is not None and not (np.isfinite(sound).all() and np.any(sound)):
-            raise InputError(f"recording of {self.kind} (silent, or not numbers)", "one with sound in it")
+            raise InputError(
+                f"recording of {self.kind} (silent, or not numbers)", "a recording with sound in it"
+            )
 
     def apply(self, audio: Audio, power: float, sample_rate: int, session: str) -> Audio:
         """Return sound (2, n) with noise added; the ratio refers to `power`, in full scale squared."""

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
 
 TWO_COLUMNS = 182.0  # mm, the text width of a two-column journal page
-SEGMENTS = ("#0072B2", "#D55E00")  # Okabe and Ito's blue and vermillion: segment 1 and segment 2
+SEGMENTS = ("#0072B2", "#D55E00")  # Okabe and Ito's blue and vermilion: segment 1 and segment 2
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#444444", "#999933")
 """Okabe and Ito's, which colour-blind readers can tell apart, and two more."""
 INK, PALE = "#222222", "#9A9A9A"

@@ -38,4 +38,4 @@ def require_matplotlib() -> None:
         If it is not; the error says how to install it.
     """
     if find_spec("matplotlib") is None:
-        raise MissingLibraryError("A figure", "matplotlib >= 3.9", "figures")
+        raise MissingLibraryError("Drawing a figure", "matplotlib >= 3.9", "figures")

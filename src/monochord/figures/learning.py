@@ -133,7 +133,7 @@ def _history(run: Path) -> dict[str, Floats]:
         columns = dict(zip(names, table.T, strict=True))
         known = np.abs(columns["epoch"]) < LATEST_EPOCH
     except FileNotFoundError as error:
-        raise InputError(f"run {run} (no epoch done yet)", "one with an epoch or more") from error
+        raise InputError(f"run {run} (no epoch done yet)", "a run with one epoch or more") from error
     except (OSError, ValueError, KeyError, csv.Error) as error:
         raise InputError(f"history {file} (damaged)", "a table as monochord train writes it") from error
     if "loss" not in columns or not table.size or not known.all():

@@ -102,7 +102,7 @@ class Modes(Measured):
         counts = endings.counts()
         if not counts:
             raise InputError(
-                f"{self.histories} histories without a steady end", "a steady one", "raise after"
+                f"{self.histories} histories without a steady end", "a steady end", "raise after"
             )
         columns = min(len(counts), self.shown)
         page = _style.canvas(138.0)
@@ -214,9 +214,10 @@ class History:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Study:
-    """How histories ended: `levels` (n, 2, partials) in dB of the whole, `steady` (n,), `pattern` (n,).
+    """How simulated histories ended.
 
-    Patterns are numbered by how often they came, 0 first; a sound that is not steady has -1.
+    `levels` (n, 2, partials) are in dB of the whole; `steady` and `pattern` are (n,). Patterns are numbered
+    by how often they came, 0 first; a sound that is not steady has -1.
     """
 
     levels: Floats

@@ -170,7 +170,7 @@ def built(
         made = split_dataset(dataset, by=by, seed=seed, held_out=held_out)
     except InputError as error:
         remedy = f"{error.remedy}; {out} stands without a split".removeprefix("; ")
-        raise InputError(error.given, error.allowed, remedy) from error
+        raise InputError(error.given, error.expected, remedy) from error
     file = dataset.path / SPLIT_FILE
     made.write(file)
     return LabelledData(dataset=dataset, split=made, audit=audit(dataset, made), split_file=file)

@@ -36,7 +36,7 @@ def read_script(path: Path, kind: type[T]) -> tuple[dict[str, Floats], T]:
 
 
 def follow_input(address: Mapping[str, Any], begin_at: Callable[[Seconds], None]) -> None:
-    """Print an address as a line of JSON, then read each line of the input as a begin, until it ends."""
+    """Print an address as a line of JSON, then read each line of the input as a start time, until it ends."""
     print(json.dumps(address), flush=True)  # noqa: T201  (read by the parent process)
     try:
         for line in sys.stdin:

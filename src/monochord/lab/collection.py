@@ -46,7 +46,7 @@ def chosen(plan: Plan, *, seed: int = 0, only: str = "") -> list[Assignment]:
 def collect(
     sessions: Iterable[Assignment], folder: Path, *, workers: int | None = None, cluster: str = ""
 ) -> Generator[CollectedSession]:
-    """Make sessions, and yield each result in the order in which they finish.
+    """Make sessions, and yield each result as it finishes.
 
     Sessions that exist already are not made again. Files do not depend on the number of workers.
 
@@ -106,6 +106,6 @@ def _remove_unfinished(folder: Path, sessions: Sequence[Assignment]) -> int:
 
 
 def checksum(results: Iterable[CollectedSession]) -> str:
-    """Return one SHA-256 over the names and checksums of all, in whatever order they finished."""
+    """Return one SHA-256 over the names and checksums of all sessions, whatever their order."""
     lines = sorted(f"{result.name} {result.checksum}\n" for result in results)
     return hashlib.sha256("".join(lines).encode()).hexdigest()

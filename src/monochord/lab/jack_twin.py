@@ -87,7 +87,7 @@ class Relay(Closing):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Hello:
-    """What the player says once its ports are there."""
+    """The player's message once its ports exist."""
 
     ports: tuple[str, ...]
     positions: tuple[Metres, Metres]

@@ -216,7 +216,7 @@ class NetFtDevice(Closing):
     """A Net F/T with a known load, in a thread of its own.
 
     Like the real one it samples all the time, streams to one client, the last to send a request, and restarts
-    the record numbers with each stream. Before its begin the load is the first wrench, after its end the
+    the record numbers with each stream. Before its beginning the load is the first wrench, after its end the
     last. 7000 records a second take about a tenth of a core: a busy program starts it as a process.
 
     Parameters

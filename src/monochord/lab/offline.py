@@ -289,7 +289,7 @@ class _SimulatedStreams:
             "wrench": Transport(delay=delay["wrench"], jitter=sensor.jitter, lost=sensor.lost),
             "pose": Transport(delay=delay["pose"], jitter=POSE_JITTER),
         }
-        self._delaysst = {"wrench": -np.inf, "pose": -np.inf}
+        self._latest = {"wrench": -np.inf, "pose": -np.inf}
         self._frame_time: Samples = int(self._random["audio"].integers(2**32))
         self._second = 0
 
@@ -336,8 +336,8 @@ class _SimulatedStreams:
         self, piece: Rendering, stream: str, taken: Floats, values: Floats
     ) -> tuple[Floats, Readings]:
         """Return the times at which readings of a chunk were taken, and those that arrive."""
-        index, arrival = arrive(taken, self._transports[stream], self._random[stream], self._delaysst[stream])
-        self._delaysst[stream] = float(arrival[-1]) if len(arrival) else self._delaysst[stream]
+        index, arrival = arrive(taken, self._transports[stream], self._random[stream], self._latest[stream])
+        self._latest[stream] = float(arrival[-1]) if len(arrival) else self._latest[stream]
         rate = piece.force_rate if stream == "wrench" else piece.pose_rate
         count = piece.index(rate, len(taken))[index]
         clock = count if stream == "wrench" else np.rint((self._epoch + taken[index]) * NANO).astype(np.int64)
@@ -390,7 +390,9 @@ def summarise(path: Path, *, kept: bool = False) -> CollectedSession:
     session = read_session(path)
     switched = {event.text: event.time for event in session.events if event.kind == "drivers"}
     if set(switched) != {"on", "off"}:
-        raise InputError(f"session {path} (ends too early)", "a whole one", "delete it, and collect it again")
+        raise InputError(
+            f"session {path} (ends too early)", "a whole session", "delete it, and collect it again"
+        )
     counts = count_windows(session.labels.time, session.labels.columns, switched["on"], switched["off"])
     with path.open("rb") as file:
         checksum = hashlib.file_digest(file, "sha256").hexdigest()

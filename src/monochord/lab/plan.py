@@ -149,7 +149,7 @@ class Group(Checked):
         if self.grid[0] * self.grid[1] > MAX_TOUCHES:
             raise InputError(f"group {self.name}: grid {self.grid}", f"{MAX_TOUCHES} touches at most")
         if self.builds and self.first_build is not None:
-            raise InputError(f"group {self.name}: builds and first_build", "one of them")
+            raise InputError(f"group {self.name}: builds and first_build", "only one of them")
         if not self.days:
             raise InputError(f"group {self.name} without days", "one day or more")
 
@@ -337,7 +337,7 @@ class Assignment:
 
     @property
     def epoch(self) -> Seconds:
-        """Its begin, in s since 1970."""
+        """Start time, in s since 1970."""
         return self.plan.epoch + self.day * DAY + self.order * SESSION_INTERVAL
 
     @property

@@ -80,7 +80,7 @@ class PublisherSettings(Checked):
 class PosePublisher(Closing):
     """A robot that publishes its pose, in a thread of its own.
 
-    Before its begin it rests at the first pose and after its end at the last, and publishes at the same rate.
+    Before its beginning it rests at the first pose, after its end at the last; it always publishes.
 
     Parameters
     ----------

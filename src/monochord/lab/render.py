@@ -60,7 +60,7 @@ class Rendering:
 
     @property
     def begin(self) -> Seconds:
-        """When it begins, in s."""
+        """Start time, in s."""
         return self.start / self.sample_rate
 
     @property
@@ -89,7 +89,7 @@ class Rendering:
 
 
 def concatenate(parts: Iterable[Rendering]) -> Rendering:
-    """Return consecutive stretches as one; raises `ValueError` where there is none.
+    """Join consecutive stretches into one; raises `ValueError` if there are none.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def concatenate(parts: Iterable[Rendering]) -> Rendering:
     Returns
     -------
     Rendering
-        From the first one's begin to the last one's end.
+        From the first one's beginning to the last one's end.
     """
     parts = list(parts)
     if not parts:
@@ -120,7 +120,7 @@ def concatenate(parts: Iterable[Rendering]) -> Rendering:
 
 
 def first_reading(frame: Samples, rate: Hertz, sample_rate: int) -> int:
-    """Return the number of the first reading of a rate that is not before a frame of the microphones.
+    """Return the number of the first reading, at a rate, at or after a frame of the microphones.
 
     Examples
     --------

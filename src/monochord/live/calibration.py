@@ -1,4 +1,4 @@
-"""Calibration of an estimator by takes of which the touch position is known."""
+"""Calibration of an estimator with recordings whose touch position is known."""
 
 import dataclasses
 import statistics

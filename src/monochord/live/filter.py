@@ -72,7 +72,7 @@ class Tracked:
 def step(
     state: FilterState, prediction: Prediction, length: Seconds, settings: FilterSettings
 ) -> tuple[FilterState, Tracked]:
-    """Return the state after a window, and what is known of the touch then.
+    """Return the state after a window, and the tracked touch.
 
     Parameters
     ----------

@@ -58,10 +58,10 @@ class Note:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HealthSettings(Checked):
-    """When a finding becomes a note.
+    """When a finding becomes a note, all in s.
 
-    It must have lasted for `appear`, and is none any more once it has been gone for `clear`; `look` is the
-    least time between two looks at the levels, all in s.
+    A note appears once its finding has lasted for `appear`, and is cleared after `clear` without it. The
+    levels are checked once in `look` at most.
     """
 
     appear: NonNegative[Seconds] = 0.5
@@ -217,7 +217,7 @@ def step(
     condition: Condition | None,
     settings: HealthSettings,
 ) -> tuple[HealthState, tuple[Note, ...]]:
-    """Return the state after a window, and what a person should know then, the oldest first.
+    """Return the state after a window, and the notes for the user, the oldest first.
 
     Parameters
     ----------

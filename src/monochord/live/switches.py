@@ -118,7 +118,7 @@ def contact_after(
 def slip_after(
     before: Switch, slip: Estimate, end: Seconds, onset: Seconds, share: float, settings: SwitchSettings
 ) -> Switch:
-    """Return the slip after a window, a share of which is covered by the touch that began at an onset."""
+    """Return the slip after a window that the touch, from its onset on, covers only in part."""
     if before.on is None:
         level = math.log(settings.off / (1.0 - settings.off))
         return Switch(on=False, since=onset, decided=end, level=level, time=end)

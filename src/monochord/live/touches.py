@@ -1,4 +1,4 @@
-"""The touches heard in a recording: what ``monochord sessions touches`` lists for a person to fill in."""
+"""The touches in a recording: the table that ``monochord sessions touches`` writes for you to fill in."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -23,10 +23,10 @@ HEADER = "begin,end,position,force"
 def touch_spans(
     recording: str | Path, model: str | Path = "demo", *, sensor: str = ""
 ) -> list[tuple[Seconds, Seconds]]:
-    """Return begin and end of each touch in a recording, in s from its first frame, in order.
+    """Return start and end of each touch in a recording, in s from its first frame, in order.
 
-    They are those that the live loop announces. A span lies within its touch: it begins at the end of the
-    first window that shows the touch, and ends `DYING` before the first window without it begins.
+    The touches are those that the live loop announces. A span lies within its touch: it begins at the end of
+    the first window that shows the touch, and ends `DYING` before the first window without it begins.
 
     Parameters
     ----------

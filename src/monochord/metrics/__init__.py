@@ -1,6 +1,6 @@
 """Metrics, plain functions of (reference, estimate) in SI units.
 
-Nothing is left out silently: a value that is not a number is refused; `known` selects rows beforehand.
+A value that is not a number is refused; select rows with `known` first.
 `regression_score` and `detection_score` collect all scores of an output and count NaN as an abstention.
 """
 

@@ -53,7 +53,7 @@ def bootstrap_interval(
     draws: int = 1000,
     share: float = 0.95,
 ) -> tuple[float, float]:
-    """Return the interval of a statistic of rows, by drawing whole blocks of rows anew with replacement.
+    """Return the confidence interval of a statistic of rows, by resampling whole blocks with replacement.
 
     The expanded percentile interval: of the draws' quantiles, those at Phi(-+ sqrt(m / (m - 1)) t), with t
     Student's of m - 1 degrees of freedom for m blocks, instead of Phi(-+ z); so that few blocks give no false

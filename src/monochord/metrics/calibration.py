@@ -13,7 +13,7 @@ from monochord.metrics._checked import decisions, numbers, probabilities
 def coverage(reference: Floats, estimate: Floats, std: Floats, sigmas: float = 1.0) -> float:
     """Return the share of truths that are within `sigmas` stated standard errors, 0 to 1.
 
-    An honest normal error gives `normal_coverage(sigmas)`; more means that too much was allowed for.
+    Correctly stated normal errors give `normal_coverage(sigmas)`; more means that they are stated too large.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ def brier_score(reference: NDArray[np.bool_], probability: Floats) -> float:
 def reliability(
     reference: NDArray[np.bool_], probability: Floats, bins: int = 10
 ) -> tuple[Floats, Floats, NDArray[np.int64]]:
-    """Return stated probability, share that was true, and count, (bins,) each, in equal bins of probability.
+    """Return mean stated probability, true share and count, (bins,) each, in equal bins of probability.
 
     A bin reaches from its lower edge to just below its upper one, the last one to 1. Of a bin with nothing in
     it, probability and share are NaN.
@@ -121,7 +121,7 @@ def reliability(
 
 
 def calibration_error(reference: NDArray[np.bool_], probability: Floats, bins: int = 10) -> float:
-    """Return by how much stated probabilities miss the shares that were true, 0 to 1, weighted by count.
+    """Return the difference between stated probabilities and true shares, 0 to 1, weighted by count.
 
     The expected calibration error: the sum over bins of count / n abs(stated - share), of `reliability`.
 

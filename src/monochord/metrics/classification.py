@@ -8,7 +8,7 @@ from monochord.metrics._checked import decisions
 
 
 def confusion(reference: NDArray[np.bool_], estimate: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Return the counts (2, 2) of each truth, by row, with each answer, by column; no before yes.
+    """Return the confusion counts (2, 2): rows are the truth, columns the answer, no before yes.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ def confusion(reference: NDArray[np.bool_], estimate: NDArray[np.bool_]) -> NDAr
 def accuracy(reference: NDArray[np.bool_], estimate: NDArray[np.bool_]) -> float:
     """Return the share of answers that are right, 0 to 1.
 
-    Where one truth is rare, always the other is nearly always right: see `balanced_accuracy`.
+    If one class is rare, always answering the other scores high: see `balanced_accuracy`.
 
     Parameters
     ----------

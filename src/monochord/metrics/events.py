@@ -1,4 +1,4 @@
-"""Touches as events: how soon each is detected, and how often one is detected that is not there.
+"""Touches as events: how soon each is detected, and how many detections are false.
 
 An event and an alarm are stretches of time [begin, end). An alarm belongs to the event that it begins in; one
 that begins in none is false, even if an event comes while it lasts: always yes detects nothing.
@@ -14,7 +14,7 @@ from monochord.metrics._checked import decisions, numbers
 
 
 def stretches(time: Floats, on: NDArray[np.bool_], hop: Seconds) -> Floats:
-    """Return begin and end (k, 2) in s of each stretch of consecutive samples that are on.
+    """Return start and end (k, 2) in s of each run of consecutive samples that are on.
 
     A stretch begins at the time of its first sample and ends one `hop` after its last. A pause in the series,
     of more than one and a half hops, ends it too.
@@ -49,7 +49,7 @@ def stretches(time: Floats, on: NDArray[np.bool_], hop: Seconds) -> Floats:
 
 
 def detection_delays(events: Floats, alarms: Floats, early: Seconds = 0.0) -> Floats:
-    """Return how long after the start of each event its first alarm begins, (k,) in s; NaN where missed.
+    """Return the delay from the start of each event to its first alarm, (k,) in s; NaN if missed.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def detection_delays(events: Floats, alarms: Floats, early: Seconds = 0.0) -> Fl
 
 
 def false_alarms(events: Floats, alarms: Floats, early: Seconds = 0.0) -> int:
-    """Return how many alarms begin in no event.
+    """Return the number of alarms that begin outside every event.
 
     Parameters
     ----------

@@ -10,7 +10,7 @@ Groups = list[Floats]
 
 
 def area_under_curve(positive: Floats, negative: Floats) -> float:
-    """Return the probability that a positive value is above a negative one, a tie counting one half.
+    """Return the probability that a positive value exceeds a negative one; a tie counts one half.
 
     The area under the curve of hits against false alarms, by ranks:
     A = (R - m (m + 1) / 2) / (m n), with R the sum of the positive values' mean ranks among all m + n.
@@ -47,7 +47,7 @@ def area_under_curve(positive: Floats, negative: Floats) -> float:
 def area_interval(
     positive: Groups, negative: Groups, *, seed: int, draws: int = 400, share: float = 0.95
 ) -> tuple[float, float]:
-    """Return the interval of the area under the curve, by drawing whole runs anew with replacement.
+    """Return the confidence interval of the area under the curve, by resampling whole runs with replacement.
 
     Windows of one run are alike, so that runs and not windows are drawn (a cluster bootstrap). Both lists
     hold the same runs in the same order, and each draw takes the same ones of both. A run that is drawn twice

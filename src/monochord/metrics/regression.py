@@ -9,9 +9,9 @@ from monochord.metrics._checked import numbers
 
 
 def known(*columns: Floats) -> NDArray[np.bool_]:
-    """Return which rows (n,) are finite in every column (n,): those that can be scored.
+    """Return a mask (n,) of the rows that are finite in every column (n,), and so can be scored.
 
-    How many there are belongs beside every score made of them.
+    State their number beside every score.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def mean_absolute_error(reference: Floats, estimate: Floats) -> float:
 
 
 def rms_error(reference: Floats, estimate: Floats) -> float:
-    """Return the root of the mean of (estimate - reference)^2, which one gross error can dominate.
+    """Return the root mean square of estimate - reference; one gross error can dominate it.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def within(reference: Floats, estimate: Floats, limit: float) -> float:
 
 
 def pearson_r(reference: Floats, estimate: Floats) -> float:
-    """Return Pearson's correlation, -1 to 1; NaN where one of both never varies.
+    """Return Pearson's correlation, -1 to 1; NaN if one of them never varies.
 
     r = sum(a b) / sqrt(sum(a^2) sum(b^2)), a and b less their means. It does not see a wrong offset or scale:
     read it beside the mean absolute error.

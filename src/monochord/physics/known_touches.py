@@ -32,11 +32,11 @@ UNITS = {"grams": 1e3 / 9.80665, "kilograms": 1.0 / 9.80665, "pounds": 1.0 / 4.4
 
 
 class Impossible(NamedTuple):
-    """Why labels cannot be: which touch, None for all, what was given, what is allowed, and what to do."""
+    """Why labels are impossible: which touch (None for all), what was given, what is possible, what to do."""
 
     touch: int | None
     given: str
-    allowed: str
+    expected: str
     remedy: str
 
 

@@ -41,10 +41,10 @@ class Contents:
     """What a file holds, where its sound part ends, and what in that part is damaged.
 
     `ended` says that summary and footer follow and are sound, `closed` that there is a trace of them, `torn`
-    that what follows is a writing that was cut off, of which nothing can be used. `damage` can only be
-    left out, `patches` bring back all. `index` is of the last chunk's messages, where the file does not hold
-    it. `begin` and `ending` are what the metadata at begin and end say, `text` and `epoch_ns` what the
-    description's message says; `digests` are by channel. `rewritten` says that another program, with a
+    that what follows is a writing that was cut off, of which nothing can be used. `damage` can only be left
+    out, `patches` bring back all. `index` is of the last chunk's messages, where the file does not hold it.
+    `begin` and `ending` are what the metadata at the beginning and the end say, `text` and `epoch_ns` what
+    the description's message says; `digests` are by channel. `rewritten` says that another program, with a
     layout of its own, wrote the file; `marked` that a repair, perhaps one that was cut off, left something
     out. `span` is from the first log time to the last.
     """
@@ -102,7 +102,7 @@ class Contents:
 
 
 def origin_of(view: memoryview, contents: Contents) -> float:
-    """Return the monotonic clock at a session's begin, 0 where that is lost: no time depends on it."""
+    """Return the monotonic clock at a session's beginning, 0 where that is lost: no time depends on it."""
     written = _ORIGIN.search(view[: contents.chunks[0].chunk_start_offset if contents.chunks else 4096])
     for text in (
         contents.ending.get("origin") if ending_is_sound(contents.ending) else None,

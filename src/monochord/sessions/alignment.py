@@ -57,9 +57,9 @@ class Limits:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Lateness:
-    """How late a stream is at a session's begin and end, by the taps around `times`, in session seconds.
+    """Delay of a stream at a session's beginning and end, by the taps around `times`, in session seconds.
 
-    Where there were taps at one end only, both are the same. Where there were none, both are unknown.
+    With taps at one end only, both are the same; without taps, both are unknown.
     """
 
     times: tuple[Seconds, Seconds]
@@ -121,7 +121,7 @@ class Alignment:
 
 
 def align(session: SessionReader, limits: Limits | None = None) -> Alignment:
-    """Return by how much a session's streams are apart, from the taps at its begin and its end.
+    """Return the offsets between a session's streams, from the taps at its beginning and its end.
 
     The reference is the force where there is one, else the microphones, and the pose then says where
     their taps are. Every other stream's offset is measured in the first and in the last group of taps (see
@@ -211,7 +211,7 @@ def aligned_readings(session: SessionReader, stream: str, alignment: Alignment) 
 
 
 def calibration_spans(session: SessionReader, alignment: Alignment) -> Spans:
-    """Return when the drivers are off for the taps, as spans (begin, end) in s.
+    """Return the spans (begin, end) in s in which the drivers are off for the taps.
 
     The session's events of the kind "drivers" say when; without them it is what lies before the first group
     of taps and after the last, with `AROUND_TAPS` on the other side of each. Sound of these spans has no
@@ -301,17 +301,17 @@ def _flags_of(stream: str, late: Lateness, spacing: Seconds, limits: Limits) -> 
         if offset.std > std:
             flags.append(
                 f"{stream}'s offset at the {place} is uncertain by {1e3 * offset.std:.2f} ms;"
-                f" allowed is {1e3 * std:.2f} ms"
+                f" expected {1e3 * std:.2f} ms"
             )
         if abs(offset.value) > limits.offset:
             flags.append(
                 f"{stream} is {abs(offset.value):.2f} s {'late' if offset.value > 0.0 else 'early'} at the"
-                f" {place}; allowed is {limits.offset:g} s"
+                f" {place}; expected {limits.offset:g} s"
             )
     if abs(late.drift) > drift:
         flags.append(
             f"{stream} drifts by {1e3 * late.drift:+.2f} ms ({late.ppm:+.0f} ppm) from the start to the end;"
-            f" allowed is {1e3 * drift:.2f} ms"
+            f" expected {1e3 * drift:.2f} ms"
         )
     return flags
 
@@ -342,4 +342,4 @@ def _strays(session: SessionReader, limits: Limits) -> list[str]:
     lost = (
         f"audio's times stray from its frames by {1e3 * stray:.1f} ms: the sound server lost some uncounted"
     )
-    return [f"{lost}; allowed is {1e3 * limits.stray:g} ms"]
+    return [f"{lost}; expected {1e3 * limits.stray:g} ms"]

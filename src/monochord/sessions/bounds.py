@@ -11,7 +11,7 @@ from monochord.core.errors import InputError
 from monochord.core.units import Seconds
 
 MAX_DURATION: Seconds = 7 * 24 * 3600.0
-"""How far from its begin any time of a session lies, either way; audio ends by then, its gaps counted in."""
+"""Greatest distance of any time of a session from its beginning, either way, audio with its gaps included."""
 MAX_SAMPLE_RATE = 10_000_000
 """Frames of audio a second."""
 MAX_STREAMS = 64
@@ -70,7 +70,7 @@ def json_object(text: str) -> dict[str, Any]:
 
 
 def refuse_unpacking(what: str, packed: int, unpacked: int, remedy: str) -> None:
-    """Raise `InputError` if `packed` bytes claim to unpack to more than is allowed."""
+    """Raise `InputError` if `packed` bytes claim to unpack to more than the limit."""
     limit = max(MAX_EXPANSION * packed, ALWAYS_UNPACKED)
     if unpacked > limit:
         given = f"{what} (its {packed} bytes unpack to {unpacked})"

@@ -111,7 +111,7 @@ def _damage(contents: Contents) -> list[str]:
     if records:
         faults.append(f"{records} damaged record{'s' if records > 1 else ''} beside chunks")
     if "begin" in kinds:
-        faults.append("its begin is damaged")
+        faults.append("its beginning is damaged")
     if "description" in kinds:
         faults.append("its description is not what was written")
     return faults

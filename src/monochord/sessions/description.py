@@ -191,7 +191,7 @@ class SessionClock(Checked):
         since = np.asarray(monotonic, np.float64) - self.origin
         wrong = np.flatnonzero(~(np.abs(since) <= MAX_DURATION))
         if len(wrong):
-            given = f"time {since[wrong[0]]:g} s from the session's begin"
+            given = f"time {since[wrong[0]]:g} s from the session's beginning"
             raise InputError(given, f"a number, at most {MAX_DURATION:g} s either way")
         stamps = self.epoch_ns + np.rint(since * NANO).astype(np.int64)
         if len(stamps) and not (stamps.min() >= 0 and stamps.max() < LATEST_STAMP):
@@ -201,7 +201,7 @@ class SessionClock(Checked):
         return stamps
 
     def seconds(self, stamp: Any) -> Any:
-        """Return stamps in nanoseconds as seconds since the session's begin."""
+        """Return stamps in nanoseconds as seconds since the session's beginning."""
         return (np.asarray(stamp, dtype=np.int64) - self.epoch_ns) / NANO
 
     def dump(self) -> dict[str, str]:

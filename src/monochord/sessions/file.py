@@ -102,7 +102,7 @@ class SessionFile:
 
 
 def size_limit() -> int:
-    """Return the most bytes that the system lets a file of this process have, as it is at this moment."""
+    """Return the system's present limit on the size of a file of this process, in bytes."""
     limit = resource.getrlimit(resource.RLIMIT_FSIZE)[0]
     return sys.maxsize if limit == resource.RLIM_INFINITY else limit
 
@@ -150,7 +150,7 @@ def refuse_recorded(path: Path, handle: int) -> None:
     """Lock an open session for writing; raises `InputError` where it is being recorded or repaired."""
     if not lock(handle):
         given = f"session {path} (being recorded, or repaired by another program)"
-        raise InputError(given, "one that nobody writes", "wait for the end of that")
+        raise InputError(given, "a file that no process is writing", "wait until it is finished")
 
 
 def being_written(path: Path) -> bool:

@@ -34,12 +34,12 @@ if TYPE_CHECKING:
 
 
 def read_session(path: Path) -> "SessionReader":
-    """Return a session, of which nothing but the description has been read yet.
+    """Open a session; only its description is read at first.
 
     Raises
     ------
     InputError
-        If there is no such file, or it is no session.
+        If the file does not exist, or is not a session.
     """
     return SessionReader(Path(path))
 
@@ -105,7 +105,7 @@ class SessionReader:
             self.clock = SessionClock.load(opening)
         except InputError as error:
             given = f"file {path} (its description is damaged: {error.given})"
-            raise InputError(given, error.allowed, "repair it: monochord sessions recover") from error
+            raise InputError(given, error.expected, "repair it: monochord sessions recover") from error
         # As every session of ours numbers them; where the chunk that says so is damaged, this does.
         self._names = (dict(enumerate(self.topics, 1)) if ours else {}) | self._names
 

@@ -44,7 +44,7 @@ class Recovery:
 
 
 def recover(path: Path) -> Recovery:
-    """Repair a session in place; one that is whole is left as it is.
+    """Repair a session in place; a whole session is not changed.
 
     Sound records stay where they are, bit for bit. What follows from the rest (the start, heads of
     chunks, indices) is put right; what cannot becomes a record that every reader skips. Behind the last sound

@@ -1,4 +1,4 @@
-"""What a session holds, as arrays; all times are seconds since the session's begin."""
+"""What a session holds, as arrays; all times are seconds since the session's beginning."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field

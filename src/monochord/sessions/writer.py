@@ -165,7 +165,7 @@ class SessionWriter(Closing):
         self._flush_if_due()
 
     def event(self, time: Seconds, kind: str, text: str = "", /, **data: str | float | bool) -> None:
-        """Note that something happened."""
+        """Write an event."""
         self._refuse_closed()
         stamp, more = self.clock.stamp(time), json.dumps(data, sort_keys=True)
         fields = {"header": codec.header(stamp), "kind": kind, "text": text, "data": more}
@@ -181,7 +181,7 @@ class SessionWriter(Closing):
         self._put("/clocks", stamp, data)
 
     def flush(self, *, sync: bool = False) -> None:
-        """Put all that was given into the file, whole; with `sync`, wait until it is on the disk.
+        """Write everything received so far to the file; with `sync`, wait until it is on the disk.
 
         Raises
         ------
@@ -211,7 +211,7 @@ class SessionWriter(Closing):
             self._file.sync()
 
     def close(self) -> None:
-        """Write what is left, checksums and summary; does no harm twice."""
+        """Write the rest, the checksums and the summary. A second call does nothing."""
         if self._closed:
             return
         try:

@@ -130,7 +130,7 @@ class _Gone(Stream):
     def __iter__(self) -> Iterator[Block]:
         for k in range(self._blocks):
             yield Block(samples=np.zeros((2, 512), np.float32), start=512 * k, adc_time=time.monotonic())
-        raise DeviceError("JACK server came back at 48000 Hz: allowed is 44100 Hz, as before; open it anew")
+        raise DeviceError("JACK server came back at 48000 Hz: expected 44100 Hz, as before; open it anew")
 
 
 def test_a_source_that_is_gone_for_good_ends_it_with_a_valid_file(tmp_path: Path, force: Any) -> None:

@@ -19,7 +19,7 @@ LONGEST_TURN = 1e6
 
 
 def pose_feed(rate: Hertz, details: Mapping[str, str]) -> Feed:
-    """Return the feed of a pose that is due `rate` times a second; 0 where that is not known."""
+    """Return the feed of a pose with `rate` readings per second; 0 if the rate is unknown."""
     if not 0.0 <= rate <= 100e3:
         raise InputError(f"rate of {rate} Hz", "0 to 100000 Hz, 0 where it is not known")
     units = ("m",) * 3 + ("",) * 4

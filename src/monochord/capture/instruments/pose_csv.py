@@ -155,7 +155,7 @@ class _PoseCsvConnection(Connection):
         farthest, widest = max(map(abs, pose.place)), max(map(abs, pose.angles))
         if options.reach < farthest < math.inf:
             given = f"pose file {self._path} with a place {farthest:g} m away"
-            remedy = "for millimetres set unit=mm, for a longer way reach="
+            remedy = "for millimetres set unit=mm, for a longer reach set reach="
             raise InputError(given, f"up to {options.reach:g} m", remedy)
         if WHOLE_TURN < widest < math.inf:
             given = f"pose file {self._path} with an angle of {widest:g} rad"

@@ -60,7 +60,7 @@ class Level:
 
     @property
     def is_silent(self) -> bool:
-        """Whether it has been picking up nothing for so long that a person is told."""
+        """Whether it has been silent for long enough to warn about it."""
         return self.quiet >= MIN_QUIET
 
 

@@ -42,8 +42,8 @@ def from_files(
     r"""Write a session of an audio file and a table of labels.
 
     The audio is WAV or FLAC, 1 or 2 channels at 16 to 96 kHz. Samples of up to 24 bits, and 32-bit floats,
-    are stored exactly; wider ones are rounded to 32-bit floats. The session's begin is the file's date minus
-    its duration; there are no device times, so frame n is at n / rate. A session that was recorded with
+    are stored exactly; wider ones are rounded to 32-bit floats. The session's beginning is the file's date
+    minus its duration; there are no device times, so frame n is at n / rate. A session that was recorded with
     microphones alone can take the place of the file: its sensor, string and gaps are kept. Estimates that a
     live run recorded beside them are left out.
 
@@ -52,8 +52,8 @@ def from_files(
     audio
         The file.
     labels
-        A CSV file; its first line names the columns: ``time`` in s from the audio's begin; ``contact`` and
-        ``slip`` (0 or 1), ``position`` in m from pickup 1, ``force`` in N, or any others, all numbers. An
+        A CSV file; its first line names the columns: ``time`` in s from the audio's beginning; ``contact``
+        and ``slip`` (0 or 1), ``position`` in m from pickup 1, ``force`` in N, or any others, all numbers. An
         empty cell is unknown. With ``begin`` and ``end`` in place of ``time`` a row is a touch, and nothing
         touches between them. None for no labels.
     out
@@ -146,7 +146,7 @@ def read_labels(
 ) -> tuple[Floats, dict[str, Floats]]:
     """Return times (n,) and columns (n,) by name; NaN where a cell is empty.
 
-    The first line names the columns: ``time`` in s from the audio's begin, and others, which are numbers.
+    The first line names the columns: ``time`` in s from the audio's beginning, and others, which are numbers.
     Cells are separated by commas, semicolons or tabs. A table of touches, with ``begin`` and ``end``, is
     returned as labels every `TOUCH_STEP`.
 
@@ -179,7 +179,7 @@ def read_labels(
     wrong = why_impossible(position, force, string)
     if wrong is not None:
         row = "" if wrong.touch is None else f" row {numbers[wrong.touch]}"
-        raise InputError(f"file {path}{row}, {wrong.given}", wrong.allowed, wrong.remedy)
+        raise InputError(f"file {path}{row}, {wrong.given}", wrong.expected, wrong.remedy)
     return _of_touches(times, columns, seconds) if by_touch else (times[:, 0], columns)
 
 
@@ -253,7 +253,7 @@ def _refuse_times(path: Path, rows: list[int], time: Floats, seconds: Seconds) -
     if len(wrong):
         given = f"file {path} row {rows[wrong[0]]}, time {time[wrong[0]]:g}"
         raise InputError(
-            given, f"0 to {seconds:g} s, as long as the audio is", "give times in s from its begin"
+            given, f"0 to {seconds:g} s, as long as the audio is", "give times in s from its beginning"
         )
     back = np.flatnonzero(np.diff(time) < 0.0)
     if len(back):

@@ -183,7 +183,7 @@ class Ending:
             self.reason = self.reason or "the disk is full"
             why = error.strerror if error else f"less than {1e-6 * self._job.disk.stop:.0f} MB free"
             given = f"disk of '{self._job.path}' ({why}; what was recorded is saved)"
-            allowed, remedy = "one with free space", "free some space, or record elsewhere"
+            allowed, remedy = "a disk with free space", "free some space, or record elsewhere"
         self.failure = self.failure or str(InputError(given, allowed, remedy))
 
 

@@ -24,9 +24,9 @@ T = TypeVar("T")
 
 
 class BoundedQueue(Generic[T]):
-    """A queue of `capacity` bytes from many threads to the one that writes.
+    """A queue of `capacity` bytes, from many threads to one writer.
 
-    A thread that finds it full waits; nothing is dropped. An empty queue accepts a batch of any size.
+    A thread waits while the queue is full; nothing is dropped. An empty queue accepts a batch of any size.
 
     >>> queue = BoundedQueue[str](capacity=100)
     >>> queue.put("batch", size=60), queue.take(), queue.take()

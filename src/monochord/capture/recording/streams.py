@@ -65,7 +65,7 @@ def with_unique_streams(connections: Mapping[str, Connection]) -> dict[str, Conn
 
 
 def free_name(name: str, taken: "Mapping[str, object] | set[str]") -> str:
-    """Return a name that is not taken: itself, or followed by the smallest number from 2 on.
+    """Return the name if it is free, else with the smallest free number from 2 on.
 
     >>> free_name("pose", {"pose", "pose_2"})
     'pose_3'

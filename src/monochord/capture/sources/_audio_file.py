@@ -83,7 +83,9 @@ def _refuse(file: soundfile.SoundFile, path: Path, most: int) -> None:
 def _refuse_truncated(file: soundfile.SoundFile, path: Path) -> None:
     if file.frames == ENDLESS:
         raise InputError(
-            f"file {path} (does not say how long it is)", "one that does", f"convert it, or {READ_ANYWAY}"
+            f"file {path} (does not say how long it is)",
+            "a file that states its length",
+            f"convert it, or {READ_ANYWAY}",
         )
     if file.format == "FLAC":
         whole = _last_frame_reads(file)

@@ -154,7 +154,7 @@ class Led:
         self._touch, self._number, self._lifting = next(iter(touches), None), None, False
 
     def touches(self, time: Seconds) -> tuple[Touch, ...] | None:
-        """Return what touches the string from this time on, None where that goes on as it is."""
+        """Return what touches the string from this time on; None for no change."""
         target, touch = self._hand.target(), self._touch
         if touch is None:
             return None if target is None else self._bring(time, *target)

@@ -169,7 +169,7 @@ class JackStream(RingStream):
     def _refuse_other_rate(self, rate: int) -> None:
         before = self._signal.sample_rate
         if rate != before:
-            line = f"JACK server came back at {rate} Hz: allowed is {before} Hz, as before; open it anew"
+            line = f"JACK server came back at {rate} Hz: expected {before} Hz, as before; open it anew"
             raise DeviceError(line)
 
     def _adc_time(self, period: Period) -> Seconds | None:

@@ -150,7 +150,7 @@ _CLAMP_FIELDS = {"start", "position", "force", "seconds"}
 
 
 def refuse_unlike_clamps(touches: Iterable[ScriptedTouch]) -> None:
-    """Raise `InputError` for touches of which a split string cannot do a part: it knows clamps alone."""
+    """Raise `InputError` for touches that a split string cannot make: it can only be clamped."""
     for touch in touches:
         for field in fields(touch):
             if field.name not in _CLAMP_FIELDS and getattr(touch, field.name) != field.default:

@@ -69,7 +69,7 @@ class SoundcardStream(RingStream):
         self._next_time = began + count / rate
 
     def watch(self, active: Callable[[], bool]) -> None:
-        """Take a function that tells whether the device still runs."""
+        """Set the function that reports whether the device still runs."""
         self._active = active
 
     def _adc_time(self, period: Period) -> Seconds | None:

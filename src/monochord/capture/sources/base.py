@@ -44,7 +44,7 @@ class Controls(ABC):
     @property
     @abstractmethod
     def settings(self) -> tuple[Setting, ...]:
-        """What may be changed, as it is now."""
+        """Current values of the settings that can be changed."""
 
     @abstractmethod
     def touch(self, contact: Contact) -> None:

@@ -415,7 +415,7 @@ def track(scale: Scale, estimate: Estimate, truth: float | None, width: int) -> 
 
 
 def true_value(name: str, truth: Truth) -> float | None:
-    """Return the true value of a quantity; None where that is not known, or nothing touches."""
+    """Return the true value of a quantity; None if it is unknown or nothing touches the string."""
     if name != "contact" and not truth.get("contact", 1.0):
         return None
     value = truth.get(name, math.nan)

@@ -16,7 +16,7 @@ from monochord.live.sinks.base import Run, Sink, Update, Writer
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Jsonl(Sink):
-    """Write one JSON object a window.
+    """Write one JSON object per window.
 
     Every object has ``time`` (start of the window, in seconds since the stream began), ``frequency``,
     ``position``, ``position_std``, ``valid`` and ``why_not``, the last two of the position. A number that

@@ -1,4 +1,4 @@
-"""What is begun from the page besides touches: a recording, and tuning and calibration step by step.
+"""What the page starts beside touches: a recording, and guided tuning and calibration.
 
 Commands of several pages come in one thread and take effect in their order, whatever goes on: files are
 opened and closed in a second thread, results are computed in a third, and nothing waits for that one.

@@ -155,7 +155,7 @@ def hello(signal: Signal, length: float, simulated: bool, controls: Controls | N
 
 
 def settings(controls: Controls) -> list[dict[str, Any]]:
-    """Return what may be changed of a source, as it is now."""
+    """Return the settings of a source that can be changed, with their current values."""
     return [{"name": s.name, "choices": s.choices, "value": s.value} for s in controls.settings]
 
 
@@ -197,7 +197,7 @@ def brief(update: Update) -> dict[str, Any]:
 
 
 def event(event: Event, count: int) -> dict[str, Any]:
-    """Return an event; `count` tells it from others."""
+    """Return an event; `count` identifies it."""
     values = {"number": count, "name": event.name, "on": event.on, "time": number(event.time, 3)}
     return values | {"delay": number(event.delay, 3), "confidence": number(event.confidence, 3)}
 

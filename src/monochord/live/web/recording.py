@@ -1,4 +1,4 @@
-"""A session that is begun and ended while a run goes on."""
+"""A session that starts and ends while a run goes on."""
 
 from dataclasses import replace
 from pathlib import Path

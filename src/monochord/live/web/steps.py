@@ -149,7 +149,7 @@ class Calibration(Guided):
         """Return why there is no touch of this position and force, empty where there may be."""
         wrong = why_impossible(np.array([position]), np.array([force]), self._string)
         if wrong:
-            return f"{wrong.given} cannot be: allowed is {wrong.allowed}."
+            return f"{wrong.given} cannot be: expected {wrong.expected}."
         if not 0.0 < position < self._length:
             return f"{1e3 * position:g} mm is not on the string, which is {1e3 * self._length:g} mm long."
         return self._outside_range(f"{1e3 * position:g} mm") if self._is_outside(position) else ""

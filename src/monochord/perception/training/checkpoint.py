@@ -87,7 +87,7 @@ class Checkpoint:
                 tensors: dict[str, Audio] = {key: stored.get_tensor(key) for key in stored.keys()}  # noqa: SIM118  (no mapping)
                 state = from_tree(_State, json.loads(stored.metadata()["state"]), f"checkpoint {file}")
         except InputError as error:
-            raise InputError(error.given, error.allowed, REMEDY) from error
+            raise InputError(error.given, error.expected, REMEDY) from error
         except (
             SafetensorError,
             OSError,

@@ -49,7 +49,7 @@ def refuse_impossible(
     wrong = why_impossible(labels["position"], labels["force"], string, estimated)
     if wrong is not None:
         given = wrong.given if wrong.touch is None else f"known touch {wrong.touch + 1}, {wrong.given}"
-        raise InputError(given, wrong.allowed, wrong.remedy)
+        raise InputError(given, wrong.expected, wrong.remedy)
 
 
 def _label(dataset: Dataset, name: str) -> Floats:

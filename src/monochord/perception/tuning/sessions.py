@@ -39,7 +39,7 @@ def estimate_tension(
     Parameters
     ----------
     samples
-        Sound (channels, n), untouched at its begin; touched windows do not count.
+        Sound (channels, n), untouched at its beginning; touched windows do not count.
     sample_rate
         In Hz.
     string

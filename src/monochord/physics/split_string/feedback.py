@@ -62,7 +62,7 @@ class Drivers:
 
 
 def begin(drive: Drive, rate: float) -> Drivers:
-    """Return the drivers at time zero; they sense at `rate` samples a second."""
+    """Return the drivers at time zero, sensing at `rate` samples per second."""
     silent = drive.amplitude == 0.0 or drive.start_frequencies is None
     frequency = np.array((0.0, 0.0) if silent else drive.start_frequencies)
     history = np.zeros((2, round(drive.window * rate)))

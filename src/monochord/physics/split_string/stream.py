@@ -17,7 +17,7 @@ from monochord.physics.split_string.setup import PluckShape, SplitString
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ringing:
-    """A split string that rings: all that its next sample depends on. Never changed.
+    """State of a ringing split string: everything its next sample depends on. Immutable.
 
     Between changes of the drive a mode's motion is a steady response and a free remainder. `q` in m and `v`
     in m/s (modes,) are the free part now; `steady` (2, modes) the complex response to each driver; `driven`

@@ -215,7 +215,7 @@ class VirtualSensor:
         self._twin = switch(self._twin, (first, second))
 
     def advance(self, seconds: Seconds) -> tuple[Audio, dict[str, Floats]]:
-        """Let time run, and return the sound and what is true of it.
+        """Advance time, and return the sound and its ground truth.
 
         Returns
         -------

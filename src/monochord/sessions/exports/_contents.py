@@ -22,7 +22,7 @@ ABOUT = "session.json"
 COMMON_TABLES = ("labels", "events", "clocks")
 """Tables that every session has; each stream of readings has one of its own name beside them."""
 Columns: TypeAlias = dict[str, np.ndarray[Any, np.dtype[Any]]]
-"""Columns (n,) by name; text is of type object. The first is ``time`` in s since the session's begin."""
+"""Columns (n,) by name; text is of type object. The first is ``time`` in s since the session's beginning."""
 READING_COLUMNS = {"sequence": np.int64, "device_time": np.int64, "status": np.uint32}
 """Columns of a reading beside its time and its values, with the types they have in a session."""
 MAX_STRETCH = 1 << 25
@@ -110,7 +110,7 @@ def read_about(folder: Path, form: str) -> tuple[Description, SessionClock]:
         return Description.load(json.dumps(parts["description"])), SessionClock.load(content["clock"])
     except InputError as error:
         given = f"file {folder / ABOUT} (not as it was written: {error.given})"
-        raise InputError(given, error.allowed, error.remedy) from error
+        raise InputError(given, error.expected, error.remedy) from error
 
 
 def _read_json(folder: Path, allowed: str) -> Tree:
@@ -125,7 +125,7 @@ def _read_json(folder: Path, allowed: str) -> Tree:
     except UnicodeDecodeError as error:
         raise InputError(f"file {path} (not as it was written: {error})", "JSON in UTF-8") from error
     except InputError as error:
-        raise InputError(f"file {path} (not as it was written: {error.given})", error.allowed) from error
+        raise InputError(f"file {path} (not as it was written: {error.given})", error.expected) from error
     if not isinstance(content.get("form"), str):
         raise InputError(f"file {path} (not as it was written: it names no form)", allowed)
     return content
@@ -150,12 +150,12 @@ def checked(path: Path, name: str, columns: Columns, description: Description) -
     wrong = np.flatnonzero(~(np.abs(table["time"]) <= MAX_DURATION))
     if len(wrong):
         given = f"file {path}, {wrong[0] + 1}. time {table['time'][wrong[0]]:g}"
-        raise InputError(given, f"seconds since the session's begin, at most {MAX_DURATION:g} either way")
+        raise InputError(given, f"seconds since the session's beginning, at most {MAX_DURATION:g} either way")
     for number, data in enumerate(table["data"] if name == "events" else (), start=1):
         try:
             json_object(data)
         except InputError as error:
-            raise InputError(f"file {path}, {number}. data ({error.given})", error.allowed) from error
+            raise InputError(f"file {path}, {number}. data ({error.given})", error.expected) from error
     return table
 
 
@@ -224,7 +224,7 @@ def _refuse_stretch(stretch: Stretch, description: Description) -> None:
         raise InputError(given, f"0 to {limit} frames, or {MAX_DURATION:g} s")
     if not abs(stretch.time) <= MAX_DURATION:
         given = f"audio at {stretch.time:g} s"
-        raise InputError(given, f"seconds since the session's begin, at most {MAX_DURATION:g} either way")
+        raise InputError(given, f"seconds since the session's beginning, at most {MAX_DURATION:g} either way")
     if not -1 <= stretch.device_frame < 2**63:
         raise InputError(f"device frame {stretch.device_frame}", f"-1, or 0 to {2**63 - 1}")
 

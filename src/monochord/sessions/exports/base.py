@@ -36,7 +36,7 @@ def arrow(form: str) -> tuple[Any, Any]:
         import pyarrow as pa  # noqa: PLC0415
         import pyarrow.parquet as pq  # noqa: PLC0415
     except ImportError as error:
-        raise MissingLibraryError(f"Export {form}", "pyarrow >= 17", "export") from error
+        raise MissingLibraryError(f"Exporting {form}", "pyarrow >= 17", "export") from error
     return pa, pq
 
 

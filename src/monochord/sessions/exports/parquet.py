@@ -47,7 +47,7 @@ class Parquet(Export):
     A row of ``audio.parquet`` is a stretch of frames that follow each other, some 0.1 s: ``start`` is the
     index of its first frame, ``dropped`` how many were lost before it, ``channel_1`` ... hold the samples as
     float32. The other files have a row a reading (label, event) and a column a quantity, times in s since the
-    session's begin; ``session.json`` tells the rest. `compression` is zstd, snappy, gzip or none.
+    session's beginning; ``session.json`` tells the rest. `compression` is zstd, snappy, gzip or none.
     """
 
     compression: str = "zstd"

@@ -52,7 +52,7 @@ class WavCsv(Export):
     Lost frames are zeros in the WAV file, so that its time runs on; ``audio.csv`` tells for each stretch
     where it starts, how many frames were lost before it, and when its first frame was at the converter. Of
     every instrument there is a ``NAME.csv``, and of every session ``labels.csv``, ``events.csv`` and
-    ``clocks.csv``. All times are in s since the session's begin; a cell is empty where nothing is known.
+    ``clocks.csv``. All times are in s since the session's beginning; a cell is empty where nothing is known.
     There are no options.
     """
 

@@ -97,7 +97,7 @@ def pick(errors: Floats) -> float:
     Parameters
     ----------
     errors
-        One channel (n,), noise at its begin and the event before its end.
+        One channel (n,), noise at its beginning and the event before its end.
 
     Examples
     --------
@@ -119,7 +119,7 @@ def pick(errors: Floats) -> float:
 
 
 def first_onset(errors: Floats) -> float:
-    """Return the sample index where the first event begins that is no trifle beside the greatest, or NaN.
+    """Return the sample index of the first event that is not negligible beside the strongest, or NaN.
 
     A touch is followed by louder things, such as its end. `pick` finds the strongest of them, and again what
     came before that, as long as that is several times louder than what went before it.
@@ -127,7 +127,7 @@ def first_onset(errors: Floats) -> float:
     Parameters
     ----------
     errors
-        One channel (n,), noise at its begin: `MIN_NOISE` samples or more.
+        One channel (n,), noise at its beginning: `MIN_NOISE` samples or more.
 
     Examples
     --------

@@ -189,7 +189,7 @@ def audio_offset(
 
 
 def height_offset(taps: Taps, time: Floats, height: Floats, *, reach: Seconds = REACH) -> Offset:
-    """Return how late a tool's height is against taps: the middle of each dip against the contact's middle.
+    """Return the delay of a tool's height against taps: the middle of each dip minus the contact's middle.
 
     Parameters
     ----------
@@ -220,7 +220,7 @@ def height_offset(taps: Taps, time: Floats, height: Floats, *, reach: Seconds = 
     (True, 3)
     """
     if time.ndim != 1 or time.shape != height.shape:
-        raise InputError(f"times {time.shape} and heights {height.shape}", "as many of both")
+        raise InputError(f"times {time.shape} and heights {height.shape}", "equally many of both")
     if not len(taps) or time.size < 8:
         return offset_of(np.full(len(taps), np.nan), spacing=taps.spacing)
     spacing = float(np.median(np.diff(time)))
