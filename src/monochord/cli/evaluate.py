@@ -116,7 +116,7 @@ def evaluate(
     monochord evaluate --estimator closed_form --dataset dataset --sensor prototype
     """  # noqa: D301
     if model is not None and estimator is not None:
-        raise InputError(f"model {model} beside --estimator {estimator}", "one of both")
+        raise InputError(f"model {model} beside --estimator {estimator}", "only one of them")
     if options["sessions"]:
         refuse_without("--split or --part beside --sessions", "all of the sessions", "split", "part")
     if rows is None:

@@ -66,7 +66,7 @@ def simulate(
     if out is not None:
         refuse_unwritable(out, SUBTYPES)
     if untouched and not (at is None and force is None):
-        raise InputError("--untouched with --at or --force", "one of them")
+        raise InputError("--untouched with --at or --force", "only one of them")
     sound = simulated(
         preset,
         position=at,
