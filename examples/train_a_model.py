@@ -24,7 +24,7 @@ def main() -> None:
         folder = Path(name)
         sessions = [make(session, folder).path for session in assignments(load_plan("small"))]
         dataset = build_dataset(sessions, folder / "dataset")
-        split = split_dataset(dataset, by="time", seed=1)
+        split = split_dataset(dataset, by="time", seed=3)
         split.write(dataset.path / "split.json")
         settings = TrainingSettings.read(
             {"dataset": str(dataset.path), "optimiser": {"batch": 64, "epochs": 20, "decay": 1.0}}

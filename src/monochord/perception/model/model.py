@@ -432,13 +432,12 @@ class Model:
         name, contact = self.definition.place, estimates.get(self.definition.gate)
         if name is None or contact is None or not (contact.valid and contact.value >= DECISION):
             return ""
-        stated = estimates[name]
+        stated, head = estimates[name], self.definition.heads[name]
         place, std = stated.value, stated.std
         if not stated.valid:  # it is withheld, and may lie outside all the same
-            head = self.definition.heads[name]
             place, std = quantity(reading.outputs[name], head, self.corrections.get(name))
         why_not = why_not_stated(place, std, reading.by_lines, self.places)
-        is_near_an_end = stated.valid and may_be_outside(place, std, reading.by_lines, self.places)
+        is_near_an_end = stated.valid and may_be_outside(place, std, head.task.limit, self.places)
         return why_not or (UNCERTAIN if is_near_an_end else "")
 
     @staticmethod

@@ -26,8 +26,8 @@ EDGE_DEVIATIONS = 2.0
 """Standard errors by which an estimate may lie beyond an end of the range, as that of a touch there does."""
 MAX_EDGE: Metres = 1e-3
 """Largest distance beyond the end that these may be."""
-REACH_DEVIATIONS, MAX_REACH = 4.0, 2e-3
-"""So many standard errors about a stated place may reach beyond an end by so many metres."""
+REACH_DEVIATIONS = 4.0
+"""Standard errors about a place that may reach beyond an end, by no more than the largest one stated."""
 
 
 class PlaceByLines(NamedTuple):
@@ -72,17 +72,16 @@ def why_not_stated(
 
 
 def may_be_outside(
-    place: Metres, std: Metres, lines: PlaceByLines, sensing_range: tuple[Metres, Metres] | None
+    place: Metres, std: Metres, max_std: Metres, sensing_range: tuple[Metres, Metres] | None
 ) -> bool:
     """Return whether the error of a place inside the sensing range, in m, reaches well outside it.
 
-    Not where the lines of the window tell a place too: `why_not_stated` has compared both.
+    "Well" is further than the largest standard error that the model states, `max_std`.
 
-    >>> [may_be_outside(0.0513, std, NO_PLACE, (0.05, 0.15)) for std in (3e-4, 1.9e-3)]
+    >>> [may_be_outside(0.0513, std, 2e-3, (0.05, 0.15)) for std in (3e-4, 1.9e-3)]
     [False, True]
     """
-    reach = REACH_DEVIATIONS * std - MAX_REACH
-    return lines.lead < MIN_LEAD and not _is_inside(place, sensing_range, -reach)
+    return not _is_inside(place, sensing_range, max_std - REACH_DEVIATIONS * std)
 
 
 def _is_inside(place: Metres, sensing_range: tuple[Metres, Metres] | None, edge: Metres) -> bool:
