@@ -64,5 +64,5 @@ def calibrate(
         return
     kind = ", simulated" if result.definition.simulated else ""
     learned = result.calibration.learned
-    how = "errors of touches that were left out, by cross-validation" if learned else "as it is"
+    how = "errors of touches that were left out, by cross-validation" if learned else "unchanged"
     echo(f"{out or model}{kind}: {how}", *result.calibration.lines())

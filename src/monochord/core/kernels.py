@@ -50,8 +50,8 @@ def compile_lazily(function: Any, **options: Any) -> Any:
 def kernel(signature: str = "", **options: Any) -> Callable[[Function], Function]:
     """Compile a function at its first call, or at once for a `signature`, and keep it on disk.
 
-    It divides as NumPy does: by zero gives infinity and no error. With ``NUMBA_DISABLE_JIT`` set the function
-    stays as it is.
+    It divides as NumPy does: by zero gives infinity and no error. With ``NUMBA_DISABLE_JIT`` set, the
+    function is not compiled.
 
     Parameters
     ----------

@@ -85,7 +85,7 @@ class Augmentation:
         """Return windows (n, channels, frames) with noise added, as a copy.
 
         `rows` (n,) are their rows in the dataset, and `sample_rate` is in Hz. A window that is silent, or
-        holds what is no number, is returned as it is: it has no level that a ratio could refer to.
+        holds values that are not finite, is returned unchanged: it has no level for a ratio.
         """
         out = windows.copy()
         for number, row in enumerate(rows):

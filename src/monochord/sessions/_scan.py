@@ -139,7 +139,7 @@ def offsets(index: memoryview, start: int) -> dict[int, int]:
 
 
 def _patch(view: memoryview, contents: Contents, offset: int, data: bytes, what: str = "record") -> None:
-    """Note what belongs at an offset, as far as it is not there."""
+    """Note the bytes that belong at an offset, unless they are there."""
     there = bytes(view[offset : offset + len(data)])
     if there == data:
         return

@@ -159,7 +159,7 @@ def _is_unfinished(file: BinaryIO, samples: _Samples) -> bool:
 
 
 def _finished(file: BinaryIO, samples: _Samples) -> mmap:
-    """Return the bytes of a file with the lengths that it has; the file stays as it is."""
+    """Return the bytes of a file with its lengths corrected. The file itself is not changed."""
     content = mmap(file.fileno(), 0, access=ACCESS_COPY)
     size = len(content)
     room = size - samples.begin

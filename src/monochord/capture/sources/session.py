@@ -35,7 +35,7 @@ class SessionSource(Source):
         Frames a block; one before a gap holds what is left.
     speed
         Pace against real time: 1 yields each block when its last frame would have been captured, 20 twenty
-        times as fast, 0 as fast as it is read.
+        times as fast, 0 as fast as the file can be read.
     aligned
         Whether labels are on the clock of the force sensor, where there is one, as the twin's and those of a
         measurement are: the microphones' delay, estimated from taps, is then subtracted. It costs the time

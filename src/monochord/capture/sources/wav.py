@@ -32,7 +32,7 @@ class Wav(Source):
         Frames a block; the last one holds what is left.
     speed
         Pace against real time: 1 gives each block when its last frame is due, 20 twenty times
-        as fast, 0 as fast as it is read.
+        as fast, 0 as fast as the file can be read.
     repeat
         How many times to play the file, the sample index growing on; 0 without end.
     allow_truncated

@@ -40,7 +40,7 @@ class ModelStream(ABC):
 
 
 class Fixed(ModelStream):
-    """A model as it is."""
+    """A model at one pitch, which it does not follow."""
 
     def __init__(self, model: "Model") -> None:
         self._model, self._state = model, ModelState()

@@ -34,7 +34,7 @@ class HeadAdaptation:
 
     @property
     def expected(self) -> float:
-        """The error to expect of the model as it is now, in the label's unit."""
+        """Expected error of the model, in the label's unit."""
         return self.after if self.used else self.before
 
     def line(self, name: str) -> str:

@@ -102,7 +102,7 @@ class Tap:
 class Waypoint:
     """Run linearly to a state that is reached at `time`, counted as the trajectory counts.
 
-    A `position` that is None stays as it is. `force` is normal force in N, `clearance` the height in m of a
+    A `position` of None keeps the position. `force` is normal force in N, `clearance` the height in m of a
     tool that does not touch, `across` the speed in m/s across the string. One that is due at the time of the
     move before replaces that move's end.
     """
