@@ -59,7 +59,7 @@ from monochord.perception.training import (
     stream_of,
     touches_of,
 )
-from monochord.perception.tuning import own_strings, tension_estimator
+from monochord.perception.tuning import retuned_strings, tension_estimator
 from monochord.sessions import read_session
 
 if TYPE_CHECKING:
@@ -354,7 +354,7 @@ def corrected(results: Results, known: Results) -> Results:
 def _by_string(selection: Selection) -> list[Selection]:
     """Return the sessions of a selection, each with its string as it is tuned where that is far off."""
     dataset, design = selection.dataset, selection.string
-    strings = own_strings(dataset, design) if design is not None else {}
+    strings = retuned_strings(dataset, design) if design is not None else {}
     of_rows = dataset.session[selection.rows]
     return [
         replace(selection, rows=selection.rows[of_rows == session], string=strings.get(session, design))

@@ -17,7 +17,7 @@ from monochord.dsp.levels import measure_levels, tone_prominence
 from monochord.dsp.pitch import PitchFinder
 from monochord.dsp.spectrum import Analyser, power_spectrum
 from monochord.perception.closed_form.spectrum import SpectrumAnalyser
-from monochord.perception.closed_form.usable import why_unusable
+from monochord.perception.closed_form.usable import unusable_reason
 from monochord.perception.estimators import ESTIMATORS
 from monochord.perception.features import FEATURES
 from monochord.perception.model import ModelState, load
@@ -95,7 +95,7 @@ def entries() -> dict[str, Callable[[Sound], Any]]:
         "size: powers": lambda given: Analyser(sample_rate=RATE, size=SIZE, top=6e3).powers(given).sum(),
         "any: levels": lambda given: measure_levels(given, RATE),
         "any: prominence": lambda given: tone_prominence(given, RATE),
-        "any: usable": of_window(why_unusable),
+        "any: usable": of_window(unusable_reason),
         "long: features": lambda given: mc.features(given).sum(axis=0)[:9],
     }
     for name in FEATURES_HERE:

@@ -93,7 +93,7 @@ WHO_CHECKS = {
     "dsp.pitch_steadiness": {"measure": "Analyser.powers"},
     "dsp.series": dict.fromkeys(("fit_series", "series_evidence", "search"), "itself"),
     "dsp.spectrum": dict.fromkeys(("power_spectrum", "find_peaks"), "itself"),
-    "perception.closed_form.usable": {"why_unusable": "Window"},
+    "perception.closed_form.usable": {"unusable_reason": "Window"},
     "perception.closed_form.spectrum": {"spectrum_of": "itself"},
     "perception.closed_form.modes": {"read_modes": "SpectrumAnalyser"},
     "perception.features.fft_harmonic": dict.fromkeys(
@@ -101,7 +101,7 @@ WHO_CHECKS = {
     ),
     "perception.features.untouched": dict.fromkeys(("__call__", "_row"), "_Extractor.__call__"),
     "perception.model.correction": {"terms": "itself"},
-    "perception.model.known": {"step": "itself"},
+    "perception.model.anomaly": {"step": "itself"},
     "perception.model.network": {"outputs": "the kernel", "scaled": "itself"},
     "perception.model.rise": {"rises": "itself"},
     "perception.tuning.lines": {"window_lines": "spectrum_of", "lasting_lines": "window_lines"},

@@ -20,7 +20,7 @@ from monochord.evaluation.evaluate import evaluate
 from monochord.evaluation.results import Results
 from monochord.evaluation.select import EvaluationSettings
 from monochord.perception.model import load, save
-from monochord.perception.training.correct import known_errors, with_prior, with_variables
+from monochord.perception.training.correct import labelled_errors, with_prior, with_variables
 from monochord.perception.training.examples import touches_of
 from monochord.perception.training.train import read_in_turn
 from monochord.sessions import Description, SessionClock, SessionWriter
@@ -137,7 +137,7 @@ def test_a_session_that_cannot_be_used_is_told_and_left_out(correctable: Path, t
 def test_touches_that_were_not_heard_teach_nothing(correctable: Path, learnable: Path) -> None:
     """Windows without outputs, as of silence: no error is known, and none is made up."""
     model, dataset = load(correctable), open_dataset(learnable)
-    errors = known_errors(model.definition, "force", dataset, {})
+    errors = labelled_errors(model.definition, "force", dataset, {})
     assert errors.variables.shape == (0, 1)
     assert len(errors.error) == len(errors.std) == 0
 

@@ -30,7 +30,7 @@ from monochord.evaluation.replay import (
 from monochord.evaluation.results import Results, join
 from monochord.perception.features import FEATURES
 from monochord.perception.features.base import Extractor
-from monochord.perception.tuning.sessions import force_scale, force_scales, own_strings
+from monochord.perception.tuning.sessions import force_scale, force_scales, retuned_strings
 
 RIDGE = "ridge"
 BASELINES = (RIDGE, "extra_trees")
@@ -202,7 +202,7 @@ def training_features(
 ) -> Audio:
     """Return the features (k, columns) of rows in rising order, relative to the string of each session."""
     design = training.string
-    strings = own_strings(training.dataset, design) if design is not None else {}
+    strings = retuned_strings(training.dataset, design) if design is not None else {}
     chosen = replace(training, rows=rows)
     number = processes(workers, [Condition(selections=(chosen,))])
     work = partial(_training_features_of_session, chosen, feature, strings)

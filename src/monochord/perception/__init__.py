@@ -1,4 +1,4 @@
-"""From a window to estimates: features, encoders, heads, closed forms, models and their training."""
+"""Estimates from windows of sound: features, encoders, heads, closed forms, models and their training."""
 
 MOVED = {"yamnet": "it is a package of its own: pip install ./studies/monochord-yamnet, in the repository"}
-"""Features, and their weights, that are in another package now, each with the way to get it."""
+"""Features that another package provides, with how to install each."""

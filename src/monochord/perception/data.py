@@ -1,4 +1,4 @@
-"""Features of sounds and of datasets, for programs: arrays, and data sets of torch."""
+"""Features of sounds and datasets for programs, as NumPy arrays or PyTorch datasets."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from torch.utils.data import TensorDataset
 
 BATCH = 64
-"""Windows of which features are computed at once."""
+"""Windows whose features are computed in one call."""
 
 
 def features(
@@ -44,29 +44,29 @@ def features(
     Parameters
     ----------
     audio
-        Samples (channels, n) in full scale, as float32 or what converts to it.
+        Samples (channels, n), 1 or 2 channels, full scale is 1; float32 or convertible to it.
     sensor
-        A preset's name, a TOML file, or a sensor: whose string sounds.
+        The sensor that recorded the sound: a preset's name, the path of a TOML file, or a `Sensor`.
     feature
-        Name of the feature; ``monochord list features`` shows them.
+        Name of the feature; ``monochord list features`` shows all.
     sample_rate
-        Frames a second.
+        In Hz.
     window, hop
-        Length of a window and distance of window starts, in s.
+        Length of a window, and time from one window start to the next, in s.
     options
         Options of the feature, such as ``tones=True``.
 
     Returns
     -------
     FeatureRows
-        Rows (windows, columns) float32, an array whose `columns` are named; row k is of the window that
-        starts at k `hop`.
+        Features (windows, columns) float32 with named `columns`. Row k describes the window that starts at
+        time k `hop`.
 
     Raises
     ------
     InputError
-        For audio of another shape or shorter than a window, an unknown sensor or feature, or an option that
-        cannot be used.
+        If the audio has another shape or is shorter than a window, the sensor or feature is unknown, or the
+        feature refuses an option.
 
     Examples
     --------
@@ -78,11 +78,11 @@ def features(
     samples = sound(audio)
     if samples.shape[0] > 2:
         given = f"audio of shape {samples.shape}"
-        raise InputError(given, "(channels, samples), 1 or 2 channels", "transpose (samples, channels)")
+        raise InputError(given, "(channels, samples) with 1 or 2 channels", "transpose the array")
     size, step = round(window * sample_rate), round(hop * sample_rate)
     if size < 1 or step < 1 or samples.shape[1] < size:
         given = f"{samples.shape[1]} samples for windows of {size} every {step}"
-        raise InputError(given, "one whole window or more, every sample or more")
+        raise InputError(given, "audio of at least one window, and a window and hop of at least one sample")
     string = (load_sensor(sensor) if isinstance(sensor, str) else sensor).string
     signal = Signal(sample_rate=sample_rate, channels=samples.shape[0], string=string)
     extractor = FEATURES.build(feature, options).prepare(signal, size)
@@ -95,9 +95,9 @@ def features(
 
 
 class FeatureRows(np.ndarray[tuple[int, ...], np.dtype[np.float32]]):
-    """Features (windows, columns) float32, an array of NumPy whose columns have names.
+    """A NumPy array of features (windows, columns) float32 with named columns.
 
-    Rows, columns and copies of it keep the names; what is computed from it is a plain array.
+    Slices of rows and columns, and copies, keep the names. The result of arithmetic is a plain array.
 
     Parameters
     ----------
@@ -109,12 +109,12 @@ class FeatureRows(np.ndarray[tuple[int, ...], np.dtype[np.float32]]):
     Attributes
     ----------
     columns : tuple of str
-        The name of each column; empty where it is no table of columns any more, such as one row.
+        The name of each column; empty for a part that is not a table, such as a single row.
 
     Raises
     ------
     InputError
-        If there is not one name for each column.
+        If the number of names differs from the number of columns.
 
     Examples
     --------
@@ -160,30 +160,30 @@ class FeatureRows(np.ndarray[tuple[int, ...], np.dtype[np.float32]]):
 
     @property
     def values(self) -> Audio:
-        """The same numbers as a plain array, without a copy."""
+        """The same numbers as a plain array; the memory is shared."""
         return self.view(np.ndarray)
 
     def column(self, name: str) -> Audio:
-        """Return the values (windows,) of a column; raises `InputError` where there is none of this name."""
+        """Return the values (windows,) of a column; raises `InputError` for an unknown name."""
         if name not in self.columns:
             raise InputError(f"column '{name}'", "one of rows.columns", did_you_mean(name, self.columns))
         return self.values[:, self.columns.index(name)]
 
 
 def load_dataset(path: str | Path, split: str | Path | None = None) -> "LabelledData":
-    """Return the dataset in a folder that ``monochord build`` made, with its split.
+    """Return a dataset that ``monochord build`` made, with its split.
 
     Parameters
     ----------
     path
-        The folder.
+        Folder of the dataset.
     split
-        A file that ``monochord build`` wrote; the folder's ``split.json`` by default.
+        A split file that ``monochord build`` wrote; the folder's ``split.json`` by default.
 
     Raises
     ------
     InputError
-        If there is no dataset, or it or its split is damaged.
+        If the folder holds no dataset, or the dataset or the split is damaged.
     """
     dataset = open_dataset(Path(path))
     file = Path(split or dataset.path / SPLIT_FILE)
@@ -197,13 +197,13 @@ class LabelledData:
     Attributes
     ----------
     dataset
-        Windows with labels on disk.
+        Labelled windows on disk.
     split
-        Which windows are for training, for validation and for the test.
+        The windows of the parts train, validation and test.
     audit
-        The leaks and notes of the split, where it was audited, as by `monochord.build`.
+        Leaks and notes that the audit of the split found, as `monochord.build` runs it; None without an audit.
     split_file
-        The file of the split, where it stands in one.
+        The file that the split was read from; None for a split in memory.
     """
 
     dataset: Dataset
@@ -221,11 +221,11 @@ class LabelledData:
 
     @property
     def manifest(self) -> Manifest:
-        """What the dataset is made of: sessions, windows, labels, checksums."""
+        """The dataset's contents: sessions, windows, labels, checksums."""
         return self.dataset.manifest
 
     def refuse_leaks(self) -> None:
-        """Raise `InputError`, in one line, if the audit found a leak."""
+        """Raise a one-line `InputError` if the audit found a leak."""
         if self.audit is not None:
             self.audit.refuse_leaks()
 
@@ -241,7 +241,7 @@ class LabelledData:
         return title, [*facts, ("split", parts)]
 
     def rows(self, part: str | None = None) -> Indices:
-        """Return the numbers (n,) of the usable windows of a part, or of all parts, in order of time."""
+        """Return the indices (n,) of a part's usable windows in time order; None means all parts."""
         if part is not None and part not in self.split.parts:
             raise InputError(f"part '{part}'", ", ".join(self.split.parts))
         chosen = [rows for name, rows in self.split.parts.items() if part in (None, name)]
@@ -249,7 +249,7 @@ class LabelledData:
         return rows[self.dataset.usable[rows]]
 
     def labels(self, rows: Indices) -> Mapping[str, Floats]:
-        """Return the labels (n,) of windows by name, NaN where they are not known."""
+        """Return the labels (n,) of windows by name; NaN marks a missing label."""
         return {name: self.dataset.label(name)[rows] for name in self.dataset.labels}
 
     def arrays(
@@ -260,28 +260,28 @@ class LabelledData:
         sensor: str = "prototype",
         **options: Any,
     ) -> tuple[Audio, Mapping[str, Floats], NDArray[np.str_]]:
-        """Return features, labels and parts of the usable windows; features are cached beside the dataset.
+        """Return features, labels and parts of the usable windows; features are cached in the dataset's folder.
 
         Parameters
         ----------
         feature
             Name of the feature.
         part
-            ``"train"``, ``"validation"`` or ``"test"``; all of them by default.
+            ``"train"``, ``"validation"`` or ``"test"``; all three by default.
         sensor
-            The sensor of the recordings.
+            The sensor that made the recordings.
         options
             Options of the feature.
 
         Returns
         -------
         x
-            Rows (n, columns) float32.
+            Features (n, columns) float32.
         y
-            Labels (n,) by name: ``contact`` and ``slip`` 0 or 1, ``position`` in m, ``force`` in N ...; NaN
-            where a label is not known.
+            Labels (n,) by name, such as ``contact`` and ``slip`` (0 or 1), ``position`` in m and ``force`` in
+            N. NaN marks a missing label.
         parts
-            The name (n,) of each row's part.
+            The name (n,) of each window's part.
         """
         manifest, rows = self.dataset.manifest, self.rows(part)
         signal = Signal(
@@ -294,9 +294,10 @@ class LabelledData:
         return table.of(rows), self.labels(rows), parts[rows]
 
     def torch(self, part: str, feature: str = "fft_harmonic", **options: Any) -> "TensorDataset":
-        """Return a part as a data set of torch: features (columns,), then labels (names,) with NaN, in order.
+        """Return a part as a PyTorch dataset of (features, labels) pairs.
 
-        The labels are in the order of `labels`. Raises `InputError` where torch is not installed.
+        Features have the shape (columns,). Labels have the shape (names,), in the order of `labels`, with NaN
+        for a missing one. Raises `InputError` if PyTorch is not installed.
         """
         from monochord.perception.training._torch import torch_library  # noqa: PLC0415
 

@@ -8,7 +8,7 @@ import pytest
 from monochord.core.silence import SILENT_LEVEL
 from monochord.core.types import OUTSIDE_RANGE, Audio, Contact, Estimates, Floats, Signal, Window
 from monochord.perception.closed_form.two_segments import TwoSegments
-from monochord.perception.closed_form.usable import CLIPPED_SHARE, why_unusable
+from monochord.perception.closed_form.usable import CLIPPED_SHARE, unusable_reason
 from monochord.perception.features import FEATURES
 from monochord.physics.strings import load_string
 from monochord.physics.theory import open_frequency, segment_frequencies
@@ -81,24 +81,24 @@ def test_the_estimator_and_the_feature_read_the_same() -> None:
 
 class TestUsable:
     def test_a_tone_is_usable_without_a_gap(self) -> None:
-        assert why_unusable(window(TONE)) == ""
-        assert why_unusable(window(TONE, has_gap=True)) == "gap"
+        assert unusable_reason(window(TONE)) == ""
+        assert unusable_reason(window(TONE, has_gap=True)) == "gap"
 
     @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
     def test_one_sample_that_is_not_a_number_is_enough(self, bad: float) -> None:
         samples = TONE.copy()
         samples[1, 4000] = bad
-        assert why_unusable(window(samples)) == "samples that are not numbers"
+        assert unusable_reason(window(samples)) == "samples that are not numbers"
 
     def test_silence_is_judged_about_the_mean_and_by_the_louder_channel(self) -> None:
         unit = TONE / TONE.std()
-        assert why_unusable(window(0.5 + 0.9 * SILENT_LEVEL * np.sign(TONE))) == "silence"
-        assert why_unusable(window(0.5 + 1.5 * SILENT_LEVEL * unit)) == ""
-        assert why_unusable(window(np.stack((np.zeros(SIZE), TONE[1])))) == ""
+        assert unusable_reason(window(0.5 + 0.9 * SILENT_LEVEL * np.sign(TONE))) == "silence"
+        assert unusable_reason(window(0.5 + 1.5 * SILENT_LEVEL * unit)) == ""
+        assert unusable_reason(window(np.stack((np.zeros(SIZE), TONE[1])))) == ""
 
     @pytest.mark.parametrize("top", [1.0, 0.4])
     def test_clipping_at_any_level(self, top: float) -> None:
         unit = TONE / 0.3
         for share, reason in ((1.3, "clipped"), (0.7, "")):
             peak = np.cos(0.5 * np.pi * share * CLIPPED_SHARE)
-            assert why_unusable(window(top * np.clip(unit / peak, -1.0, 1.0))) == reason
+            assert unusable_reason(window(top * np.clip(unit / peak, -1.0, 1.0))) == reason

@@ -190,8 +190,8 @@ class TestTwoSegments:
             (noise, "no harmonic"),
         ):
             estimates = ClosedForm().prepare(self.signal, SIZE)(window(samples.astype(np.float32)))
-            (why_not,) = {each.reason for each in estimates.values()}
-            assert why_not.startswith(reason)
+            (stated,) = {each.reason for each in estimates.values()}
+            assert stated.startswith(reason)
 
     def test_a_string_that_does_not_tell_force_says_so(self) -> None:
         string = StringParams(length=0.65, linear_density=6.5e-4, tension=65.0)

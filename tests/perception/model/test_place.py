@@ -10,7 +10,7 @@ from monochord.core.types import OUTSIDE_RANGE, Estimate, Estimates, Window
 from monochord.perception.model import Model, ModelState, load
 from monochord.perception.model.model import WindowReading
 from monochord.perception.model.network import UNCERTAIN
-from monochord.perception.model.place import CONTRADICTED, NO_PLACE, PlaceByLines, why_not_stated
+from monochord.perception.model.place import CONTRADICTED, NO_PLACE, PlaceByLines, withheld_reason
 from monochord.physics.twin.virtual_sensor import VirtualSensor
 
 RANGE = (0.05, 0.15)
@@ -37,7 +37,7 @@ RATE = 44100
 def test_lines_that_are_clear_outweigh_a_network(
     place: float, std: float, lines: PlaceByLines, expected: str
 ) -> None:
-    assert why_not_stated(place, std, lines, RANGE) == expected
+    assert withheld_reason(place, std, lines, RANGE) == expected
 
 
 @pytest.mark.parametrize("place", [0.0513, 0.1487])
@@ -52,7 +52,7 @@ def test_a_place_whose_error_reaches_well_outside_is_not_stated(place: float) ->
 
 
 def test_without_a_range_every_place_is_stated() -> None:
-    assert why_not_stated(0.01, 3e-4, NO_PLACE, None) == ""
+    assert withheld_reason(0.01, 3e-4, NO_PLACE, None) == ""
 
 
 def touched(place: float, model: Model) -> list[Estimates]:
@@ -97,8 +97,8 @@ def test_the_place_comes_before_what_the_touch_sounds_like(
     touch = Estimate(value=1.0, std=0.001, unit="1")  # 1 m is outside
     estimates: dict[str, Estimate] = dict.fromkeys(("contact", "position", "force", "slip"), touch)
     reading = WindowReading(ModelState(), {}, detected)
-    why_not, withheld = load("demo").withheld(reading, estimates)
-    assert why_not == expected
+    reason, withheld = load("demo").withheld(reading, estimates)
+    assert reason == expected
     assert estimates.keys() - withheld == valid
 
 

@@ -17,7 +17,7 @@ from monochord.datasets.build import build_dataset
 from monochord.datasets.split import Split
 from monochord.datasets.store import Dataset, open_dataset
 from monochord.perception.model import Model, load, save
-from monochord.perception.training.adapt import accustomed, adapt, judge
+from monochord.perception.training.adapt import adapt, desensitised, judge
 from monochord.perception.training.calibration import calibrated
 from monochord.perception.training.correct import with_prior, with_variables
 from monochord.perception.training.examples import touches_of
@@ -237,11 +237,11 @@ def test_what_a_sensor_in_order_sounds_like_is_no_fault_from_then_on(
     odds = np.full((100, len(record.reasons)), -8.0)
     odds[:30, swapped] = record.limit + 1.0
     odds[30:, swapped] = record.limit - 0.5
-    same, none = accustomed(model, list(np.full_like(odds, -8.0)))
+    same, none = desensitised(model, list(np.full_like(odds, -8.0)))
     assert not none
     np.testing.assert_array_equal(same.weights["known.1.bias"], model.weights["known.1.bias"])
-    result, mistaken = accustomed(model, list(odds))
-    assert mistaken == {"the microphones seem swapped": 0.3}
+    result, false_alarms = desensitised(model, list(odds))
+    assert false_alarms == {"the microphones seem swapped": 0.3}
     lowered = model.weights["known.1.bias"] - result.weights["known.1.bias"]
     assert np.flatnonzero(lowered).tolist() == [1 + swapped]
     assert lowered[1 + swapped] == pytest.approx(1.0 + np.log(len(record.reasons)), abs=1e-5)

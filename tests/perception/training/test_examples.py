@@ -16,7 +16,7 @@ from monochord.perception.training.examples import (
     TrainingData,
     chosen,
     examples_of,
-    known_contact,
+    labelled_contact,
     masks_of,
     noises_of,
     quietest,
@@ -71,7 +71,7 @@ def test_labels_that_nothing_can_be_learned_from_are_refused(dataset: Dataset) -
 
 def test_the_reference_is_of_untouched_windows_before_and_of_the_same_session(dataset: Dataset) -> None:
     rows = np.arange(len(dataset))
-    contact = known_contact(dataset, rows)
+    contact = labelled_contact(dataset, rows)
     features = {row: np.array([row], np.float32) for row in rows[contact == 0.0].tolist()}
     reference = references(dataset, rows, contact, RULE, features)
     known = reference[:, 1] > 0.0

@@ -133,7 +133,7 @@ def test_one_partial_is_enough(number: int, ratio: float) -> None:
 def test_a_high_partial_that_may_be_another_is_refused() -> None:
     state = followed(tones([6.55 * open_frequency(PROTOTYPE)], [0.1]), PROTOTYPE)
     assert state.tuning is None
-    assert "two readings" in state.why_not
+    assert "two readings" in state.reason
     both = followed(
         tones(np.array([6.55, 2.0 * 6.55 / 7.0]) * open_frequency(PROTOTYPE), [0.1, 0.003]), PROTOTYPE
     )
@@ -160,19 +160,19 @@ def test_a_rival_of_nearly_the_same_pitch_is_an_error(monkeypatch: pytest.Monkey
     assert near is not None
     assert near.frequency == alone.frequency
     assert near.frequency_std == pytest.approx(np.hypot(alone.frequency_std, 0.003 * alone.frequency))
-    assert with_rival(1.02).why_not.startswith("two readings")
+    assert with_rival(1.02).reason.startswith("two readings")
 
 
 def test_a_series_of_a_multiple_of_the_pitch_is_refused() -> None:
     state = followed(tones(1.01 * open_frequency(PROTOTYPE) * np.array([3.0, 6.02]), [0.1, 0.03]), PROTOTYPE)
     assert state.tuning is None
-    assert "another string" in state.why_not
+    assert "another string" in state.reason
 
 
 def test_a_string_of_another_pitch_is_refused() -> None:
     state = followed(tones([1.4 * open_frequency(PROTOTYPE)], [0.1]), PROTOTYPE)
     assert state.tuning is None
-    assert "no partial" in state.why_not
+    assert "no partial" in state.reason
 
 
 @pytest.mark.parametrize(("name", "share"), [*zip(PRESETS, (0.4, 0.55, 2.0 / 3.0, 0.4, 0.55), strict=True)])
@@ -183,7 +183,7 @@ def test_a_touched_string_is_refused(name: str, share: float) -> None:
     twin.advance(0.4)
     state = followed(twin.advance(0.6)[0], sensor.string)
     assert state.tuning is None
-    assert "touched" in state.why_not
+    assert "touched" in state.reason
 
 
 @pytest.mark.parametrize("name", ["prototype", "gauge_013"])
@@ -203,7 +203,7 @@ def test_silence_noise_and_hum_are_refused() -> None:
     for sound, reason in ((0.0 * noise, "silence"), (0.05 * noise, "line"), (hum, "hum")):
         state = followed(sound.astype(np.float32), PROTOTYPE)
         assert state.tuning is None
-        assert reason in state.why_not
+        assert reason in state.reason
 
 
 def test_hum_does_not_move_the_pitch() -> None:
@@ -237,7 +237,7 @@ def test_one_microphone_decides_only_what_it_can(dead: int) -> None:
     assert tuning.frequency == pytest.approx(1.02 * own, rel=1e-3)
     alone = followed(tones([2.04 * own], levels[:, :1]), PROTOTYPE)
     assert alone.tuning is None
-    assert "one microphone" in alone.why_not
+    assert "one microphone" in alone.reason
     assert followed(tones([2.04 * own], [0.1])[:1], PROTOTYPE).tuning is None
 
 

@@ -9,7 +9,7 @@ from monochord.core.types import Estimate, Estimates, Floats, Window
 from monochord.core.units import Hertz, Metres
 from monochord.dsp.pitch import PitchFinder, Series
 from monochord.dsp.pitch_steadiness import SteadinessMeter
-from monochord.perception.closed_form.usable import why_unusable
+from monochord.perception.closed_form.usable import unusable_reason
 from monochord.physics.theory import position_from_far_segment
 
 MAX_TAKE_DEVIATION = 8.0
@@ -159,7 +159,7 @@ class FarReader:
 
     def __call__(self, window: Window) -> Estimates:
         """Return the estimates of a window."""
-        why_not = why_unusable(window)
+        why_not = unusable_reason(window)
         return abstain(why_not) if why_not else self.locate(window, self.series(window))
 
     def series(self, window: Window) -> list[Series]:

@@ -15,7 +15,7 @@ from monochord.core.units import Hertz, Metres, Newtons
 from monochord.dsp.spectrum import BEAT, BLUR, FLOOR_WIDTH, noise_floor
 from monochord.perception.closed_form.modes import ModeReading
 from monochord.perception.closed_form.spectrum import Spectrum, SpectrumAnalyser
-from monochord.perception.closed_form.usable import why_unusable
+from monochord.perception.closed_form.usable import unusable_reason
 from monochord.physics.theory import TensionLaw, force_from_tension, tension_from_force, tension_from_segments
 
 UNITS = {
@@ -58,7 +58,7 @@ class TwoSegments:
         analyser = self.analyser(sample_rate, size)
 
         def estimate(window: Window) -> Estimates:
-            why_not = why_unusable(window)
+            why_not = unusable_reason(window)
             return abstain(why_not) if why_not else self.estimates(analyser, analyser.analyse(window.samples))
 
         return estimate

@@ -12,11 +12,11 @@ CLIPPED_SHARE = 0.1
 """Share of samples at the very top and bottom values from which a window is too clipped to trust."""
 
 
-def why_unusable(window: Window) -> str:
+def unusable_reason(window: Window) -> str:
     """Return why a window cannot be used, or an empty string.
 
     >>> quiet = Window(samples=np.zeros((2, 4410), np.float32), start=0, sample_rate=44100)
-    >>> why_unusable(quiet)
+    >>> unusable_reason(quiet)
     'silence'
     """
     if window.has_gap:

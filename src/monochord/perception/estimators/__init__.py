@@ -1,4 +1,4 @@
-"""From a window to estimates: one file an estimator, found by its name."""
+"""Estimators: from a window to estimates, one file each, found by name."""
 
 from monochord.core.registry import Registry
 from monochord.perception.estimators.base import Estimator

@@ -1,4 +1,4 @@
-"""The contract of an estimator: frozen options, prepared for a signal, then called window by window."""
+"""The contract of an estimator: frozen options, prepared for a signal, then called for each window."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -13,11 +13,11 @@ NOT_MEASURED = Estimate.abstain("Hz", "not measured yet")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Condition:
-    """What an estimator knows of the string besides its estimates of a touch.
+    """The state of the string, as an estimator measures it besides the touch.
 
-    `open_frequency` is that of the untouched string in Hz, without stiffness, as last measured, and
-    `deviation` the share by which it lies above the known one, None where it was not measured. `follows` says
-    whether estimates are made for the pitch that was measured.
+    `open_frequency` is the last measured frequency of the untouched string in Hz, without stiffness.
+    `deviation` is the relative deviation of `open_frequency` from the known frequency, such as 0.01 for 1 %
+    above; None without a measurement. `follows` says whether estimates use the measured pitch.
     """
 
     open_frequency: Estimate = NOT_MEASURED
@@ -26,7 +26,10 @@ class Condition:
 
 
 class Watching(ABC):
-    """A prepared estimator that also watches the string; one with nothing to report is a plain function."""
+    """A prepared estimator that also monitors the string.
+
+    A prepared estimator that does not monitor the string is a plain function.
+    """
 
     @abstractmethod
     def __call__(self, window: Window) -> Estimates:
@@ -35,7 +38,7 @@ class Watching(ABC):
     @property
     @abstractmethod
     def condition(self) -> Condition:
-        """What is known of the string after the last window."""
+        """The state of the string after the last window."""
 
 
 class Estimator(Checked, ABC):
@@ -45,25 +48,30 @@ class Estimator(Checked, ABC):
     def prepare(self, signal: Signal, size: Samples) -> Prepared:
         """Return the function from a window of `size` frames to its estimates by name.
 
-        Everything slow (tables, filters) happens here, so that the returned function keeps a steady pace;
-        what compiles at first use does so in the warm-up window of the live loop.
-        It never raises on audio: a window that cannot be used (silence, a gap, samples that are not numbers)
-        gives estimates that are not valid and say why. Equal streams of windows give equal estimates: a
-        window that does not begin after the one before begins a new stream, without any state. Options
-        that the signal cannot serve raise `InputError` here.
+        All slow work (tables, filters) happens here, so the returned function takes a steady time. Code that
+        compiles at first use compiles in the warm-up window of the live loop.
+
+        The returned function never raises on audio. An unusable window (silence, a gap, samples that are not
+        numbers) gives invalid estimates with a reason. Equal streams of windows give equal estimates. A
+        window that starts no later than its predecessor begins a new stream with fresh state.
+
+        Raises
+        ------
+        InputError
+            If the signal does not allow the options.
         """
 
     def estimate_all(self, prepared: Sequence[Prepared], windows: Sequence[Window]) -> list[Estimates]:
-        """Return the estimates of windows of several strings, each as its own function gives them alone.
+        """Return the estimates for one window of each of several strings.
 
-        `prepared` are functions that `prepare` returned. One that is cheaper to compute for several strings
-        at once overrides it; the estimates are the same to the bit.
+        `prepared` are functions that `prepare` returned, one for each window. An estimator that computes
+        several strings faster at once overrides this method; its estimates have the same bits.
         """
         return [estimate(window) for estimate, window in zip(prepared, windows, strict=True)]
 
     @property
     def string_length(self) -> Metres | None:
-        """Length of the string in m where an option states it, for sinks that draw the string; else None."""
+        """Length of the string in m if an option states it, else None; sinks draw the string with it."""
         return None
 
     @property

@@ -1,4 +1,4 @@
-"""The closed-form estimator: position and force from pitch, by the exact inverse of the clamped string."""
+"""The closed-form estimator: position and force from pitch, with the exact inverse of the clamped string."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -14,63 +14,66 @@ from monochord.perception.closed_form import far_segment
 from monochord.perception.closed_form.far_segment import FarReader, FarSegment
 from monochord.perception.closed_form.one_note import NO_SIDES, SidesReader
 from monochord.perception.closed_form.two_segments import MIN_SCORE, TwoSegments, abstain
-from monochord.perception.closed_form.usable import why_unusable
+from monochord.perception.closed_form.usable import unusable_reason
 from monochord.perception.estimators.base import Condition, Estimator, Watching
-from monochord.perception.tuning import OwnString, TunerState
+from monochord.perception.tuning import StringFollower, TunerState
 from monochord.perception.tuning.reading import RANGE
 from monochord.physics.theory import TensionLaw, open_frequency
 
 FAR_ONLY = ("calibration", "length", "open_frequency", "reach", "margin", "evidence")
-"""Options of the far form alone."""
-KNOWN = "its known pitch"
+"""Options of the far form only."""
+EXPECTED_PITCH = "its known pitch"
 DENSITY: KilogramsPerMetre = 1.0e-3
-"""Stands in for that of an unknown string, whose position does not depend on it."""
+"""Placeholder for an unknown string's density; the position does not depend on it."""
 BOTH_ONLY = ("tension_law", "most_force")
-"""Options of the two-sided form alone."""
+"""Options of the two-sided form only."""
 OPEN_NOTE = 0.02
-"""Share of the open frequency within which one note at both channels may be the untouched string's."""
+"""Relative distance from the open frequency within which a note at both channels may be the open note."""
 SAME_POSITION = 0.01
-"""Share of the length within which both forms agree."""
+"""Largest difference of two agreeing positions, as a share of the length."""
 UNDECIDED = "two candidates: one note at both channels, or two segments"
 MIN_LEAD, MAX_LEAD = -2, 5
-"""Most windows by which one note, or two segments, are ahead."""
+"""Bounds of the count that decides between one note (negative) and two segments (positive), in windows."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClosedForm(Estimator):
-    """Position and force from pitch, by the exact inverse of the clamped string.
+    """Position and force from pitch, with the exact inverse of the clamped string.
 
-    The far form uses the pitch of one segment, as on a fretted instrument: x = L (1 - f_open / f). Nothing in
-    it is learned. The two-sided form uses both, as the sensor does: x = L f2 / (f1 + f2), and f1 f2 / (f1 +
+    The far form uses the pitch of one segment, as on a fretted instrument: x = L (1 - f_open / f). It learns
+    nothing. The two-sided form uses both segments, as the sensor does: x = L f2 / (f1 + f2), and f1 f2 / (f1 +
     f2) gives tension, hence force. It is physics, with modes chosen by networks trained on simulated builds
-    (`monochord.perception.closed_form.ranking` and `place_density` there).
-    A window that is silent, clipped, torn by a gap, without harmonic structure or with two candidates gives
-    an abstention that says so. The two-sided form follows the string's own tuning, within 10 % of the known
-    one, by the windows in which nothing touches it; the rest is judged window by window.
+    (`monochord.perception.closed_form.ranking` and `monochord.perception.closed_form.place_density`).
+
+    The estimator abstains, with the reason, from a window that is silent, clipped, interrupted by a gap,
+    without harmonic structure, or has two candidates. The two-sided form follows the string's tuning with
+    untouched windows, within 10 % of the known tuning. Apart from the tuning, each window is judged alone.
 
     Parameters
     ----------
     length
-        Of the string between nut and bridge, in m. Left out, it is the signal's known string's.
+        Length of the string between nut and bridge, in m; by default the known string's.
     open_frequency
-        Of the untouched string, in Hz, as recorded. Left out, it follows from the signal's known string.
+        Frequency of the untouched string in Hz, as recorded; by default the known string's.
     calibration
-        Takes of known position for the far form: (frequency in Hz, position in m from the nut), or with the
-        take's inharmonicity B as a third number. A position of 0 is the open note itself.
+        Calibration takes for the far form: (frequency in Hz, position in m from the nut), optionally with the
+        take's inharmonicity B as a third number. Position 0 is the open note.
     sides
-        "far", "both", or "auto": both where the signal has two channels of a known string and no open
-        frequency is given. With two channels and an open frequency the windows show which: two segments
-        where each is louder at its own microphone, and from then on; far where both channels carry one note,
-        as in a stereo recording. Force and tension then need the string's density, that is a known string.
+        "far", "both" or "auto". With "auto", a signal with two channels of a known string and no
+        `open_frequency` uses the two-sided form. With two channels and `open_frequency`, the windows decide:
+        two segments, each louder at its own microphone, start the two-sided form; one note at both channels,
+        as in a stereo recording, selects the far form. Force and tension then require a known string, for its
+        density.
     reach
         Largest position of the far form as a share of the length.
     margin
-        Least lead of the best candidate over any other, in nats of evidence.
+        Smallest lead of the best candidate over any other, in nats of evidence.
     evidence
-        Least evidence for a harmonic series over clutter, in nats. White noise stays below 25. Where other
-        sounds are harmonic, neither suffices: the partials must hold within the window too, as a string's do.
+        Smallest evidence for a harmonic series against clutter, in nats. White noise stays below 25. Other
+        harmonic sounds can exceed both limits; therefore the partials must also be steady within the window,
+        as a string's are.
     tension_law, most_force
-        For the two-sided form: how force raises tension, and the largest force in N that is expected.
+        For the two-sided form: how force raises tension, and the largest expected force in N.
     """
 
     length: Metres | None = None
@@ -89,7 +92,7 @@ class ClosedForm(Estimator):
         return self.length
 
     def prepare(self, signal: Signal, size: Samples) -> Prepared:
-        """Choose the form that `sides` asks for and the signal allows, and prepare it."""
+        """Prepare the form that `sides` and the signal select."""
         both = signal.channels == 2 and signal.string is not None and self.open_frequency is None
         if self.sides == "both" or (self.sides == "auto" and both):
             self._refuse_set(FAR_ONLY, "both segments", "one segment with --open-frequency")
@@ -115,13 +118,13 @@ class ClosedForm(Estimator):
         return estimate
 
     def _refuse_set(self, names: Sequence[str], form: str, remedy: str) -> None:
-        """Refuse options that the form at hand has no use for."""
+        """Refuse options that the selected form does not use."""
         usual = {each.name: each.default for each in fields(self)}
         given = [name for name in names if getattr(self, name) != usual[name]]
         if given:
             raise InputError(
-                f"{given[0]} with the form of {form}",
-                f"no {given[0]} there",
+                f"{given[0]} with the form for {form}",
+                f"no {given[0]}",
                 f"leave it out, or use {remedy}",
             )
 
@@ -129,7 +132,7 @@ class ClosedForm(Estimator):
         if signal.string is None or signal.channels != 2:
             known = "an unknown" if signal.string is None else "a known"
             given = f"two-sided form on {signal.channels} channel(s) of {known} string"
-            raise InputError(given, "two channels of a known string", "name it with --string")
+            raise InputError(given, "two channels of a known string", "name the string with --string")
         return TwoSegments(
             string=signal.string,
             law=self.tension_law,
@@ -165,7 +168,7 @@ class _Followed(Watching):
     """
 
     def __init__(self, form: TwoSegments, signal: Signal, size: Samples) -> None:
-        self._own, self._analyser = OwnString.of(signal, size), form.analyser(signal.sample_rate, size)
+        self._own, self._analyser = StringFollower.of(signal, size), form.analyser(signal.sample_rate, size)
         self._form, self._state = form, TunerState()
         self._tuned, self._tuned_analyser = form, self._analyser
         self.opposed = self.detuned = False
@@ -176,22 +179,22 @@ class _Followed(Watching):
         if tuning is not before:
             string = self._own.retuned(tuning)
             self._tuned, self._tuned_analyser = self._form.tuned(string), self._analyser.tuned(string)
-        why_not = why_unusable(window)
-        if why_not:
-            return abstain(why_not)
+        reason = unusable_reason(window)
+        if reason:
+            return abstain(reason)
         spectrum = self._tuned_analyser.analyse(window.samples)
         if tuning is None:
-            why_not = self._own.why_elsewhere(self._analyser, spectrum, KNOWN)
-        if why_not:
+            reason = self._own.other_tuning_reason(self._analyser, spectrum, EXPECTED_PITCH)
+        if reason:
             self.detuned = True
-            return abstain(why_not)
+            return abstain(reason)
         reading = spectrum.reading
         self.opposed = reading.opposed and min(reading.score, reading.contact_lead) >= MIN_SCORE
         return self._tuned.estimates(self._tuned_analyser, spectrum)
 
     @property
     def condition(self) -> Condition:
-        """The pitch of the string, and how far it is off the one that it was known at."""
+        """The pitch of the string, and its deviation from the known pitch."""
         tuning = self._state.tuning
         if tuning is None:
             return Condition()
@@ -215,9 +218,9 @@ class _Either:
         if window.start <= self._start:
             self._lead = 0
         self._start = window.start
-        two_sided, why_not = self._two_sided(window), why_unusable(window)
-        if why_not:
-            return two_sided if self._lead > 0 else far_segment.abstain(why_not)
+        two_sided, reason = self._two_sided(window), unusable_reason(window)
+        if reason:
+            return two_sided if self._lead > 0 else far_segment.abstain(reason)
         series = self._far.series(window)
         one_sided = self._far.locate(window, series)
         sides = self._sides.read(window.samples, series[0]) if series else NO_SIDES

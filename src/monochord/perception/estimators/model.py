@@ -1,4 +1,4 @@
-"""The learned estimator: contact, slip, position and force by a trained model."""
+"""The learned estimator: contact, slip, position and force from a trained model."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,32 +13,32 @@ from monochord.perception.model.stream import ModelStream
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModelEstimator(Estimator):
-    """A model that ``monochord train`` trained, on one stream of windows in order.
+    """A model from ``monochord train`` on one stream of windows, in order.
 
-    A window that does not begin after the one before it begins another stream. Features are relative to the
-    string as the signal's sensor is tuned. Where untouched windows show that it is tuned otherwise by now,
-    features follow, as in training. Before the first of them, a touched one of a string that is tuned
-    otherwise is abstained from, with by how much it is off.
+    A window that starts no later than its predecessor begins another stream. Features are relative to the
+    tuning of the signal's sensor. If untouched windows show another tuning, features follow it, as in
+    training. Before the first untouched window, the model abstains from touched windows of a detuned string,
+    and the reason states the deviation.
 
     Parameters
     ----------
     path
-        Folder of a model or of the training run that made it, or the name of a bundled one: demo.
+        Folder of a model, folder of its training run, or the name of a bundled model: demo.
     """
 
     path: Path
 
     @property
     def model(self) -> str:
-        """The folder or name."""
+        """The folder or the name of the model."""
         return str(self.path)
 
     def prepare(self, signal: Signal, size: Samples) -> Prepared:
-        """Load the model for the string as it is tuned, and check that it fits the signal."""
+        """Load the model, adapt it to the string's tuning, and check that it fits the signal."""
         return load(self.path).stream(signal, size)
 
     def estimate_all(self, prepared: Sequence[Prepared], windows: Sequence[Window]) -> list[Estimates]:
-        """Return the estimates of windows of several strings; the heads are computed for all at once."""
+        """Return the estimates for one window of each of several strings; all heads are computed at once."""
         streams = [each for each in prepared if isinstance(each, ModelStream)]
         if len(streams) != len(prepared) or len(streams) < 2:
             return Estimator.estimate_all(self, prepared, windows)

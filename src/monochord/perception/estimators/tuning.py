@@ -1,4 +1,4 @@
-"""The string's own pitch, followed while it runs."""
+"""The tuning of the string, followed live."""
 
 from dataclasses import dataclass, replace
 from math import isfinite
@@ -13,25 +13,25 @@ UNITS = {"frequency": "Hz", "tension": "N", "inharmonicity": "", "decay": "1/s"}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tuning(Estimator):
-    """Pitch, tension, stiffness and losses of the string from the windows in which nothing touches it.
+    """Pitch, tension, stiffness and losses of the string, from its untouched windows.
 
-    Estimates ``frequency`` f0 = sqrt(T / mu) / (2 L) in Hz, the ``tension`` in N that follows, the
-    ``inharmonicity`` B, and the rate ``decay`` in 1/s at which free partials die away. While the string is
-    touched they are those of before. A window that does not begin after the one before begins anew.
+    The estimates are ``frequency`` f0 = sqrt(T / mu) / (2 L) in Hz, the ``tension`` T in N, the
+    ``inharmonicity`` B, and the ``decay`` rate of free partials in 1/s. They keep their values while the
+    string is touched. A window that starts no later than its predecessor begins a new stream.
 
     Parameters
     ----------
     keep
-        How many windows of untouched sound count, the newest.
+        Number of untouched windows that count; the newest are kept.
     every
-        Least distance of their starts in s.
+        Smallest time between the starts of two such windows, in s.
     """
 
     keep: int = 40
     every: Seconds = 0.1
 
     def prepare(self, signal: Signal, size: Samples) -> Prepared:
-        """Return the function from a window to the estimates; the signal's string is the nominal one."""
+        """Return the function from a window to the estimates; the signal's string is nominal."""
         tuner = replace(Tuner.of(signal, size), keep=self.keep, every=self.every)
         string, state = tuner.string, TunerState()
 
@@ -46,7 +46,7 @@ class Tuning(Estimator):
 def _estimates(state: TunerState, string: StringParams) -> Estimates:
     tuning = state.tuning
     if tuning is None:
-        return {name: Estimate.abstain(unit, state.why_not) for name, unit in UNITS.items()}
+        return {name: Estimate.abstain(unit, state.reason) for name, unit in UNITS.items()}
     tension, tension_std = tuning.tension(string)
     values = {
         "frequency": (tuning.frequency, tuning.frequency_std),

@@ -1,11 +1,11 @@
-"""Log-mel spectrograms of windows: the input of `log_mel` and of the transformer."""
+"""Log-mel spectrograms of windows: the input of the feature `log_mel` and of the transformer."""
 
 from monochord.core.types import Audio, Signal
 from monochord.core.units import Samples, Seconds
 from monochord.dsp.mel import LogMel, MelSound
 
 FINE_HOP: Samples = 16
-"""Samples from frame to frame that make 100 frames of a tenth of a second."""
+"""Samples from one frame to the next; a window of 0.1 s has 100 frames."""
 
 
 class Spectrogram:

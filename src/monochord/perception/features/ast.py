@@ -16,44 +16,47 @@ from monochord.perception.features._mel import FINE_HOP, Spectrogram
 from monochord.perception.features.base import Extractor, Feature
 
 AUDIOSET_HOP: Samples = 160
-"""Samples from frame to frame in AudioSet."""
+"""Samples from one frame to the next in AudioSet."""
 MIN_FRAMES = 100
-"""Frames that AudioSet's framing is padded to, at the least."""
+"""Spectrograms in AudioSet's framing are padded to at least this many frames."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ast(Feature):
-    """Mean and maximum over all patches of the transformer's last layer, microphone by microphone.
+    """Mean and maximum over all patches of the transformer's last layer, for each microphone.
 
-    Each microphone is resampled to 16 kHz; its log-mel spectrogram of 128 bands (100 frames of 0.1 s) is
-    normalised with AudioSet's mean and deviation and embedded by the frozen network of 12 layers, 768 wide:
-    mean(768) and max(768) over the patch tokens, 3072 columns of two microphones. Columns begin with the
-    first eight digits of the weights' SHA-256, so that rows of other weights are not confused with these.
+    Each microphone's signal is resampled to 16 kHz. Its log-mel spectrogram (128 bands, 100 frames for 0.1 s)
+    is normalised with AudioSet's mean and standard deviation, then embedded by the frozen network of 12
+    layers, 768 wide. The mean (768) and maximum (768) over the patch tokens give 3072 columns for two
+    microphones. Column names begin with the first eight digits of the weights' SHA-256, so rows from
+    different weights cannot be confused.
 
-    The weights are no part of Monochord: `monochord weights get ast` fetches them. With `random` there are
-    untrained ones, to measure speed or as a baseline; their columns begin with ``random``.
+    Monochord does not ship the weights; `monochord weights get ast` downloads them. `random` uses untrained
+    weights, to measure speed or as a baseline; their column names begin with ``random``.
 
-    A window is embedded by itself, since the network's last bits depend on how many are embedded at once, and
-    int8 on its neighbours.
+    Windows are embedded one at a time. In a batch, the last bits of a float32 result depend on the batch
+    size, and an int8 result depends on the other windows.
 
     Parameters
     ----------
     weights
-        A safetensors file or a Hugging Face folder; empty for what MONOCHORD_AST names or was fetched.
+        A safetensors file or a Hugging Face folder. Empty: the file that MONOCHORD_AST names, or the
+        downloaded one.
     random
-        Use random weights; `weights` must be empty then.
+        Use random weights; `weights` must be empty.
     seed
         Random seed of the untrained weights.
     backend
-        ``onnx`` (float32) or ``int8`` by ONNX Runtime, ``openvino`` (int8), ``torch`` on the processor,
-        ``cuda`` for PyTorch on a GPU. In float32 they differ in the last bits, int8 by a few hundredths of
-        the spread: train and predict with the same. The first use of ``onnx``, ``int8`` or ``openvino``
-        exports the network, which takes a minute or two, PyTorch and transformers.
+        ``onnx`` (float32) or ``int8`` with ONNX Runtime, ``openvino`` (int8), ``torch`` (PyTorch on the CPU)
+        or ``cuda`` (PyTorch on a GPU). The float32 backends differ in the last bits; int8 differs by a few
+        hundredths of a column's spread. Train and predict with the same backend. The first use of ``onnx``,
+        ``int8`` or ``openvino`` exports the network: this takes one or two minutes and requires PyTorch and
+        transformers.
     framing
-        ``fine``: frames 1 ms apart, mirrored at the ends, 100 of 0.1 s. ``audioset``: 10 ms apart, as the
-        network was trained, 8 of 0.1 s, and zeros up to 100.
+        ``fine``: frames 1 ms apart, mirrored at the ends, 100 for 0.1 s. ``audioset``: frames 10 ms apart, as
+        in the network's training, 8 for 0.1 s, padded with zeros to 100.
     threads
-        Of ONNX Runtime and OpenVINO.
+        Threads of ONNX Runtime or OpenVINO.
     context
         Seconds at the start of each window that only settle the resampler.
     """
@@ -70,10 +73,10 @@ class Ast(Feature):
         Checked.__post_init__(self)
         if self.random and self.weights:
             given = f"ast.weights '{self.weights}' and ast.random"
-            raise InputError(given, "one of them", "leave out ast.weights for random ones")
+            raise InputError(given, "only one of the two", "leave out ast.weights to use random weights")
 
     def prepare(self, signal: Signal, size: Samples) -> Extractor:
-        """Read the weights and build the network; seconds. See `Feature.prepare` for what it raises."""
+        """Read the weights and build the network, which takes seconds. Raises as `Feature.prepare` does."""
         fine = self.framing == "fine"
         spectrogram = Spectrogram(
             signal,

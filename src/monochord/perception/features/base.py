@@ -10,30 +10,32 @@ from monochord.core.units import Samples
 class Extractor(ABC):
     """A feature prepared for windows of one length.
 
-    A row depends on its own window alone: the same window gives the same bits alone, in any batch and at any
-    place in it, offline and live. It never raises on audio: windows of silence or of samples that are not
-    numbers give finite rows.
+    A row depends on its own window alone: a window gives the same bits in any batch, offline and live. An
+    extractor never raises on audio. Silence and samples that are not numbers give finite rows.
     """
 
     @property
     @abstractmethod
     def columns(self) -> tuple[str, ...]:
-        """Names of the columns, one each, such as ``mic 1 level 3``."""
+        """The name of each column, such as ``mic 1 level 3``."""
 
     @abstractmethod
     def __call__(self, windows: Audio) -> Audio:
-        """Return the rows (n, columns) float32 of windows (n, channels, samples) float32."""
+        """Return the features (n, columns) float32 of windows (n, channels, samples) float32."""
 
 
 class Feature(Checked, ABC):
-    """Options of a feature, a frozen keyword-only dataclass; they and its name define it, for caches too."""
+    """Options of a feature, as a frozen keyword-only dataclass.
+
+    The feature's name and options identify it, also in caches.
+    """
 
     @abstractmethod
     def prepare(self, signal: Signal, size: Samples) -> Extractor:
-        """Return the extractor for windows of `size` frames of such a signal.
+        """Return the extractor for windows of `size` frames of a signal.
 
-        What is slow (tables, filters, weights, compiling) happens here. Raises `InputError` for a signal or a
-        size that it cannot serve, and for missing weights, with the way to get them.
+        All slow work (tables, filters, weights, compilation) happens here. Raises `InputError` if the feature
+        cannot handle the signal or the size, or if weights are missing; the message says how to get them.
         """
 
 
@@ -42,14 +44,14 @@ class SupportsCompliance(ABC):
 
     @abstractmethod
     def with_compliance(self, rows: Audio, force: Floats, share: Floats) -> Audio:
-        """Return the rows (n, columns) of objects of another compliance.
+        """Return the features (n, columns) that objects of another compliance would give.
 
         Parameters
         ----------
         rows
-            Of recorded windows, (n, columns).
+            Features (n, columns) of recorded windows.
         force
-            Of the touch in each, in N, (n,); a row whose force is 0 stays as it is.
+            Force (n,) of the touch in each window, in N. A row with force 0 does not change.
         share
-            Compliance as a share of the actual object's, (n,), above 0.
+            Compliance (n,) as a multiple of the actual object's, above 0.
         """

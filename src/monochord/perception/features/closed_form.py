@@ -1,4 +1,4 @@
-"""Position and tension by the inverse of the clamped string, with the scores for and against them."""
+"""Position and tension from the inverse of the clamped string, with scores for and against the reading."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from monochord.core.types import Audio, Signal, Window
 from monochord.core.units import Metres, Newtons, Samples
 from monochord.perception.closed_form.modes import ModeReading
 from monochord.perception.closed_form.spectrum import SpectrumAnalyser
-from monochord.perception.closed_form.usable import why_unusable
+from monochord.perception.closed_form.usable import unusable_reason
 from monochord.perception.features.base import Extractor, Feature
 from monochord.physics.theory import force_from_tension
 
@@ -45,27 +45,30 @@ COLUMNS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClosedForm(Feature):
-    """The inverse of the clamped, stiff string from its two strongest lines, their harmonic numbers resolved.
+    """The inverse of the clamped, stiff string from its two strongest lines.
 
     x = L f2 / (f1 + f2) and T = mu (2 L f1 f2 / (f1 + f2))^2, where f1 and f2 are the fundamentals of the
-    segments with stiffness taken off. `monochord.perception.closed_form.modes` chooses their modes by
-    networks trained on simulated builds, for this feature and for the estimator of the same name alike.
+    segments, corrected for stiffness. `monochord.perception.closed_form.modes` assigns a mode number to each
+    line with networks trained on simulated builds. The estimator of the same name uses the same readings.
 
-    Columns: `position` in m, `tension` in N, `open`, the open frequency that follows from it in thousandths
-    over nominal, and `force` in N by the geometric law if the untouched string has its nominal tension, 0
-    below that; the two fundamentals and the two lines in kHz, their modes, and the share of their power at
-    microphone 1; the `score` of two segments, the `lead` of the place (the logarithm of its odds against all
-    others), the best rival's position in m, the score's lead over the untouched string (`contact`), that
-    string's own score and its frequency in thousandths over nominal (`rest`); the share of lines that the
-    reading leaves unexplained (`left over`), and the count of lines. Flags, 0 or 1: no reading; two
-    candidates, where the lead is less than `margin`; untouched, where contact is negative; and why the window
-    cannot be used. Of a string tuned otherwise than its design, tension and frequencies are as if it were
-    tuned so.
+    Columns of the touch: `position` in m; `tension` in N; `open`, the open frequency for this tension, in
+    thousandths above nominal; `force` in N by the geometric law for a string of nominal tension, 0 for a lower
+    tension. Columns of the lines: both fundamentals and both lines in kHz, their modes, and the share of each
+    line's power at microphone 1.
+
+    Columns of confidence: `score` of the two-segment reading; `lead`, the log odds of the position against all
+    others; `rival position` in m, the next best one; `contact`, the score's lead over the untouched string;
+    `untouched score`, and `rest`, the untouched string's frequency in thousandths above nominal; `left over`,
+    the share of lines that the reading does not explain; `lines`, their number.
+
+    Flags, 0 or 1: no reading; two candidates (`lead` below `margin`); untouched (`contact` negative); and one
+    for each reason that makes a window unusable. If the string is not tuned as its design states, tension and
+    frequencies are scaled to the design's tuning.
 
     Parameters
     ----------
     margin
-        Lead of the place below which two candidates are flagged.
+        Lead of the position below which two candidates are flagged.
     most_force
         Largest force in the column `force`, in N.
 
@@ -83,7 +86,7 @@ class ClosedForm(Feature):
     most_force: Positive[Newtons] = 5.0
 
     def prepare(self, signal: Signal, size: Samples) -> Extractor:
-        """Return the extractor, compiled, for two channels of a known string."""
+        """Return the compiled extractor for two channels of a known string."""
         analyser = SpectrumAnalyser.of(signal, size)
         extractor = _Extractor(analyser, self, signal.tension_scale)
         extractor(np.zeros((1, 2, size), np.float32))
@@ -146,5 +149,5 @@ class _Extractor(Extractor):
         return min(force, self._options.most_force)
 
     def _unusable(self, window: Audio) -> list[float]:
-        why_not = why_unusable(Window(samples=window, start=0, sample_rate=self._analyser.sample_rate))
-        return [float(why_not == reason) for reason in REASONS]
+        problem = unusable_reason(Window(samples=window, start=0, sample_rate=self._analyser.sample_rate))
+        return [float(problem == reason) for reason in REASONS]

@@ -34,7 +34,7 @@ from monochord.perception.features._harmonics import (
 from monochord.perception.features.base import Extractor, Feature, SupportsCompliance
 
 POINTS = 24
-"""Points along the string that encode the position by its distance from each."""
+"""Points along the string; the position is encoded by its distance from each."""
 HARMONIC_COLUMNS = ("level", "offset", "side", "growth")
 CHANNEL_COLUMNS = (
     "level",
@@ -65,84 +65,90 @@ READING_COLUMNS = (
 SEEN_COLUMNS = ("seen place", "seen lead")
 SERIES = ("segment 1", "segment 2", "string")
 TIMBRE_WITH_TONES = slice(1, 3)
-"""Harmonics whose timbre is a column beside combination tones."""
+"""Harmonics that keep their timbre columns when combination tones are on."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FftHarmonic(Feature):
-    """Harmonics in 300 numbers: 75 each of microphone 1, of microphone 2, their difference and their ratio.
+    """300 measures of harmonics: 75 each for microphone 1, microphone 2, their difference and their ratio.
 
-    Recipe. The plain transform of the whole window, about its mean, gives spectra under a Hann taper and,
-    from three bins, the exact frequency and growth of a line. The strongest lines are read as modes of two
-    segments, whichever modes the drivers sustain, or as partials of the untouched string
-    (`monochord.perception.closed_form`: physics, with modes chosen by networks trained on simulated builds).
-    Three series of harmonics follow: n = 1 to 8 of the segment at microphone 1, of the segment at microphone
-    2, and of the whole string, at their stiff partials, or at multiples of the line that a driver sustains
-    where n is one. A harmonic is the strongest bin within 1.5 bins and 0.4 % of its expected frequency. Its
-    measures are:
+    The Fourier transform of the whole window, mean removed, gives spectra with a Hann taper. Three bins give
+    the exact frequency and growth rate of a line. The strongest lines are read as modes of two segments,
+    whichever modes the drivers sustain, or as partials of the untouched string. The reading is physics, with
+    modes chosen by networks trained on simulated builds (`monochord.perception.closed_form`).
 
-    - level: log10 of its power, not below 1e-7 of the channel's;
-    - offset: how far it lies from the expected frequency, in thousandths, within 5;
-    - side: log10 of the power 3 to 8 bins beside it, over its own;
-    - growth: of its amplitude in 1/s, within 30; a decay is negative.
+    Three series of harmonics follow, n = 1 to 8 each: the segment at microphone 1, the segment at microphone
+    2, and the whole string. Harmonics are expected at the stiff partials, or at multiples of the driven line
+    where n is such a multiple. A harmonic is the strongest bin within 1.5 bins and 0.4 % of its expected
+    frequency. Its measures are:
 
-    Offset and growth are multiplied by p / (p + 3 q), q being the power of its sidebands: noise has neither.
+    - level: log10 of its power, at least 1e-7 of the channel's power;
+    - offset: deviation from the expected frequency in thousandths, limited to 5;
+    - side: log10 of the power 3 to 8 bins to either side, relative to its own;
+    - growth: growth rate of its amplitude in 1/s, limited to 30; negative for decay.
 
-    - **mic 1**, **mic 2** (75 each): the four of 8 harmonics of the microphone's own segment and of 8
-      partials of the string, first 16 harmonics in all; and 11 of the channel: log10 of its mean square; of
-      its power from 20 to 150 Hz and from 150 to 500 Hz, where only sliding and handling sound; mean log10
-      of power from 0.5, 2, 6, 12 kHz on, which is that of the gaps between the lines; flatness from 4 to 15
-      kHz; rise from the first half to the second; unrest, the deviation over ten stretches; the own
-      segment's fundamental in octaves over the string's.
-    - **difference** (75): microphone 1 less microphone 2, in the logarithm, at the same harmonics: level and
-      side of 24 harmonics of three series, growth of 16 of the segments; and the 11 of the channel.
-    - **ratio** (75): of amplitudes, how alike each of 24 harmonics is at both microphones, 2 Re(A B*) /
-      (A A* + B B*), which is 1 where they are equal and -1 where one is the other upside down; of 16
-      harmonics of the segments the level over the loudest of its series. Of frequencies, place = f2 / (f1 +
-      f2) = x / L as of a clamp, once as such and once by its distance from 24 points along the string
-      (1 at the point, 0 at the next). And 10 more of both: the open frequency f1 f2 / (f1 + f2), and the
-      untouched string's by its partials, in thousandths over the nominal one; the modes read; the place's
-      lead, the logarithm of its odds; the lead over the untouched string; the score; the share of lines that
-      the reading leaves unexplained (`left over`); the shares of the two lines' power at microphone 1.
+    Offset and growth are multiplied by p / (p + 3 q), where p is the harmonic's power and q the power of its
+    sidebands. So both vanish for noise. The four groups are:
 
-    With `tones`, 12 measures of combination tones of both lines stand in the ratio group, in place of the
-    timbre of all but the second and the third harmonic. They depend on the object's compliance, which the
-    frequencies alone confound with the tension; training can vary it (`SupportsCompliance`).
+    - **mic 1**, **mic 2** (75 each). Level, offset, side and growth of 16 harmonics: 8 of the segment at this
+      microphone and 8 partials of the string. Then 11 measures of the channel: log10 of its mean square; log10
+      of its power from 20 to 150 Hz and from 150 to 500 Hz, where only sliding and handling sound; mean log10
+      of the power above 0.5, 2, 6 and 12 kHz, which measures the gaps between the lines; spectral flatness
+      from 4 to 15 kHz; rise from the first half of the window to the second; unrest, the standard deviation
+      over ten parts of the window; the fundamental of this microphone's segment, in octaves above the
+      string's.
+    - **difference** (75). Microphone 1 minus microphone 2, in logarithms: level and side of the 24 harmonics
+      of all series, growth of the 16 harmonics of the segments, and the 11 measures of the channel.
+    - **ratio** (75). Amplitudes: the likeness of each of the 24 harmonics at both microphones, 2 Re(A B*) /
+      (A A* + B B*), which is 1 for equal signals and -1 for inverted ones; and the level of the 16 harmonics
+      of the segments relative to the loudest of their series (timbre). Frequencies: place = f2 / (f1 + f2) =
+      x / L for a clamp, and its encoding by 24 points along the string (1 at the point, 0 at the next). The
+      other 10: the open frequency f1 f2 / (f1 + f2) and the untouched string's frequency from its partials,
+      both in thousandths above nominal; both modes; the lead of the place (its log odds); the lead over the
+      untouched string; the score; the share of lines that the reading does not explain (`left over`); and the
+      share of each line's power at microphone 1.
 
-    With `gaps`, 84 more columns follow the 300: sound between the lines, which sliding and rubbing make on
-    any build. In each of 28 bands of equal ratio from 20 Hz to 16 kHz, of the nearest three bins or more:
-    log10 of each microphone's density, the median power of the band's bins in full scale^2 / Hz (of noise,
-    its mean density); and likeness, 2 Re(A B*) / (A A* + B B*), of its bins without lines, those whose
-    powers together are at most both medians together.
+    `tones` replaces part of the timbre in the ratio group by 12 measures of combination tones of the two
+    lines; the timbre of the second and third harmonics stays. Combination tones depend on the object's
+    compliance; from the frequencies alone, compliance and tension cannot be told apart. Training can vary the
+    compliance (`SupportsCompliance`).
 
-    With `seen`, two more columns are the place that a network sees in the spectra themselves, whichever
-    lines are read, and the logarithm of its odds (`monochord.perception.closed_form.place_density`).
+    `gaps` adds 84 columns of the sound between the lines, which sliding and rubbing make on any build. There
+    are 28 bands of equal ratio from 20 Hz to 16 kHz, each at least three bins wide. A band has three columns:
+    log10 of each microphone's power density, from the median over the band's bins, in full scale^2 / Hz (for
+    noise, the mean density); and the likeness 2 Re(A B*) / (A A* + B B*) over the bins without lines. A bin is
+    without lines if its power, summed over both microphones, is at most the sum of the two medians.
 
-    With `glides`, the last six columns say how fast the lines glide within the window: those of each segment,
-    how far its harmonics differ in that, the speed of the place at which the segments glide apart, and the
-    glide of the pitch that both share. Each is asinh of its magnitude; a touch at rest has none.
+    `seen` adds two columns: the place that a network estimates from the spectra, whichever lines are read, and
+    its log odds (`monochord.perception.closed_form.place_density`).
 
-    The 300 are as many as the paper has. The bundled model `demo` uses all options: 392 columns.
+    `glides` adds six columns on how fast lines glide within the window: the glide of each segment's lines, the
+    spread of the glides within each segment, the speed of the place if the segments glide apart, and the glide
+    of pitch common to both. Each is asinh of the magnitude, and 0 for a touch at rest.
+
+    The paper's feature has 300 columns as well. The bundled model `demo` uses all options: 392 columns.
 
     Parameters
     ----------
     tones
-        Whether there are columns of combination tones.
+        Add columns of combination tones.
     gaps
-        Whether there are columns of the sound between the lines.
+        Add columns of the sound between the lines.
     seen
-        Whether there are columns of the place seen in the spectra.
+        Add columns of the place that a network estimates from the spectra.
     glides
-        Whether there are columns of lines that glide.
+        Add columns of gliding lines.
     own
-        With `tones`: share of its own end's force in a microphone's signal, above a half.
+        With `tones`: share of the force at a microphone's own end in its signal, above 0.5; the rest is
+        crosstalk. The prototype's by default.
     gain
-        With `tones`: full scale a newton of a microphone. Both are the prototype's design by default.
+        With `tones`: gain of a microphone, in full scale per newton. The prototype's by default.
 
     Notes
     -----
-    Sources: a split string's frequencies, Yi, Xing, Manchester and Fazeli, Sound of Touch; stiff partials,
-    Fletcher (1964); frequency and growth of a line, Auger and Flandrin (1995). The rest is our own.
+    Sources: frequencies of a split string, Yi, Xing, Manchester and Fazeli, Sound of Touch; stiff partials,
+    Fletcher (1964); frequency and growth of a line, Auger and Flandrin (1995). The other measures are
+    Monochord's own.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Log-mel energies of a window, pooled over time alone."""
+"""Log-mel energies of a window, pooled over time but not over frequency."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -14,11 +14,11 @@ from monochord.perception.features.base import Extractor, Feature
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogMel(Feature):
-    """Mean and maximum over time of each mel band's log energy, microphone by microphone.
+    """Mean and maximum over time of each mel band's log energy, for each microphone.
 
-    Frequency is kept, since a touch changes it. A window is resampled to 16 kHz and cut into frames of
-    25 ms, 1 ms apart (100 frames of 0.1 s), as `monochord.dsp.mel.LogMel` describes. 512 columns of two
-    microphones with the defaults.
+    Bands are kept apart because a touch changes frequency. A window is resampled to 16 kHz and cut into frames
+    of 25 ms, 1 ms apart (100 frames for 0.1 s); see `monochord.dsp.mel.LogMel`. The defaults give 512 columns
+    for two microphones.
 
     Parameters
     ----------
@@ -38,7 +38,10 @@ class LogMel(Feature):
     context: Seconds = 0.0
 
     def prepare(self, signal: Signal, size: Samples) -> Extractor:
-        """Make filters and frames; raises `InputError` below 16 kHz or for a window without a frame."""
+        """Prepare filters and frames.
+
+        Raises `InputError` for a sample rate below 16 kHz or a window shorter than one frame.
+        """
         return _Pooled(
             Spectrogram(signal, size, hop=FINE_HOP, centred=True, bins=self.bins, context=self.context),
             self.bins,

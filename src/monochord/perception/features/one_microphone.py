@@ -15,15 +15,15 @@ from monochord.perception.features.base import Extractor, Feature
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OneMicrophone(Feature):
-    """Another feature in which every channel is a copy of one microphone.
+    """Another feature, computed with one microphone's signal on every channel.
 
-    Nothing of the other microphones enters. The columns are those of the other feature; differences of
-    microphones are constant. It stands for a sensor with one microphone, as far as that feature allows.
+    The feature sees nothing of the other microphone. Its columns stay the same, but differences between
+    microphones are constant. The result approximates a sensor with one microphone.
 
     Parameters
     ----------
     microphone
-        The one that is used, 1 or 2.
+        The microphone to use, 1 or 2.
     feature
         Name and options of the other feature.
 
@@ -42,9 +42,13 @@ class OneMicrophone(Feature):
     feature: dict[str, Any] = field(default_factory=lambda: {"name": "fft_harmonic"})
 
     def prepare(self, signal: Signal, size: Samples) -> Extractor:
-        """Prepare the other feature; raises `InputError` as that does, and for a missing microphone."""
+        """Prepare the other feature.
+
+        Raises `InputError` if the signal lacks the microphone or the other feature refuses the signal.
+        """
         if self.microphone > signal.channels:
-            raise InputError(f"microphone {self.microphone} of {signal.channels}", "one that is there")
+            given = f"microphone {self.microphone} of a signal with {signal.channels} channel(s)"
+            raise InputError(given, f"a microphone from 1 to {signal.channels}")
         options = dict(self.feature)
         name = options.pop("name", None)
         if not isinstance(name, str):

@@ -1,4 +1,4 @@
-"""The untouched string: its partials, hence its tension, and the modes that the drivers sustain."""
+"""The untouched string: its partials, the tension they imply, and the modes that the drivers sustain."""
 
 from dataclasses import dataclass
 
@@ -15,9 +15,9 @@ from monochord.perception.features.base import Extractor, Feature
 
 PARTIALS = 6
 MAX_SIDE = -0.5
-"""Largest log10 of the sidebands' power over the line's of an audible partial."""
+"""Largest ratio of sideband power to line power, as log10, of an audible partial."""
 MAX_DECADES = 3.0
-"""Most decades of power that an audible partial lies below the loudest one."""
+"""Decades of power below the loudest partial within which a partial is audible."""
 COLUMNS = (
     "open",
     "tension",
@@ -35,26 +35,31 @@ GAPS = tuple(f"untouched {name}" for name in GAP_COLUMNS)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Untouched(Feature):
-    """Measures of the untouched string, the reference for later touches: tension drifts, and force with it.
+    """Measures of the untouched string: the reference for later touches, because tension drifts.
 
-    Columns: the open frequency in thousandths over the nominal one and the tension in N that follows, T = mu
-    (2 L f)^2; how far the audible partials disagree on it, in thousandths; the number of the loudest partial
-    at each microphone, which its driver sustains (`held 1`, `held 2`); log10 of each microphone's mean
-    square; the score of the reading that the string is untouched; for partials 1 to 6 the open frequency that
-    follows from each, in thousandths over the nominal one, and log10 of its power over the loudest one's.
-    Of a string tuned otherwise than its design, the tension is as if it were tuned so.
+    Columns:
 
-    The lowest audible partial gives the open frequency: a driver that sustains a high one pulls it by a
-    thousandth or two. An inaudible partial repeats that value, so that a mean over windows has no bias. Rows
-    of touched windows mean nothing.
+    - `open`: the open frequency f in thousandths above nominal; `tension` T = mu (2 L f)^2 in N;
+    - `spread`: the largest disagreement between audible partials on the open frequency, in thousandths;
+    - `held 1`, `held 2`: the number of the loudest partial at each microphone, which its driver sustains;
+    - `level 1`, `level 2`: log10 of each microphone's mean square;
+    - `score` of the reading that the string is untouched;
+    - for partials 1 to 6: the open frequency from this partial alone, in thousandths above nominal, and log10
+      of its power relative to the loudest partial.
 
-    With `gaps`, 84 more columns are the sound between the lines, as those of `fft_harmonic`: the floor of the
-    microphones and their surroundings, above which a touch that slides is detected.
+    If the string is not tuned as its design states, the tension is scaled to the design's tuning.
+
+    The lowest audible partial gives the open frequency, because a driver that sustains a high partial shifts
+    that partial by one or two thousandths. An inaudible partial repeats the value of the lowest audible one,
+    so a mean over windows is unbiased. Rows of touched windows are meaningless.
+
+    `gaps` adds 84 columns of the sound between the lines, as in `fft_harmonic`. They measure the noise floor
+    of the microphones and their surroundings; a sliding touch is detected above it.
 
     Parameters
     ----------
     gaps
-        Whether there are columns of the sound between the lines.
+        Add columns of the sound between the lines.
 
     Examples
     --------
@@ -72,7 +77,7 @@ class Untouched(Feature):
     gaps: bool = False
 
     def prepare(self, signal: Signal, size: Samples) -> Extractor:
-        """Return the extractor, compiled, for two channels of a known string."""
+        """Return the compiled extractor for two channels of a known string."""
         extractor = _Extractor(SpectrumAnalyser.of(signal, size), signal.tension_scale, gaps=self.gaps)
         extractor(np.zeros((1, 2, size), np.float32))
         return extractor

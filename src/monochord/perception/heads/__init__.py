@@ -1,4 +1,4 @@
-"""What is estimated from a feature: one file a head, found by its name."""
+"""Heads: the quantities that a model estimates from a feature, one file each, found by name."""
 
 from monochord.core.registry import Registry
 from monochord.perception.heads.base import Head

@@ -1,4 +1,4 @@
-"""The contract of a head: frozen options that define a task to be learned."""
+"""The contract of a head: frozen options that define a learning task."""
 
 import math
 from abc import ABC, abstractmethod
@@ -11,54 +11,54 @@ from monochord.core.errors import InputError
 from monochord.core.ranges import Checked, NonNegative, PartialShare, Positive
 
 Loss: TypeAlias = Literal["logistic", "square", "gauss", "laplace"]
-"""Of a probability: "logistic". Of a quantity: "square" states one standard error for all windows; "gauss"
-and "laplace" learn one for each window, from errors so distributed."""
+"""Loss of a head. A probability has "logistic". For a quantity, "square" states one standard error for all
+windows; "gauss" and "laplace" learn a standard error per window, for errors of that distribution."""
 CONTACT = "contact"
-"""The label on which all heads that need a touch depend."""
+"""The contact label. Every head that is defined only during a touch depends on it."""
 POSITION = "position"
-"""The label of where something touches, in m from pickup 1."""
+"""The label of the touch position, in m from pickup 1."""
 MAX_UNITS, MAX_MEMBERS = 4096, 16
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Task(Checked):
-    """What a head learns, and from what.
+    """The target, inputs and network of a head.
 
     Parameters
     ----------
     label
-        Column of the dataset that it learns.
+        The dataset's column that the head learns.
     unit
-        Of the label, in SI; empty for a probability.
+        SI unit of the label; empty for a probability.
     loss
-        What training minimises.
+        The loss that training minimises.
     touched
-        Whether it means something only where something touches: it then trains on windows with contact and
-        abstains without.
+        Whether the label is defined only during a touch. The head then trains on windows with contact, and
+        abstains without contact.
     context
-        Whether the untouched reference is an input beside the window's own feature.
+        Whether the untouched reference is an input, in addition to the window's feature.
     columns
-        Names of the feature's columns that are its inputs, with * for any letters; all if empty.
+        Names of the feature's columns that are inputs; * matches any characters. Empty: all.
     reference
-        Names of the reference's columns that are its inputs, likewise.
+        Names of the reference's columns that are inputs; * matches any characters. Empty: all.
     hidden
-        Units of each hidden layer, ReLU; none for a linear head.
+        Units of each hidden layer (ReLU); empty for a linear head.
     linear
-        Whether a ridge regression, solved in closed form, is added; the hidden layers then learn what it
-        leaves over. For a quantity alone.
+        Add a ridge regression, solved in closed form. The hidden layers learn its residual. For quantities
+        only.
     members
-        Networks of hidden layers that differ in how they began; the estimate is their mean, and its standard
-        error grows with what they disagree by.
+        Number of networks in the ensemble, which differ in their initial weights. The estimate is their mean,
+        and their disagreement adds to its standard error.
     weight
-        Of its loss in the sum of losses.
+        Weight of this head's loss in the joint loss.
     limit
-        Largest standard error that is stated; with a larger one it abstains.
+        Largest standard error that the head states, in `unit`. Above it, the head abstains.
     rise
-        Whether the rise of the pitch is an input beside the columns; see `monochord.perception.model.rise`.
+        Whether the rise of the pitch is an input too; see `monochord.perception.model.rise`.
     blur
-        Standard deviation of normal noise that training adds to the scaled inputs.
+        Standard deviation of the normal noise that training adds to the scaled inputs.
     drop
-        Share of the hidden units that are left out at each step of the training.
+        Dropout: share of the hidden units that each training step leaves out.
     """
 
     label: str
@@ -80,20 +80,20 @@ class Task(Checked):
     def __post_init__(self) -> None:
         Checked.__post_init__(self)
         if self.members > 1 and not self.hidden:
-            raise InputError(f"{self.members} members without hidden layers", "one, or hidden layers")
+            raise InputError(f"{self.members} members without hidden layers", "1 member, or hidden layers")
         if self.linear and self.is_probability:
-            raise InputError("a linear path with the logistic loss", "one with a quantity")
+            raise InputError("linear = true with the logistic loss", "linear = true for quantities only")
         if self.linear and (self.blur or self.drop):
-            raise InputError("blur or drop beside a linear path", "hidden layers alone", "set linear = false")
+            raise InputError("blur or drop with linear = true", "hidden layers alone", "set linear = false")
 
     @property
     def is_probability(self) -> bool:
-        """Whether its estimate is the probability of a yes, and not a quantity."""
+        """Whether the head estimates a probability; otherwise it estimates a quantity."""
         return self.loss == "logistic"
 
     @property
     def outputs(self) -> int:
-        """Outputs of its last layer: the value, and the logarithm of its spread where learned."""
+        """Number of outputs: the value, and the logarithm of its spread if the loss learns it."""
         return 2 if self.loss in ("gauss", "laplace") else 1
 
 
@@ -102,4 +102,4 @@ class Head(Checked, ABC):
 
     @abstractmethod
     def task(self) -> Task:
-        """Return what it learns; raises `InputError` for impossible options."""
+        """Return the learning task; raises `InputError` for options that exclude each other."""

@@ -1,4 +1,4 @@
-"""Whether something touches."""
+"""The contact head: whether something touches the string."""
 
 import math
 from dataclasses import dataclass
@@ -10,17 +10,17 @@ from monochord.perception.heads.base import CONTACT, Head, Task
 class Contact(Head):
     """The probability of contact, by logistic regression on the window alone.
 
-    The reference is no input, since contact decides which windows are untouched and enter it.
+    The untouched reference is not an input, because contact decides which windows enter the reference.
 
     Parameters
     ----------
     weight
-        Of its loss, the paper's lambda_c.
+        Weight of the head's loss, the paper's lambda_c.
     hidden
-        Units of each hidden layer; none is logistic regression.
+        Units of each hidden layer; empty for logistic regression.
     limit
-        Largest standard error of the yes or no, sqrt(p (1 - p)), that is stated: with 0.4 it abstains where
-        the probability p is between 0.2 and 0.8. A wrong "no contact" is worse than none.
+        Largest standard error sqrt(p (1 - p)) that the head states. With 0.4 it abstains for probabilities p
+        between 0.2 and 0.8. An abstention does less harm than a wrong "no contact".
     """
 
     weight: float = 1.0
@@ -28,7 +28,7 @@ class Contact(Head):
     limit: float = math.inf
 
     def task(self) -> Task:
-        """Return a probability that has a meaning in every window."""
+        """Return the task of a probability that is defined in every window."""
         return Task(
             label=CONTACT,
             loss="logistic",

@@ -1,4 +1,4 @@
-"""How hard something presses."""
+"""The force head: the normal force of the touch."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -14,26 +14,26 @@ class Force(Head):
     Parameters
     ----------
     weight
-        Of its loss, the paper's lambda_F.
+        Weight of the head's loss, the paper's lambda_F.
     hidden
         Units of each hidden layer.
     linear
-        Add a ridge regression, solved in closed form; the hidden layers learn what it leaves over.
+        Add a ridge regression, solved in closed form. The hidden layers learn its residual.
     loss
-        "square" as in the paper; "gauss" and "laplace" state a standard error for each window.
+        "square" as in the paper; "gauss" and "laplace" state a standard error per window.
     columns
-        Names of the feature's columns that are its inputs, with * for any letters; all if empty. Without
-        those of timbre it cannot take the object's timbre for the force.
+        Names of the feature's columns that are inputs; * matches any characters. Empty: all. Without the
+        timbre columns, the head cannot mistake the object's timbre for force.
     reference
-        Names of the untouched reference's columns that are its inputs, likewise.
+        Names of the untouched reference's columns that are inputs; * matches any characters. Empty: all.
     limit
-        Largest standard error in N that is stated; with a larger one it abstains.
+        Largest standard error in N that the head states. Above it, the head abstains.
     rise
-        Add the rise of the pitch over the untouched string's to the inputs, as measures in which force is
-        nearly linear. Requires the feature fft_harmonic and the reference.
+        Add the rise of the pitch above the untouched string's as inputs in which force is nearly linear.
+        Requires the feature fft_harmonic and the untouched reference.
     blur, drop
-        Noise on the scaled inputs, in their standard deviations, and the share of hidden units that are left
-        out, both in training alone: what holds on builds that are close by then counts for less.
+        Standard deviation of noise on the scaled inputs, and dropout share of the hidden units, both in
+        training only. They reduce overfitting to the builds of the training.
     """
 
     weight: float = 1.0
@@ -48,7 +48,7 @@ class Force(Head):
     drop: float = 0.0
 
     def task(self) -> Task:
-        """Return a quantity in N."""
+        """Return the task of a quantity in N."""
         return Task(
             label="force",
             unit="N",

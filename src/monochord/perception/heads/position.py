@@ -1,4 +1,4 @@
-"""Where something touches."""
+"""The position head: where along the string something touches."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -14,22 +14,22 @@ class Position(Head):
     Parameters
     ----------
     weight
-        Of its loss, the paper's lambda_x.
+        Weight of the head's loss, the paper's lambda_x.
     hidden
         Units of each hidden layer.
     linear
-        Add a ridge regression, solved in closed form; the hidden layers learn what it leaves over.
+        Add a ridge regression, solved in closed form. The hidden layers learn its residual.
     members
-        Networks of hidden layers that differ in how they began; what they disagree by adds to the standard
-        error.
+        Number of networks in the ensemble, which differ in their initial weights. Their disagreement adds to
+        the standard error.
     loss
-        "square" as in the paper; "gauss" and "laplace" state a standard error for each window.
+        "square" as in the paper; "gauss" and "laplace" state a standard error per window.
     columns
-        Names of the feature's columns that are its inputs, with * for any letters; all if empty.
+        Names of the feature's columns that are inputs; * matches any characters. Empty: all.
     context
-        Whether the untouched reference is an input too. The ratio of both lines tells the place without it.
+        Whether the untouched reference is an input too. The ratio of both lines gives the position without it.
     limit
-        Largest standard error in m that is stated; with a larger one it abstains.
+        Largest standard error in m that the head states. Above it, the head abstains.
     """
 
     weight: float = 1.0
@@ -42,7 +42,7 @@ class Position(Head):
     limit: Metres = 0.03
 
     def task(self) -> Task:
-        """Return a quantity in m."""
+        """Return the task of a quantity in m."""
         return Task(
             label=POSITION,
             unit="m",

@@ -1,4 +1,4 @@
-"""Whether what touches slides."""
+"""The slip head: whether the touching object slides."""
 
 from dataclasses import dataclass
 
@@ -12,14 +12,14 @@ class Slip(Head):
     Parameters
     ----------
     weight
-        Of its loss, the paper's lambda_s.
+        Weight of the head's loss, the paper's lambda_s.
     hidden
-        Units of each hidden layer; none is logistic regression.
+        Units of each hidden layer; empty for logistic regression.
     """
 
     weight: float = 1.0
     hidden: tuple[int, ...] = ()
 
     def task(self) -> Task:
-        """Return a probability that has a meaning while something touches."""
+        """Return the task of a probability that is defined during a touch."""
         return Task(label="slip", loss="logistic", hidden=self.hidden, weight=self.weight)

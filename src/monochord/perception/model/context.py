@@ -10,6 +10,7 @@ touch, and no touch begins right after it, which the window may already contain 
 of the windows' starts, so that the same sound gives much the same reference at another hop.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -17,10 +18,9 @@ import numpy as np
 
 from monochord.core.types import Audio
 from monochord.core.units import Samples, Seconds
+from monochord.perception.model.anomaly import INITIAL_STATE, AnomalyState
 from monochord.perception.model.definition import Reference
-from monochord.perception.model.known import FRESH, KnownState
 
-NEVER: Seconds = float("-inf")
 TIME_TOLERANCE: Seconds = 1e-6
 """Times that differ by less are the same."""
 PRESENT: Audio = np.ones(1, np.float32)
@@ -41,9 +41,9 @@ class ModelState:
     rows: tuple[Audio, ...] = ()
     median: Audio | None = None
     pending: tuple[tuple[Seconds, Audio], ...] = ()
-    accepted: Seconds = NEVER
-    touched: Seconds = NEVER
-    known: KnownState = FRESH
+    accepted: Seconds = -math.inf
+    touched: Seconds = -math.inf
+    anomaly: AnomalyState = INITIAL_STATE
 
 
 def step(

@@ -45,11 +45,11 @@ MIN_SHARE = 0.01
 """Smallest factor of the covariance in such a round."""
 ROBUST_ROUNDS = 4
 """Rounds in which errors that are far off lose weight."""
-WIDER = (1.0, 4.0, 16.0, 64.0)
+COVARIANCE_FACTORS = (1.0, 4.0, 16.0, 64.0)
 """Factors of the covariance for a sensor whose errors are larger than any build's of the training."""
-NOISIER = (1.0, 2.0, 4.0, 8.0, 16.0)
+NOISE_FACTORS = (1.0, 2.0, 4.0, 8.0, 16.0)
 """Factors of the noise for one whose touches scatter more."""
-CAUTION = 0.75
+FACTOR_PENALTY = 0.75
 """A factor a of these is a^-0.75 times as probable beforehand as 1."""
 
 
@@ -124,8 +124,8 @@ class Correction:
 
         The prior is of the builds of the training. On a sensor of another design errors are larger than on
         any of these, and too little of them would be learned from a few touches. So covariance and noise are
-        multiplied by the factors, of `WIDER` and `NOISIER`, that are most probable given these errors (MacKay
-        1992, Bayesian interpolation); beforehand one of 4 is a third as probable as 1 (`CAUTION`),
+        multiplied by the factors, of `COVARIANCE_FACTORS` and `NOISE_FACTORS`, that are most probable given these errors (MacKay
+        1992, Bayesian interpolation); beforehand one of 4 is a third as probable as 1 (`FACTOR_PENALTY`),
         which it takes evidence to outweigh.
 
         Parameters
@@ -146,9 +146,9 @@ class Correction:
 
         def probability(by: tuple[float, float]) -> float:
             here = scaled(by)
-            return sum(here.evidence(*each) for each in objects) - CAUTION * float(np.log(by).sum())
+            return sum(here.evidence(*each) for each in objects) - FACTOR_PENALTY * float(np.log(by).sum())
 
-        return scaled(max(product(WIDER, NOISIER), key=probability))
+        return scaled(max(product(COVARIANCE_FACTORS, NOISE_FACTORS), key=probability))
 
     def _touches(
         self, terms: Floats, error: Floats, std: Floats, touch: Indices

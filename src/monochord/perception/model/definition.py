@@ -17,7 +17,7 @@ from monochord.perception.model import rise
 
 FORMAT = 2
 """Version of a model's folder; 2 since heads have a linear path."""
-KNOWN = "known"
+DETECTOR = "known"
 """Prefix of the arrays of the detector of sound unlike that of the training."""
 TOUCHES_KEPT = 64
 """Touches that a correction keeps, to say which would help most."""
@@ -99,8 +99,8 @@ class CorrectionRecord(Checked):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class KnownRecord(Checked):
-    """The detector of sound unlike that of the training; see `monochord.perception.model.known`.
+class AnomalyRecord(Checked):
+    """The detector of sound unlike that of the training; see `monochord.perception.model.anomaly`.
 
     It has `hidden` layers and an output for sound like that of the training, then one for each of `reasons`.
     It sees the feature's `columns`, names or patterns as of a head, all for none.
@@ -185,7 +185,7 @@ class Definition(Checked):
     feature: FeatureRecord
     reference: Reference | None = None
     heads: dict[str, HeadRecord]
-    known: KnownRecord | None = None
+    known: AnomalyRecord | None = None
     clip: Positive[float] = 8.0
     quietest: NonNegative[float] = 0.0
     string: StringParams | None = None
@@ -209,8 +209,8 @@ class Definition(Checked):
         if self.sensing_range is not None and not -inf < self.sensing_range[0] < self.sensing_range[1] < inf:
             given = f"sensing_range {self.sensing_range} of a model"
             raise InputError(given, "two places in m, the nearer one to pickup 1 first")
-        if KNOWN in self.heads:
-            raise InputError(f"a head called {KNOWN}", "another name: the detector's arrays are called so")
+        if DETECTOR in self.heads:
+            raise InputError(f"a head called {DETECTOR}", "another name: the detector's arrays are called so")
         if sum(record.task.label == CONTACT for record in self.heads.values()) != 1:
             given = f"heads {', '.join(self.heads) or '(none)'}"
             raise InputError(given, f"one that learns the label {CONTACT}, beside others", "add it")
@@ -243,7 +243,7 @@ class Definition(Checked):
         return _fitting(self.feature, self.heads[name].task.columns, f"the head '{name}'")
 
     @property
-    def known_columns(self) -> tuple[int, ...]:
+    def detector_columns(self) -> tuple[int, ...]:
         """The indices of the feature's columns that the detector of unlike sound sees.
 
         Raises
@@ -340,10 +340,10 @@ class Definition(Checked):
                 "context.probe": (3, context - 1),
             }
         if self.known:
-            units = (len(self.known_columns), *self.known.hidden, 1 + len(self.known.reasons))
+            units = (len(self.detector_columns), *self.known.hidden, 1 + len(self.known.reasons))
             for number, (inputs, outputs) in enumerate(pairwise(units)):
-                shapes[f"{KNOWN}.{number}.weight"] = (outputs, inputs)
-                shapes[f"{KNOWN}.{number}.bias"] = (outputs,)
+                shapes[f"{DETECTOR}.{number}.weight"] = (outputs, inputs)
+                shapes[f"{DETECTOR}.{number}.bias"] = (outputs,)
         for name, record in self.heads.items():
             units = (self.inputs(name), *record.task.hidden, record.task.outputs)
             members = (record.task.members,) if record.task.members > 1 else ()

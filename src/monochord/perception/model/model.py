@@ -29,13 +29,13 @@ from monochord.core.types import (
 from monochord.core.units import Metres, Samples, Seconds
 from monochord.core.windows import windows
 from monochord.metrics import DECISION, hit_rate
-from monochord.perception.closed_form.usable import why_unusable
+from monochord.perception.closed_form.usable import unusable_reason
 from monochord.perception.features import FEATURES
 from monochord.perception.features.base import Extractor
+from monochord.perception.model.anomaly import Detector
 from monochord.perception.model.context import ModelState, context_row, step
 from monochord.perception.model.correction import Correction
 from monochord.perception.model.definition import Definition, FeatureRecord
-from monochord.perception.model.known import Detector
 from monochord.perception.model.network import UNCERTAIN, Network, Output, estimates_of, probability, quantity
 from monochord.perception.model.place import (
     LEAD,
@@ -43,7 +43,7 @@ from monochord.perception.model.place import (
     PLACE,
     PlaceByLines,
     may_be_outside,
-    why_not_stated,
+    withheld_reason,
 )
 from monochord.perception.model.probe import probed, refuse_another
 from monochord.perception.model.saving import save
@@ -65,12 +65,12 @@ class WindowReading(NamedTuple):
     """What a model makes of a window, before any estimate is stated.
 
     `state` is that after the window, and `outputs` those of the heads, empty where it cannot be used.
-    `why_not` is why to abstain, empty for no reason, and `by_lines` the place that its lines tell.
+    `reason` is why to abstain, empty for no reason, and `by_lines` the place that its lines tell.
     """
 
     state: ModelState
     outputs: Mapping[str, Output]
-    why_not: str
+    reason: str
     by_lines: PlaceByLines = NO_PLACE
 
 
@@ -401,9 +401,9 @@ class Model:
             estimates: dict[str, Estimate] = {}
             if outputs:
                 estimates = model.at_own_tension(estimates_of(trained, outputs, model.corrections))
-            why_not, withheld = model.withheld(reading, estimates)
+            reason, withheld = model.withheld(reading, estimates)
             for name in (each for each in trained.heads if each in withheld):  # in their order
-                estimates[name] = Estimate.abstain(trained.heads[name].task.unit, why_not)
+                estimates[name] = Estimate.abstain(trained.heads[name].task.unit, reason)
             results.append((reading.state, estimates))
         return results
 
@@ -414,20 +414,20 @@ class Model:
         depends on the place does: position and force. Beside a fault every head abstains, but for contact
         where that holds.
         """
-        trained, why_not, record = self.definition, reading.why_not, self.definition.known
+        trained, reason, record = self.definition, reading.reason, self.definition.known
         # Outside the sensing range one touch may sound soft, like two, or as if its driver were silent.
         of_touches = (*record.brief, *record.touched) if record is not None else ()
-        no_place = self._why_no_place(reading, estimates) if why_not in ("", *of_touches) else ""
-        if no_place == OUTSIDE_RANGE or (no_place and not why_not):
+        no_place = self._no_place_reason(reading, estimates) if reason in ("", *of_touches) else ""
+        if no_place == OUTSIDE_RANGE or (no_place and not reason):
             tasks = {name: head.task for name, head in trained.heads.items() if head.task.touched}
             is_outside = no_place == OUTSIDE_RANGE
             return no_place, {name for name, task in tasks.items() if is_outside or not task.is_probability}
-        withheld = set(trained.heads) if why_not else set[str]()
-        if estimates and self.contact_holds(estimates[trained.gate], why_not):
+        withheld = set(trained.heads) if reason else set[str]()
+        if estimates and self.contact_reliable(estimates[trained.gate], reason):
             withheld.remove(trained.gate)
-        return why_not, withheld
+        return reason, withheld
 
-    def _why_no_place(self, reading: WindowReading, estimates: Estimates) -> str:
+    def _no_place_reason(self, reading: WindowReading, estimates: Estimates) -> str:
         """Return why the place of a touch cannot be stated, empty for no reason and where nothing touches."""
         name, contact = self.definition.place, estimates.get(self.definition.gate)
         if name is None or contact is None or not (contact.valid and contact.value >= DECISION):
@@ -436,9 +436,9 @@ class Model:
         place, std = stated.value, stated.std
         if not stated.valid:  # it is withheld, and may lie outside all the same
             place, std = quantity(reading.outputs[name], head, self.corrections.get(name))
-        why_not = why_not_stated(place, std, reading.by_lines, self.places)
+        reason = withheld_reason(place, std, reading.by_lines, self.places)
         is_near_an_end = stated.valid and may_be_outside(place, std, head.task.limit, self.places)
-        return why_not or (UNCERTAIN if is_near_an_end else "")
+        return reason or (UNCERTAIN if is_near_an_end else "")
 
     @staticmethod
     def _read(
@@ -450,8 +450,8 @@ class Model:
             model.check_size(window.samples.shape[1])
             checked(window.samples, model.definition.channels)
             state = replace(before if window.start > before.start else ModelState(), start=window.start)
-            results.append(WindowReading(state, {}, model.why_not(window)))
-        usable = [k for k, reading in enumerate(results) if not reading.why_not]
+            results.append(WindowReading(state, {}, model.unusable_reason(window)))
+        usable = [k for k, reading in enumerate(results) if not reading.reason]
         if not usable:
             return results
         first = streams[usable[0]][0]
@@ -484,19 +484,19 @@ class Model:
             columns = np.concatenate([row, known[:-1], np.zeros(1, np.float32)])  # the last one is for -1
             values = tuple(float(columns[of]) - float(columns[less]) for of, less in pairs)
             outputs[name] = replace(outputs[name], variables=values)
-        time, why_not = window.start / window.sample_rate, ""
+        time, reason = window.start / window.sample_rate, ""
         contact = probability(outputs[trained.gate], trained.heads[trained.gate])
         if self.detector is not None and logits is not None:
-            known_state = self.detector.step(state.known, logits, time, touched=contact > DECISION)
-            state = replace(state, known=known_state)
-            why_not = self.detector.why_unknown(state.known)
+            anomaly = self.detector.step(state.anomaly, logits, time, touched=contact > DECISION)
+            state = replace(state, anomaly=anomaly)
+            reason = self.detector.anomaly_reason(state.anomaly)
         reference = self.extractors[1]
         if reference is not None and trained.reference is not None:
             # What is unlike the training is no untouched string, whatever the head of contact says.
-            contact = 1.0 if why_not else contact
+            contact = 1.0 if reason else contact
             samples = window.samples[np.newaxis]
             state = step(state, trained.reference, time, contact, lambda: reference(samples)[0])
-        return WindowReading(state, outputs, why_not, self._lines(row))
+        return WindowReading(state, outputs, reason, self._lines(row))
 
     def _lines(self, row: Audio) -> PlaceByLines:
         """Return the place that the lines of a window tell, by the columns of its features that hold it."""
@@ -505,16 +505,16 @@ class Model:
         place, lead = (float(row[column]) for column in self._line_columns)
         return PlaceByLines(place * self.definition.string.length, lead) if place > 0.0 else NO_PLACE
 
-    def contact_holds(self, contact: Estimate, why_not: str) -> bool:
+    def contact_reliable(self, contact: Estimate, reason: str) -> bool:
         """Return whether contact can be told in a window beside why the detector says not to use it."""
         record = self.definition.known
         if record is None:
             return False
-        return why_not in record.contact_holds or (why_not in record.brief and contact.value >= DECISION)
+        return reason in record.contact_holds or (reason in record.brief and contact.value >= DECISION)
 
-    def why_not(self, window: Window) -> str:
+    def unusable_reason(self, window: Window) -> str:
         """Return why a window cannot be used, or an empty string."""
-        reason = why_unusable(window)
+        reason = unusable_reason(window)
         if reason in UNUSABLE:
             return reason
         samples = window.samples

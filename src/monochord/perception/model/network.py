@@ -18,14 +18,14 @@ from monochord.perception.model.rise import rises
 
 NO_CONTACT, UNCERTAIN = "no contact", "too uncertain"
 """Why a head abstains."""
-SURER = 2.0 / 3.0
+CONTACT_LIMIT_SHARE = 2.0 / 3.0
 """Share of the limit of contact's standard error up to which the other heads answer: at nodes of a string
 whose mount gives, a touch is in doubt before its place is seen to be."""
 MAX_LOGIT = 700.0
 """Largest logit whose exponential is a finite double."""
 MAX_LOG_SPREAD = 20.0
 """Largest size of the logarithm of a spread."""
-NOTHING: Audio = np.zeros(0, np.float32)
+NO_RISE: Audio = np.zeros(0, np.float32)
 NO_CORRECTIONS: Mapping[str, Correction] = {}
 STD_OF_SPREAD: Mapping[Loss, float] = {"gauss": 1.0, "laplace": math.sqrt(2.0)}
 """Standard deviation of an error distribution whose spread is 1."""
@@ -176,14 +176,14 @@ class Network:
         parts = self.scaled(row), self.scaled_context(reference), self.rises(row, reference)
         return np.concatenate(parts, axis=-1)
 
-    def output(self, name: str, base: Audio, context: Audio, rise: Audio = NOTHING) -> Output:
+    def output(self, name: str, base: Audio, context: Audio, rise: Audio = NO_RISE) -> Output:
         """Return the output of a head for scaled features (d,), a scaled reference (c,) and the rise."""
         return self.outputs(name, np.concatenate([base, context, rise])[np.newaxis])[0]
 
     def outputs(self, name: str, inputs: Audio) -> list[Output]:
         """Return the outputs of a head for each row of `inputs` (n, d + c + r)."""
         members = [layers.outputs(inputs) for layers in self.layers[name]]
-        values = (members[0] if len(members) == 1 else together(np.stack(members), self.unit[name])).tolist()
+        values = (members[0] if len(members) == 1 else mixture(np.stack(members), self.unit[name])).tolist()
         linear = self.linear[name].outputs(inputs).tolist() if name in self.linear else [[0.0]] * len(values)
         return [
             Output(value=value + added, log_spread=spread[0] if spread else 0.0)
@@ -191,7 +191,7 @@ class Network:
         ]
 
 
-def together(members: Audio, unit: float) -> Audio:
+def mixture(members: Audio, unit: float) -> Audio:
     """Return outputs (n, k) of all members (m, n, k) as one: their mean, and the spread of their mixture.
 
     The variance of a mixture is the mean variance and the variance of the means (Lakshminarayanan, Pritzel
@@ -207,7 +207,7 @@ def together(members: Audio, unit: float) -> Audio:
     Examples
     --------
     >>> same, apart = np.zeros((2, 1, 2), np.float32), np.array([[[-3.0, 0.0]], [[3.0, 0.0]]], np.float32)
-    >>> together(same, 1.0).tolist(), np.exp(2.0 * together(apart, 1.0)).round().tolist()
+    >>> mixture(same, 1.0).tolist(), np.exp(2.0 * mixture(apart, 1.0)).round().tolist()
     ([[0.0, 0.0]], [[1.0, 10.0]])
     """
     mean = members.mean(axis=0)
@@ -288,7 +288,7 @@ def estimates_of(
     gate = definition.heads[definition.gate]
     contact = probability(outputs[definition.gate], gate)
     contact_std = math.sqrt(contact * (1.0 - contact))
-    is_certain = contact_std <= gate.task.limit * (1.0 if contact < DECISION else SURER)
+    is_certain = contact_std <= gate.task.limit * (1.0 if contact < DECISION else CONTACT_LIMIT_SHARE)
     estimates: dict[str, Estimate] = {}
     for name, record in definition.heads.items():
         task = record.task

@@ -40,7 +40,7 @@ class PlaceByLines(NamedTuple):
 NO_PLACE = PlaceByLines(math.nan, -math.inf)
 
 
-def why_not_stated(
+def withheld_reason(
     place: Metres, std: Metres, lines: PlaceByLines, sensing_range: tuple[Metres, Metres] | None
 ) -> str:
     """Return why an estimated place cannot be stated, or an empty string.
@@ -56,11 +56,11 @@ def why_not_stated(
 
     Examples
     --------
-    >>> why_not_stated(0.147, 3e-4, PlaceByLines(0.1598, 10.0), (0.05, 0.15))
+    >>> withheld_reason(0.147, 3e-4, PlaceByLines(0.1598, 10.0), (0.05, 0.15))
     'outside the sensing range'
-    >>> why_not_stated(0.147, 3e-4, PlaceByLines(0.120, 10.0), (0.05, 0.15))
+    >>> withheld_reason(0.147, 3e-4, PlaceByLines(0.120, 10.0), (0.05, 0.15))
     'two candidates'
-    >>> why_not_stated(0.147, 3e-4, PlaceByLines(0.1471, 10.0), (0.05, 0.15))
+    >>> withheld_reason(0.147, 3e-4, PlaceByLines(0.1471, 10.0), (0.05, 0.15))
     ''
     """
     edge = min(EDGE_DEVIATIONS * std, MAX_EDGE)

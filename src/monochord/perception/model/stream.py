@@ -8,16 +8,16 @@ from monochord.core.types import Estimate, Estimates, Signal, StringParams, Wind
 from monochord.core.units import Samples
 from monochord.perception.closed_form.spectrum import SpectrumAnalyser
 from monochord.perception.closed_form.two_segments import MIN_SCORE
-from monochord.perception.closed_form.usable import why_unusable
+from monochord.perception.closed_form.usable import unusable_reason
 from monochord.perception.estimators.base import Condition, Watching
 from monochord.perception.model.context import ModelState
-from monochord.perception.tuning import OwnString, TunerState, Tuning
+from monochord.perception.tuning import StringFollower, TunerState, Tuning
 from monochord.perception.tuning.sessions import HIGHEST, LOWEST
 
 if TYPE_CHECKING:
     from monochord.perception.model.model import Model
 
-KNOWN = "what this model knows"
+EXPECTED_PITCH = "what this model knows"
 UNKNOWN = "the string's pitch is not known yet"
 """Of the first untouched windows where they are none of the known string's."""
 
@@ -59,46 +59,46 @@ class Followed(ModelStream, Watching):
     """A model that is re-tuned by the windows that nothing touches."""
 
     def __init__(self, model: "Model", signal: Signal, size: Samples) -> None:
-        self._own = OwnString.of(signal, size, lowest=LOWEST, highest=HIGHEST)
+        self._own = StringFollower.of(signal, size, lowest=LOWEST, highest=HIGHEST)
         self._analyser = SpectrumAnalyser.of(signal, size)
         self._known = self._model = model
         self._string = self._own.string
         self._state, self._tuner = ModelState(), TunerState()
-        self._has_heard, self._why_not = False, ""
+        self._has_tuning, self._reason = False, ""
 
     def before(self, window: Window) -> "tuple[Model, ModelState]":
         """Follow the string in the window, and return the model for its pitch and the state."""
         if window.start <= self._state.start:
             self._use(self._known, self._own.string)
-            self._has_heard = False
+            self._has_tuning = False
         before, self._tuner = self._tuner.tuning, self._own.step(self._tuner, window)
         tuning = self._tuner.tuning
         if tuning is not before and tuning is not None:
-            self._has_heard = True
+            self._has_tuning = True
             self._follow(tuning)
         return self._model, self._state
 
     def after(self, window: Window, state: ModelState, estimates: Estimates) -> Estimates:
         """Take the state, and return the estimates, or abstentions where the pitch cannot be followed."""
         self._state = state
-        why_not = self._why_not if self._has_heard else self._why_elsewhere(window)
-        if not why_not:
+        reason = self._reason if self._has_tuning else self._other_tuning_reason(window)
+        if not reason:
             return estimates
-        return {name: Estimate.abstain(each.unit, why_not) for name, each in estimates.items()}
+        return {name: Estimate.abstain(each.unit, reason) for name, each in estimates.items()}
 
     @property
     def condition(self) -> Condition:
         """The pitch of the string, and how far it is off the one that it was known at."""
         tuning = self._tuner.tuning
         if tuning is None:
-            return Condition(follows=not self._why_not)
+            return Condition(follows=not self._reason)
         deviation = tuning.deviation(self._own.string)
-        return Condition(open_frequency=tuning.open_frequency, deviation=deviation, follows=not self._why_not)
+        return Condition(open_frequency=tuning.open_frequency, deviation=deviation, follows=not self._reason)
 
     def _use(self, model: "Model", string: StringParams) -> None:
         """Read the windows to come by the model for a string."""
         start = self._state.start
-        self._model, self._string, self._why_not = model, string, ""
+        self._model, self._string, self._reason = model, string, ""
         self._state = ModelState(start=start)  # the reference was relative to the string of before
 
     def _follow(self, tuning: Tuning) -> None:
@@ -109,14 +109,14 @@ class Followed(ModelStream, Watching):
         try:
             self._use(self._known.tuned(string), string)
         except InputError:  # further off the training's string than a tuning can be estimated
-            self._why_not = self._own.why_detuned(tuning, KNOWN)
+            self._reason = self._own.detuned_reason(tuning, EXPECTED_PITCH)
 
-    def _why_elsewhere(self, window: Window) -> str:
+    def _other_tuning_reason(self, window: Window) -> str:
         """Return why not to read a window before the pitch is known, empty for no reason."""
-        if why_unusable(window):
+        if unusable_reason(window):
             return ""
         spectrum = self._analyser.analyse(window.samples)
         has_partials = bool(self._tuner.lines) and not self._tuner.refused
         if has_partials and spectrum.reading.untouched_score < MIN_SCORE:
             return UNKNOWN
-        return self._own.why_elsewhere(self._analyser, spectrum, KNOWN)
+        return self._own.other_tuning_reason(self._analyser, spectrum, EXPECTED_PITCH)

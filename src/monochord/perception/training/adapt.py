@@ -12,21 +12,21 @@ from monochord.core.types import Flags, Floats, Indices, Progress
 from monochord.core.units import Metres
 from monochord.datasets.store import Dataset
 from monochord.metrics import coverage
+from monochord.perception.model.anomaly import MAX_ODDS, reason
 from monochord.perception.model.correction import Correction
-from monochord.perception.model.definition import KNOWN, HeadRecord
-from monochord.perception.model.known import MAX_ODDS, reason
+from monochord.perception.model.definition import DETECTOR, HeadRecord
 from monochord.perception.model.model import Model
 from monochord.perception.training.adaptation import Adaptation, HeadAdaptation, Suggestion, Trust
-from monochord.perception.training.correct import KnownErrors, Replayed, known_errors, with_correction
+from monochord.perception.training.correct import LabelledErrors, Replayed, labelled_errors, with_correction
 from monochord.perception.training.examples import stream_of, touches_of
 from monochord.perception.training.touch_labels import refuse_impossible
-from monochord.perception.training.train import as_of_the_design, read_in_turn
+from monochord.perception.training.train import read_in_turn, with_design_forces
 
 Objects: TypeAlias = Literal["same", "others"]
 """What an adapted model is to be touched by: the object of the known touches, or others too."""
 MAX_FOLDS = 10
 """Folds of the cross-validation; with as many touches or fewer each touch is left out by itself."""
-ACCUSTOMED_SHARE = 0.01
+MAX_ALARM_SHARE = 0.01
 """Share of the windows of a sensor in order that may still reach the limit of the detector."""
 REMEDY = "train one with corrections, as the preset builds does"
 
@@ -72,7 +72,7 @@ def adapt(
         cannot be; or for other objects if the model was adapted before.
     """
     _refuse_unfit(model, objects)
-    given, dataset = dataset, as_of_the_design(model, dataset)
+    given, dataset = dataset, with_design_forces(model, dataset)
     rows, touch = stream_of(dataset, np.arange(len(dataset))), touches_of(dataset)
     labelled = np.any([np.isfinite(dataset.label(name)) for name in model.corrections], axis=0)
     known_touches = np.unique(touch[rows][labelled[rows]])[:touches]
@@ -80,8 +80,10 @@ def adapt(
         replayed = read_in_turn(model, dataset, rows, progress)
     refuse_impossible(model, dataset, touch, known_touches, replayed.outputs)
     rows = rows[touch[rows] <= known_touches.max(initial=0)]
-    model, mistaken = accustomed(model, [replayed.odds[row] for row in rows.tolist() if row in replayed.odds])
-    if mistaken:  # these windows were no reference of the untouched string, as they will be
+    model, false_alarms = desensitised(
+        model, [replayed.odds[row] for row in rows.tolist() if row in replayed.odds]
+    )
+    if false_alarms:  # these windows were no reference of the untouched string, as they will be
         replayed = read_in_turn(model, dataset, rows, progress)
     heads: dict[str, HeadAdaptation] = {}
     known: dict[str, Correction] = {}
@@ -90,7 +92,7 @@ def adapt(
         if record.task.is_probability:
             continue
         correction = model.correction(name)
-        errors = known_errors(model.definition, name, dataset, replayed.outputs)
+        errors = labelled_errors(model.definition, name, dataset, replayed.outputs)
         own = touch[errors.rows]
         numbers = np.unique(own)
         if len(numbers) < (touches or 1) and correction is not None:
@@ -127,7 +129,7 @@ def adapt(
         model=model,
         heads=heads,
         next_touch=_suggestion(model, known, spreads, sensing_range),
-        mistaken=mistaken,
+        false_alarms=false_alarms,
         trust=_trust(given, np.isin(touch, known_touches), heads, objects),
     )
 
@@ -157,7 +159,7 @@ def judge(
     InputError
         If no touch has a label, or labels cannot be.
     """
-    given, dataset = dataset, as_of_the_design(model, dataset)
+    given, dataset = dataset, with_design_forces(model, dataset)
     rows, touch = stream_of(dataset, np.arange(len(dataset))), touches_of(dataset)
     replayed = read_in_turn(model, dataset, rows, progress)
     refuse_impossible(model, dataset, touch, np.unique(touch[rows]), replayed.outputs)
@@ -168,7 +170,7 @@ def judge(
     for name, record in model.definition.heads.items():
         if record.task.is_probability:
             continue
-        errors = known_errors(model.definition, name, dataset, replayed.outputs)
+        errors = labelled_errors(model.definition, name, dataset, replayed.outputs)
         if not errors.rows.size:
             continue
         error, std, correction = errors.error, errors.std, model.correction(name)
@@ -185,7 +187,9 @@ def judge(
         model=model,
         heads=heads,
         next_touch=_suggestion(model, known, spreads, sensing_range),
-        mistaken=accustomed(model, [replayed.odds[row] for row in rows.tolist() if row in replayed.odds])[1],
+        false_alarms=desensitised(
+            model, [replayed.odds[row] for row in rows.tolist() if row in replayed.odds]
+        )[1],
         trust=_trust(given, np.isin(touch, np.unique(touch[used])), heads),
         learned=False,
     )
@@ -212,7 +216,7 @@ def _trust(
     )
 
 
-def accustomed(model: Model, odds: Sequence[Floats]) -> tuple[Model, dict[str, float]]:
+def desensitised(model: Model, odds: Sequence[Floats]) -> tuple[Model, dict[str, float]]:
     """Return a model that takes the sound of a sensor for none that is unlike, and what it took it for.
 
     Parameters
@@ -233,16 +237,16 @@ def accustomed(model: Model, odds: Sequence[Floats]) -> tuple[Model, dict[str, f
         return model, {}
     record, every = detector.record, np.stack(odds)
     reasons = Counter(why for each in every if (why := reason(each, record)))
-    high = np.quantile(every, 1.0 - ACCUSTOMED_SHARE, axis=0)
+    high = np.quantile(every, 1.0 - MAX_ALARM_SHARE, axis=0)
     lowered = np.clip(high - (record.limit - np.log(len(record.reasons))), 0.0, MAX_ODDS)
-    name = f"{KNOWN}.{len(record.hidden)}.bias"
+    name = f"{DETECTOR}.{len(record.hidden)}.bias"
     bias = model.weights[name] - np.concatenate([[0.0], lowered])
     model = replace(model, weights={**model.weights, name: bias.astype(np.float32)})
     return model, {why: count / len(every) for why, count in reasons.most_common()}
 
 
-def _part(errors: KnownErrors, used: np.ndarray) -> KnownErrors:
-    return KnownErrors(
+def _part(errors: LabelledErrors, used: np.ndarray) -> LabelledErrors:
+    return LabelledErrors(
         rows=errors.rows[used],
         error=errors.error[used],
         std=errors.std[used],
@@ -251,7 +255,7 @@ def _part(errors: KnownErrors, used: np.ndarray) -> KnownErrors:
 
 
 def _learned(
-    correction: Correction, terms: Floats, errors: KnownErrors, touch: Indices, group: Indices | None
+    correction: Correction, terms: Floats, errors: LabelledErrors, touch: Indices, group: Indices | None
 ) -> Correction:
     """Return a correction once the errors of some windows are known; without any, as it is.
 
@@ -268,7 +272,7 @@ def _learned(
 def _judged(
     record: HeadRecord,
     correction: Correction,
-    errors: KnownErrors,
+    errors: LabelledErrors,
     terms: Floats,
     touch: Indices,
     group: Indices | None,

@@ -30,7 +30,7 @@ class Replayed:
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
-class KnownErrors:
+class LabelledErrors:
     """Errors of a head on windows (n,), label less estimate, in units of its scale.
 
     `std` is what the head states by itself, `variables` (n, v) those of its correction, the first of which is
@@ -67,12 +67,12 @@ def counting(definition: Definition, name: str, dataset: Dataset, outputs: Outpu
     return rows[masks_of(dataset, {name: task})[name][rows]]
 
 
-def known_errors(definition: Definition, name: str, dataset: Dataset, outputs: Outputs) -> KnownErrors:
+def labelled_errors(definition: Definition, name: str, dataset: Dataset, outputs: Outputs) -> LabelledErrors:
     """Return the errors of a head on the windows that count for it."""
     record, rows = definition.heads[name], counting(definition, name, dataset, outputs)
     own = [outputs[row][name] for row in rows.tolist()]
     value = np.array([each.value for each in own])
-    return KnownErrors(
+    return LabelledErrors(
         rows=rows,
         error=(dataset.label(record.task.label)[rows] - record.offset) / record.scale - value,
         std=np.array([spread(each, record) for each in own]),
@@ -85,7 +85,7 @@ def known_errors(definition: Definition, name: str, dataset: Dataset, outputs: O
 def with_prior(model: Model, name: str, dataset: Dataset, outputs: Outputs, touch: Indices) -> Model:
     """Return a model with the prior of a head's correction: a session is of one build and object."""
     definition = model.definition
-    known = known_errors(definition, name, dataset, outputs)
+    known = labelled_errors(definition, name, dataset, outputs)
     session = dataset.session[known.rows].astype(np.int64)
     correction = prior(known.variables, known.error, known.std, session, touch[known.rows])
     kept = _kept_touches(dataset, known, touch[known.rows])
@@ -116,7 +116,7 @@ def with_correction(
     return dataclasses.replace(model, definition=definition, weights={**model.weights, **weights})
 
 
-def _kept_touches(dataset: Dataset, known: KnownErrors, touch: Indices) -> Audio:
+def _kept_touches(dataset: Dataset, known: LabelledErrors, touch: Indices) -> Audio:
     """Return position, force and variables of touches of all kinds, (`TOUCHES_KEPT`, 2 + v).
 
     The first is one in the middle, each next one that which is furthest from all before.

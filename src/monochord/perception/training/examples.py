@@ -191,7 +191,7 @@ def stream_of(dataset: Dataset, part: Indices) -> Indices:
     return np.sort(part[dataset.usable[part]])
 
 
-def known_contact(dataset: Dataset, rows: Indices) -> Floats:
+def labelled_contact(dataset: Dataset, rows: Indices) -> Floats:
     """Return the probability of contact (n,) that the reference is built by in training: the truth.
 
     Where that is not known, something may touch, and it is 1.
@@ -205,7 +205,7 @@ def touches_of(dataset: Dataset) -> Indices:
 
     A touch is a run of windows of one session in which contact is not 0.
     """
-    on = known_contact(dataset, np.arange(len(dataset))) > 0.0
+    on = labelled_contact(dataset, np.arange(len(dataset))) > 0.0
     first = np.diff(dataset.session, prepend=-1) != 0
     begins = on & (first | ~np.concatenate([[False], on[:-1]]))
     return np.cumsum(begins | (first & ~on)).astype(np.int64)
@@ -284,7 +284,7 @@ def examples_of(
     """
     dataset, rule = data.dataset, data.definition.reference
     rows, stream = chosen(dataset, part, data.tasks, name), stream_of(dataset, part)
-    contact = known_contact(dataset, stream)
+    contact = labelled_contact(dataset, stream)
     quiet = stream[contact == 0.0]
     base: list[Audio] = []
     context: list[Audio] = []

@@ -31,11 +31,11 @@ from monochord.datasets.store import Dataset
 from monochord.perception.features import FEATURES
 from monochord.perception.features.base import Extractor
 from monochord.perception.model.probe import probed
-from monochord.perception.tuning.sessions import own_strings
+from monochord.perception.tuning.sessions import retuned_strings
 
 CHUNK = 2048
 """Rows in a file: the most that are computed again after a kill, and what one process computes at a time."""
-MANY = 8
+MIN_FILES_FOR_WORKERS = 8
 """Files from which on several processes are worth their start."""
 BATCH = 64
 SEAL, MAX_HEADER = 32, 1024
@@ -66,9 +66,9 @@ class Noise:
 class Rows:
     """A feature on a dataset, by the name and the options that the feature was built from.
 
-    `own` are the extractors of sessions whose string is tuned otherwise than the design, by their number, and
+    `retuned` are the extractors of sessions whose string is tuned otherwise than the design, by their number, and
     `extractor` is that of all others. `workers` and `cluster` are as in `monochord.core.workers.run_all`, but
-    that without any fewer than `MANY` files are computed in this process.
+    that without any fewer than `MIN_FILES_FOR_WORKERS` files are computed in this process.
     """
 
     dataset: Dataset
@@ -77,7 +77,7 @@ class Rows:
     options: dict[str, object]
     extractor: Extractor
     folder: Path
-    own: Mapping[int, Extractor] = field(default_factory=dict[int, Extractor])
+    retuned: Mapping[int, Extractor] = field(default_factory=dict[int, Extractor])
     workers: int | None = None
     cluster: str = ""
 
@@ -105,7 +105,7 @@ class Rows:
             For an unknown feature, or options or a signal that it refuses.
         """
         feature, size, design = FEATURES.build(name, options), dataset.manifest.window, signal.string
-        strings = own_strings(dataset, design) if design else {}
+        strings = retuned_strings(dataset, design) if design else {}
         return cls(
             dataset=dataset,
             signal=signal,
@@ -113,7 +113,7 @@ class Rows:
             options=options,
             extractor=feature.prepare(signal, size),
             folder=folder,
-            own={
+            retuned={
                 number: feature.prepare(replace(signal, string=string, design=design), size)
                 for number, string in strings.items()
             },
@@ -136,7 +136,7 @@ class Rows:
             for number, first in enumerate(range(0, len(rows), CHUNK))
         }
         absent = [(file, some) for file, some in chunks.items() if not file.exists()]
-        workers = self.workers or (1 if len(absent) < MANY else None)
+        workers = self.workers or (1 if len(absent) < MIN_FILES_FOR_WORKERS else None)
         work = partial(_compute, self, noise)
         done = len(rows) - sum(len(some) for _, some in absent)
         progress(what, done, len(rows))
@@ -172,12 +172,12 @@ class Rows:
     def _features(self, windows: Audio, rows: Indices) -> Audio:
         """Return the feature of windows (n, channels, size), each by the extractor of its session."""
         session = self.dataset.session[rows]
-        if not self.own or not np.isin(session, list(self.own)).any():
+        if not self.retuned or not np.isin(session, list(self.retuned)).any():
             return self.extractor(windows)
         result = np.empty((len(rows), len(self.extractor.columns)), np.float32)
         for number in np.unique(session).tolist():
             chosen = session == number
-            result[chosen] = self.own.get(number, self.extractor)(windows[chosen])
+            result[chosen] = self.retuned.get(number, self.extractor)(windows[chosen])
         return result
 
     def _key(self, rows: Indices, noise: Noise | None) -> str:
@@ -189,7 +189,7 @@ class Rows:
             "window": self.dataset.manifest.window,
             "dataset": file_checksum(self.dataset.path / FILE),
             "noise": None if noise is None else noise.key(),
-            **({"own": sorted(self.own)} if self.own else {}),
+            **({"own": sorted(self.retuned)} if self.retuned else {}),
             "rows": hashlib.sha256(np.ascontiguousarray(rows, np.int64).tobytes()).hexdigest(),
         }
         return hashlib.sha256(json.dumps(about, sort_keys=True).encode()).hexdigest()[:32]

@@ -80,8 +80,8 @@ class ObjectSettings(Checked):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class KnownSettings(Checked):
-    """The detector of sound unlike that of the training, see `monochord.perception.training.known`.
+class AnomalySettings(Checked):
+    """The detector of sound unlike that of the training, see `monochord.perception.training.anomaly`.
 
     Parameters
     ----------
@@ -239,7 +239,7 @@ class TrainingSettings:
     )
     noise: Augmentation = field(default_factory=Augmentation)
     objects: ObjectSettings = ObjectSettings()
-    known: KnownSettings = KnownSettings()
+    known: AnomalySettings = AnomalySettings()
     corrections: dict[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
     optimiser: OptimiserSettings = OptimiserSettings()
     cache: Path | None = None

@@ -7,7 +7,7 @@ from monochord.core.types import Floats, Indices
 from monochord.core.units import Metres
 from monochord.datasets.store import Dataset
 from monochord.perception.model.model import Model
-from monochord.perception.training.correct import Outputs, known_errors
+from monochord.perception.training.correct import Outputs, labelled_errors
 from monochord.physics.known_touches import Estimated, why_impossible
 
 MAX_ODD_ERROR: Metres = 0.005
@@ -62,7 +62,7 @@ def _estimated(model: Model, dataset: Dataset, label: str, outputs: Outputs) -> 
     for name, record in model.definition.heads.items():
         if record.task.label != label or record.task.is_probability:
             continue
-        errors, correction = known_errors(model.definition, name, dataset, outputs), model.correction(name)
+        errors, correction = labelled_errors(model.definition, name, dataset, outputs), model.correction(name)
         error = errors.error
         if correction is not None and len(error):
             error = error - correction.error(correction.terms(errors.variables))[0]

@@ -21,6 +21,7 @@ from monochord.perception.model.model import Model
 from monochord.perception.model.network import Output, probability, quantity
 from monochord.perception.model.saving import save
 from monochord.perception.training._torch import torch_library
+from monochord.perception.training.anomaly import with_detector
 from monochord.perception.training.calibrate import calibrate_probability, calibrate_quantity
 from monochord.perception.training.checkpoint import Checkpoint
 from monochord.perception.training.correct import Replayed, counting, with_prior, with_variables
@@ -38,7 +39,6 @@ from monochord.perception.training.examples import (
     training_data,
     with_objects,
 )
-from monochord.perception.training.known import with_detector
 from monochord.perception.training.loop import TrainingSetup, fit
 from monochord.perception.training.run_folder import (
     BOARD,
@@ -50,7 +50,7 @@ from monochord.perception.training.run_folder import (
     write_metrics,
 )
 from monochord.perception.training.settings import TrainingSettings
-from monochord.perception.tuning.sessions import force_scales, own_strings
+from monochord.perception.tuning.sessions import force_scales, retuned_strings
 
 HeadScores = dict[str, float]
 
@@ -164,7 +164,7 @@ def calibrated(
     A correction's prior is of the errors that are left after that.
     """
     gate = model.definition.gate
-    dataset, touch = as_of_the_design(model, dataset), touches_of(dataset)
+    dataset, touch = with_design_forces(model, dataset), touches_of(dataset)
     outputs = read_in_turn(model, dataset, rows, progress).outputs
     model = _with(model, gate, _calibration(model.definition, gate, dataset, outputs, touch))
     outputs = read_in_turn(model, dataset, rows, progress).outputs
@@ -178,7 +178,7 @@ def calibrated(
     return model, scores
 
 
-def as_of_the_design(model: Model, dataset: Dataset) -> Dataset:
+def with_design_forces(model: Model, dataset: Dataset) -> Dataset:
     """Return a dataset whose forces are those that sound alike on the design's string."""
     design = model.definition.string
     if design is None or "force" not in dataset.labels:
@@ -251,7 +251,7 @@ def read_in_turn(
     manifest = dataset.manifest
     model.check(Signal(sample_rate=manifest.sample_rate, channels=manifest.channels), manifest.window)
     design = model.definition.string
-    strings = own_strings(dataset, design) if design is not None else {}
+    strings = retuned_strings(dataset, design) if design is not None else {}
     own, state, session = model, ModelState(), -1
     every: dict[int, Mapping[str, Output]] = {}
     odds: dict[int, Floats] = {}
@@ -262,8 +262,8 @@ def read_in_turn(
         state, outputs = own.outputs(state, window_of(dataset, row))
         if outputs:
             every[row] = outputs
-            if state.known.odds is not None:
-                odds[row] = state.known.odds
+            if state.anomaly.odds is not None:
+                odds[row] = state.anomaly.odds
         if done % 256 == 0 or done == len(rows):
             progress("validation, window by window", done, len(rows))
     return Replayed(outputs=every, odds=odds)

@@ -20,7 +20,7 @@ SAME_LINE_BINS = 0.6
 """Lines of two windows or microphones nearer to each other than so many bins are one."""
 MIN_POWER = 1.0e-11
 """Least power of a line, in full scale: -110 dB, twenty below the rounding of 16 bits."""
-LEAST = 1.0e-30
+BALANCE_FLOOR = 1.0e-30
 """Power that is added to both of a balance's: that of a dead microphone may be 0."""
 FREQUENCY, POWER_1, POWER_2, GROWTH, BLURRED = range(5)
 """Columns of a window's lines: Hz, power at both microphones, growth in 1/s, standard error in Hz."""
@@ -126,7 +126,9 @@ def _lasting(lines: Floats, window: Indices, windows: int, reach: Hertz) -> Floa
         lasting[g, LAST_POWER_2] = members[POWER_2].sum() / windows
         lasting[g, PRESENCE] = count / windows
         lasting[g, LAST_GROWTH], lasting[g, GROWTH_STD] = growth, growth_std
-        balance, balance_std = _median(np.log((members[POWER_2] + LEAST) / (members[POWER_1] + LEAST)))
+        balance, balance_std = _median(
+            np.log((members[POWER_2] + BALANCE_FLOOR) / (members[POWER_1] + BALANCE_FLOOR))
+        )
         lasting[g, BALANCE], lasting[g, BALANCE_STD] = balance, balance_std
     return lasting
 

@@ -94,7 +94,7 @@ def refuse_other_length(string: StringParams, trained: StringParams) -> None:
         raise InputError(given, f"{trained.length:g} m, as it was trained", "train one for this sensor")
 
 
-def own_strings(dataset: "Dataset", design: StringParams) -> Mapping[int, StringParams]:
+def retuned_strings(dataset: "Dataset", design: StringParams) -> Mapping[int, StringParams]:
     """Return the strings that are tuned otherwise than the design, by the number of their session.
 
     One that was recorded as tuned counts as such. One whose tension was estimated from sound counts where
@@ -118,7 +118,7 @@ def force_scales(dataset: "Dataset", design: StringParams) -> Floats:
     in relative terms is a force that goes as T^(3/2). It is `physics.theory.geometric_tension`.
     """
     scales = np.ones(len(dataset))
-    for number, string in own_strings(dataset, design).items():
+    for number, string in retuned_strings(dataset, design).items():
         scales[dataset.session == number] = force_scale(string, design)
     return scales
 

@@ -10,7 +10,7 @@ from monochord.core.shapes import sound
 from monochord.core.types import Estimate, Floats, Signal, StringParams, Window
 from monochord.core.units import Hertz, Newtons, Samples, Seconds
 from monochord.perception.closed_form.spectrum import LOWEST_LINE, MIN_BINS
-from monochord.perception.closed_form.usable import why_unusable
+from monochord.perception.closed_form.usable import unusable_reason
 from monochord.perception.tuning.evidence import reason_against_a_string
 from monochord.perception.tuning.lines import (
     FREQUENCY,
@@ -110,7 +110,7 @@ class TunerState:
     `start` is the first frame of the last window, and `looked` the time of the last one that was looked at.
     `lines` are those of the windows that count, the newest last. `refused` is why the last window that was
     looked at did not count, empty if it did, and `refusals` how many did not. `tuning` is what the lines say;
-    where they say nothing it is None, for the reason `why_not`.
+    where they say nothing it is None, for the reason `reason`.
     """
 
     start: Samples = -1
@@ -119,7 +119,7 @@ class TunerState:
     refused: str = ""
     refusals: int = 0
     tuning: Tuning | None = None
-    why_not: str = "no sound"
+    reason: str = "no sound"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -206,18 +206,18 @@ class Tuner:
         if time - state.looked < self.every - TIME_TOLERANCE:
             return replace(state, start=window.start)
         state = replace(state, start=window.start, looked=time)
-        refused, dead = why_unusable(window), 0
+        refused, dead = unusable_reason(window), 0
         if refused in ("", "clipped"):
             lowest = LOWEST_LINE * self.nominal
             samples = sound(window.samples, self.channels, self.size)
             lines = window_lines(samples, lowest, self.sample_rate)
-            refused, dead = _why_no_partials(lines)
+            refused, dead = _no_partials_reason(lines)
             if not refused:
                 kept = (*state.lines, lines)[-self.keep :]
-                tuning, why_not = self._tuning(kept, dead)
-                return replace(state, lines=kept, refused="", tuning=tuning, why_not=why_not)
-        why_not = state.why_not if state.lines else refused
-        return replace(state, refused=refused, refusals=state.refusals + 1, why_not=why_not)
+                tuning, reason = self._tuning(kept, dead)
+                return replace(state, lines=kept, refused="", tuning=tuning, reason=reason)
+        reason = state.reason if state.lines else refused
+        return replace(state, refused=refused, refusals=state.refusals + 1, reason=reason)
 
     def reason_against(self, state: TunerState) -> str:
         """Return why what a state has of a tuning may be a tone and no string; empty where it is one.
@@ -226,7 +226,7 @@ class Tuner:
         there, and that may sound a single partial. Who writes a sensor's pitch down asks.
         """
         if state.tuning is None:
-            return state.why_not
+            return state.reason
         return reason_against_a_string(
             lasting_lines(state.lines, self.sample_rate / self.size),
             state.tuning.frequency,
@@ -244,11 +244,11 @@ class Tuner:
         stiffness = (bend, STIFFNESS_STD[0] * bend + STIFFNESS_STD[1])
         least = 0.0 if dead or self.channels == 1 else MIN_SHARE
         reading = read_tuning(lasting, self.nominal, stiffness, least)
-        why_not = self._why_undecided(reading, lasting)
+        reason = self._undecided_reason(reading, lasting)
         numbers = list(dict.fromkeys(reading.numbers[reading.numbers > 0.0].astype(int).tolist()))
-        why_not = why_not or _why_ambiguous(numbers, one_microphone=least == 0.0)
-        if why_not:
-            return None, why_not
+        reason = reason or _ambiguous_reason(numbers, one_microphone=least == 0.0)
+        if reason:
+            return None, reason
         decay, decay_std = _decay(lasting, reading)
         apart = 0.5 * abs(reading.frequency - reading.rival_frequency) if _has_rival(reading) else 0.0
         tuning = Tuning(
@@ -264,7 +264,7 @@ class Tuner:
         )
         return tuning, ""
 
-    def _why_undecided(self, reading: TuningReading, lasting: Floats) -> str:
+    def _undecided_reason(self, reading: TuningReading, lasting: Floats) -> str:
         if not len(lasting) or lasting[:, PRESENCE].max() < 0.5:
             return f"no line lasts: {NOT_DRIVEN}"
         reach = f"{100.0 * RANGE:.0f} % of {self.nominal:.1f} Hz"
@@ -290,7 +290,7 @@ def _is_near(reading: TuningReading) -> bool:
     return abs(reading.rival_frequency / reading.frequency - 1.0) < SPLIT_PITCH_TOLERANCE
 
 
-def _why_no_partials(lines: Floats) -> tuple[str, int]:
+def _no_partials_reason(lines: Floats) -> tuple[str, int]:
     """Return why lines are not those of an untouched string, and which microphone is dead."""
     if not len(lines):
         return f"no line stands out: {NOT_DRIVEN}", 0
@@ -308,7 +308,7 @@ def _why_no_partials(lines: Floats) -> tuple[str, int]:
     return "", 0
 
 
-def _why_ambiguous(numbers: list[int], *, one_microphone: bool) -> str:
+def _ambiguous_reason(numbers: list[int], *, one_microphone: bool) -> str:
     """Return why partials of these numbers may be those of something shorter than the string.
 
     Partials with a common divisor are a series of their own, as of a segment, or of another string of a

@@ -14,7 +14,7 @@ from monochord.datasets.faults import FAULTS, Fault
 from monochord.datasets.split import Split
 from monochord.datasets.store import open_dataset
 from monochord.perception.model import Model, ModelState, load
-from monochord.perception.model.definition import KNOWN
+from monochord.perception.model.definition import DETECTOR
 from monochord.perception.training.settings import TrainingSettings
 from monochord.perception.training.train import train, window_of
 
@@ -61,7 +61,9 @@ def test_other_sessions_are_learned_and_nothing_else_changes(lesson: dict[str, A
     assert other.definition.known is not None
     assert "another string" in other.definition.known.reasons
     assert other.definition.known.touched == ("another string",)
-    assert {name for name in other.weights if name.startswith(KNOWN)} == set(other.weights) - set(one.weights)
+    assert {name for name in other.weights if name.startswith(DETECTOR)} == set(other.weights) - set(
+        one.weights
+    )
     for name, array in one.weights.items():
         np.testing.assert_array_equal(array, other.weights[name])
 

@@ -19,16 +19,16 @@ from monochord.core.types import Audio, Flags, Floats, Indices, Progress, Signal
 from monochord.datasets.faults import Fault
 from monochord.datasets.store import Dataset, open_dataset
 from monochord.perception.heads.base import CONTACT
-from monochord.perception.model.definition import KNOWN, Definition, KnownRecord
-from monochord.perception.model.known import Detector, KnownState, score
+from monochord.perception.model.anomaly import AnomalyState, Detector, score
+from monochord.perception.model.definition import DETECTOR, AnomalyRecord, Definition
 from monochord.perception.model.network import scaled
 from monochord.perception.training._torch import torch_library
 from monochord.perception.training.examples import Examples, TrainingData
 from monochord.perception.training.rows import Noise, Rows
-from monochord.perception.training.settings import KnownSettings, TrainingSettings
+from monochord.perception.training.settings import AnomalySettings, TrainingSettings
 
 ORDINARY = "ordinary"
-"""Key of the share of ordinary windows in `KnownRecord.measured`."""
+"""Key of the share of ordinary windows in `AnomalyRecord.measured`."""
 FAULT_SHARE = 4
 """One window of so many is also learned from with each fault."""
 
@@ -91,8 +91,8 @@ def with_detector(
         return scaled(rows, scaler["scaler.mean"], scaler["scaler.scale"], definition.clip)
 
     learned, judged = examples
-    begins = [data.feature.of(each, progress=progress) for each in (_begins(data, p) for p in parts)]
-    rows = np.concatenate([judged.rows, _begins(data, parts[1])])
+    begins = [data.feature.of(each, progress=progress) for each in (_transitions(data, p) for p in parts)]
+    rows = np.concatenate([judged.rows, _transitions(data, parts[1])])
     order = np.argsort(rows)
     ordinary = Kind(
         name=ORDINARY,
@@ -110,7 +110,7 @@ def with_detector(
         {options.reasons[pattern] for pattern in patterns if pattern in options.reasons}
         for patterns in (options.brief, options.touches)
     )
-    record = KnownRecord(
+    record = AnomalyRecord(
         hidden=options.hidden,
         columns=options.columns,
         reasons=reasons,
@@ -136,7 +136,7 @@ def with_detector(
     return dataclasses.replace(definition, known=record), weights
 
 
-def _begins(data: TrainingData, part: Indices) -> Indices:
+def _transitions(data: TrainingData, part: Indices) -> Indices:
     """Return the windows (n,) of a part in which a touch begins or ends."""
     dataset = data.dataset
     part = np.sort(part)
@@ -144,7 +144,7 @@ def _begins(data: TrainingData, part: Indices) -> Indices:
 
 
 def _faults(
-    options: KnownSettings,
+    options: AnomalySettings,
     seed: int,
     data: TrainingData,
     examples: tuple[Examples, Examples],
@@ -165,7 +165,7 @@ def _faults(
 
 
 def _unlike(
-    options: KnownSettings,
+    options: AnomalySettings,
     settings: TrainingSettings,
     data: TrainingData,
     judged: Examples,
@@ -225,7 +225,7 @@ def _named(dataset: Dataset, patterns: Sequence[str]) -> Flags:
 
 
 def _fitted(
-    definition: Definition, options: KnownSettings, seed: int, ordinary: Kind, kinds: list[Kind]
+    definition: Definition, options: AnomalySettings, seed: int, ordinary: Kind, kinds: list[Kind]
 ) -> dict[str, Audio]:
     """Return the arrays of the detector's layers, trained on the kinds' windows."""
     torch = torch_library()
@@ -233,19 +233,19 @@ def _fitted(
     numbers = {reason: 1 + number for number, reason in enumerate(definition.known.reasons)}
     parts = [(ordinary.learned, 0, 0.5)]
     parts += [(kind.learned, numbers[kind.reason], 0.5 / len(kinds)) for kind in kinds]
-    rows = torch.from_numpy(np.concatenate([part[:, definition.known_columns] for part, _, _ in parts]))
+    rows = torch.from_numpy(np.concatenate([part[:, definition.detector_columns] for part, _, _ in parts]))
     target = torch.from_numpy(np.concatenate([np.full(len(part), label) for part, label, _ in parts]))
     each: list[Audio] = [
         np.full(len(part), share / max(len(part), 1), np.float32) for part, _, share in parts
     ]
     weight = torch.from_numpy(np.concatenate(each) * len(rows))
     generator = torch.Generator().manual_seed(seed)
-    shapes = {name: shape for name, shape in definition.shapes().items() if name.startswith(f"{KNOWN}.")}
+    shapes = {name: shape for name, shape in definition.shapes().items() if name.startswith(f"{DETECTOR}.")}
     arrays: dict[str, Any] = {}
     last = len(options.hidden)
     for name, shape in shapes.items():
         tensor = torch.zeros(shape)
-        if name.endswith("weight") and not name.startswith(f"{KNOWN}.{last}."):
+        if name.endswith("weight") and not name.startswith(f"{DETECTOR}.{last}."):
             bound = float(np.sqrt(6.0 / shape[1]))
             tensor.uniform_(-bound, bound, generator=generator)
         arrays[name] = tensor.requires_grad_()
@@ -259,7 +259,9 @@ def _fitted(
             inputs = rows[batch]
             for number in range(last + 1):
                 inputs = torch.nn.functional.linear(
-                    inputs, arrays[f"{KNOWN}.{number}.weight"], arrays[f"{KNOWN}.{number}.bias"]
+                    inputs,
+                    arrays[f"{DETECTOR}.{number}.weight"],
+                    arrays[f"{DETECTOR}.{number}.bias"],
                 )
                 if number < last:
                     kept = torch.rand(inputs.shape, generator=generator) >= options.drop
@@ -283,10 +285,10 @@ def _places(dataset: Dataset, rows: Indices) -> dict[str, Any]:
 
 def _scores(detector: Detector, kind: Kind) -> Floats:
     """Return the scores (n,) of the windows of validation, each session a stream of its own."""
-    scores, state, session = np.zeros(len(kind.judged)), KnownState(), -1
+    scores, state, session = np.zeros(len(kind.judged)), AnomalyState(), -1
     for number, logits in enumerate(detector.logits(kind.judged)):
         if kind.session[number] != session:
-            state, session = KnownState(), kind.session[number]
+            state, session = AnomalyState(), kind.session[number]
         time, touched = float(kind.time[number]), bool(kind.touched[number])
         state = detector.step(state, logits, time, touched=touched)
         scores[number] = -np.inf if state.odds is None else score(state.odds)

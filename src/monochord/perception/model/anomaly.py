@@ -20,7 +20,7 @@ from monochord.core.errors import InputError
 from monochord.core.kernels import kernel
 from monochord.core.types import Audio, Flags, Floats
 from monochord.core.units import Seconds
-from monochord.perception.model.definition import KNOWN, Definition, KnownRecord
+from monochord.perception.model.definition import DETECTOR, AnomalyRecord, Definition
 from monochord.perception.model.network import Layers
 
 UNLIKE = "sound unlike what this model learned"
@@ -32,7 +32,7 @@ MIN_SHARE = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class KnownState:
+class AnomalyState:
     """The detector on one stream: averaged log odds (reasons,) of each reason, after the window at `time`.
 
     Both are None before any window. `weight` (reasons,) is that of the windows so far that count for the
@@ -45,14 +45,14 @@ class KnownState:
     time: Seconds = -math.inf
 
 
-FRESH = KnownState()
+INITIAL_STATE = AnomalyState()
 
 
 @dataclass(frozen=True, kw_only=True)
 class Detector:
     """The layers of the detector, as in a head, and its record."""
 
-    record: KnownRecord
+    record: AnomalyRecord
     layers: Layers
 
     @classmethod
@@ -61,17 +61,17 @@ class Detector:
         if definition.known is None:
             return None
         numbers = range(len(definition.known.hidden) + 1)
-        layers = [(weights[f"{KNOWN}.{n}.weight"], weights[f"{KNOWN}.{n}.bias"]) for n in numbers]
-        return cls(record=definition.known, layers=Layers.of(definition.known_columns, layers))
+        layers = [(weights[f"{DETECTOR}.{n}.weight"], weights[f"{DETECTOR}.{n}.bias"]) for n in numbers]
+        return cls(record=definition.known, layers=Layers.of(definition.detector_columns, layers))
 
-    def step(self, state: KnownState, logits: Floats, time: Seconds, *, touched: bool) -> KnownState:
+    def step(self, state: AnomalyState, logits: Floats, time: Seconds, *, touched: bool) -> AnomalyState:
         """Return the state after a window of logits (1 + reasons,) that begins at a time.
 
         `touched` says whether something touches there.
         """
         return step(state, logits, time, self.record.memory, self._counts[touched])
 
-    def why_unknown(self, state: KnownState) -> str:
+    def anomaly_reason(self, state: AnomalyState) -> str:
         """Return why sound is unlike the training after its last window, empty where it is like it."""
         return "" if state.odds is None else reason(state.odds, self.record)
 
@@ -87,15 +87,15 @@ class Detector:
 
 
 def step(
-    state: KnownState, logits: Floats, time: Seconds, memory: Sequence[Seconds], counts: Flags | None = None
-) -> KnownState:
+    state: AnomalyState, logits: Floats, time: Seconds, memory: Sequence[Seconds], counts: Flags | None = None
+) -> AnomalyState:
     """Return the state after a window of logits (1 + reasons,) that begins at a time.
 
     The log odds are averaged over windows, with weights that fall by e in the time in `memory` (reasons,),
     whatever the hop; the first windows of a stream, which may be of drivers that only start, count as the
     others do. The average of a reason for which the window does not count (reasons,) stays as it is.
 
-    >>> state = step(KnownState(), np.array([0.0, 2.0, 2.0]), 0.0, (0.5, 0.0))
+    >>> state = step(AnomalyState(), np.array([0.0, 2.0, 2.0]), 0.0, (0.5, 0.0))
     >>> step(state, np.array([0.0, 0.0, 0.0]), 0.5, (0.5, 0.0)).odds.round(3).tolist()
     [0.538, 0.0]
     >>> step(state, np.zeros(3), 0.5, (0.5, 0.0), np.array([True, False])).odds.round(3).tolist()
@@ -106,12 +106,12 @@ def step(
         raise InputError(f"{len(logits)} logits", f"one and those of {len(memory)} reasons")
     if state.odds is None or state.weight is None:
         odds = np.clip(logits[1:] - logits[0], -MAX_ODDS, MAX_ODDS)
-        return KnownState(
+        return AnomalyState(
             odds=np.where(counts, odds, -MAX_ODDS), weight=np.where(counts, np.nan, 0.0), time=time
         )
     elapsed = max(time - state.time, 1e-9)
     odds, weight = _averaged(state.odds, state.weight, logits, elapsed, np.array(memory), counts)
-    return KnownState(odds=odds, weight=weight, time=time)
+    return AnomalyState(odds=odds, weight=weight, time=time)
 
 
 @kernel()
@@ -139,11 +139,11 @@ def score(odds: Floats) -> Floats:
     return np.logaddexp.reduce(odds, axis=-1)
 
 
-def reason(odds: Floats, record: KnownRecord) -> str:
+def reason(odds: Floats, record: AnomalyRecord) -> str:
     """Return the reason to abstain at the log odds (reasons,) of each, empty for none.
 
     >>> reasons = "microphone 2 is silent", "two things seem to touch"
-    >>> record = KnownRecord(reasons=reasons, memory=(2.0, 0.2))
+    >>> record = AnomalyRecord(reasons=reasons, memory=(2.0, 0.2))
     >>> [reason(np.array(each), record) for each in ([-3.0, -3.0], [3.0, 0.0], [3.0, 3.0])]
     ['', 'microphone 2 is silent', 'sound unlike what this model learned']
     """

@@ -20,11 +20,11 @@ from monochord.perception.model.network import quantity
 from monochord.perception.training.examples import examples_of, stream_of, training_data
 from monochord.perception.training.rows import Rows
 from monochord.perception.training.settings import TrainingSettings
-from monochord.perception.training.train import as_of_the_design, read_in_turn
+from monochord.perception.training.train import read_in_turn, with_design_forces
 from monochord.perception.tuning.sessions import (
     estimate_tension,
     force_scales,
-    own_strings,
+    retuned_strings,
     tension_estimator,
 )
 from monochord.physics.sensors import SensorTuning, load_sensor, sensor_toml
@@ -81,7 +81,7 @@ def test_sound_of_a_string_that_is_not_named_is_of_the_models_design(
 
 
 def test_those_that_are_off_are_relative_to_their_own(dataset: Dataset) -> None:
-    strings = own_strings(dataset, DESIGN)
+    strings = retuned_strings(dataset, DESIGN)
     assert [*strings] == [1, 2]  # the first is near enough to be read as of the design, as it is live
     scales = force_scales(dataset, DESIGN)
     assert (scales[dataset.session == 0] == 1.0).all()
@@ -140,7 +140,7 @@ def test_a_model_is_calibrated_on_each_own_string(dataset: Dataset) -> None:
     record = model.definition.heads["position"]
     places = np.array([quantity(outputs[row]["position"], record)[0] for row in rows.tolist()])
     assert np.abs(places - dataset.label("position")[rows]).max() < 5e-3
-    forces = as_of_the_design(model, dataset).label("force")
+    forces = with_design_forces(model, dataset).label("force")
     np.testing.assert_allclose(forces * force_scales(dataset, DESIGN), dataset.label("force"))
 
 

@@ -22,7 +22,7 @@ REMEDY = "run monochord tune"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OwnString:
+class StringFollower:
     """Follows a string's tuning through the windows of a stream, and judges whether it is the known one.
 
     What untouched windows say counts most. Before the first of them, a touched one is read at any tuning too:
@@ -46,7 +46,7 @@ class OwnString:
     @classmethod
     def of(
         cls, signal: Signal, size: Samples, *, lowest: float = -MIN_RETUNING, highest: float = MIN_RETUNING
-    ) -> "OwnString":
+    ) -> "StringFollower":
         """Return it for windows of `size` frames; raises `InputError` as `Tuner.of` does."""
         tuner = Tuner.of(signal, size)
         return cls(string=tuner.string, tuner=tuner, lowest=lowest, highest=highest)
@@ -65,7 +65,7 @@ class OwnString:
         """Return whether a tuning is outside the allowed range."""
         return not self.lowest <= tuning.deviation(self.string) <= self.highest
 
-    def why_detuned(self, tuning: Tuning | None, knows: str) -> str:
+    def detuned_reason(self, tuning: Tuning | None, knows: str) -> str:
         """Return why the string is not as it should be, empty where it is or that is not known.
 
         `knows` is who expects it otherwise, for the message, such as "what this model knows".
@@ -74,7 +74,7 @@ class OwnString:
             return ""
         return detuned(tuning.deviation(self.string), knows)
 
-    def why_elsewhere(self, analyser: SpectrumAnalyser, spectrum: Spectrum, knows: str) -> str:
+    def other_tuning_reason(self, analyser: SpectrumAnalyser, spectrum: Spectrum, knows: str) -> str:
         """Return why a window is one of a string tuned otherwise; empty where it is not clearly so."""
         own = spectrum.reading
         other = analyser.read_at_any_tuning(spectrum, RANGE)

@@ -9,8 +9,8 @@ import pytest
 from monochord.core.errors import InputError
 from monochord.core.types import Estimate, Window
 from monochord.perception.model import Model, ModelState
-from monochord.perception.model.definition import KNOWN, KnownRecord
-from monochord.perception.model.known import UNLIKE, Detector, KnownState, step
+from monochord.perception.model.anomaly import UNLIKE, AnomalyState, Detector, step
+from monochord.perception.model.definition import DETECTOR, AnomalyRecord
 from monochord.perception.model.network import Layers
 
 Sound = Callable[..., Window]
@@ -26,13 +26,13 @@ def with_detector(
     contact_holds: tuple[str, ...] = (),
 ) -> Model:
     """Return a model whose detector has the same logits for every window."""
-    record = KnownRecord(
+    record = AnomalyRecord(
         hidden=(4,), reasons=REASONS, memory=MEMORY, limit=limit, brief=brief, contact_holds=contact_holds
     )
     definition = dataclasses.replace(model.definition, known=record)
-    shapes = {name: shape for name, shape in definition.shapes().items() if name.startswith(f"{KNOWN}.")}
+    shapes = {name: shape for name, shape in definition.shapes().items() if name.startswith(f"{DETECTOR}.")}
     weights = {name: np.zeros(shape, np.float32) for name, shape in shapes.items()}
-    weights[f"{KNOWN}.1.bias"][:] = bias
+    weights[f"{DETECTOR}.1.bias"][:] = bias
     return Model(definition=definition, weights={**model.weights, **weights})
 
 
@@ -103,21 +103,21 @@ def test_the_limit_decides(drawn: Model, sound: Sound) -> None:
 def test_what_windows_say_is_averaged_over_time_whatever_the_hop() -> None:
     plain, odd = np.array([0.0, -6.0]), np.array([0.0, 6.0])
     for hop in (0.1, 0.01):
-        state = KnownState()
+        state = AnomalyState()
         for k in range(round(5.5 / hop)):
             state = step(state, plain if k < round(5.0 / hop) else odd, k * hop, (0.5,))
         assert state.odds is not None
         assert state.odds[0] == pytest.approx(6.0 - 12.0 * np.exp(-1.0), abs=1e-3)
-    forgetful = step(step(KnownState(), plain, 0.0, (0.0,)), odd, 0.1, (0.0,))
+    forgetful = step(step(AnomalyState(), plain, 0.0, (0.0,)), odd, 0.1, (0.0,))
     assert forgetful.odds is not None
     assert forgetful.odds[0] == 6.0
 
 
 def test_what_touched_windows_tell_stays_as_it_is_until_the_next_touch() -> None:
-    record = KnownRecord(reasons=REASONS, memory=(2.0, 2.0), touched=REASONS[1:])
+    record = AnomalyRecord(reasons=REASONS, memory=(2.0, 2.0), touched=REASONS[1:])
     nothing = Layers.of([0], [(np.zeros((3, 1), np.float32), np.zeros(3, np.float32))])
     detector = Detector(record=record, layers=nothing)
-    said, state = np.array([0.0, -6.0, 6.0]), KnownState()
+    said, state = np.array([0.0, -6.0, 6.0]), AnomalyState()
     for k in range(10):
         state = detector.step(state, said, 0.1 * k, touched=False)
     assert state.odds is not None
@@ -137,7 +137,7 @@ def test_what_touched_windows_tell_stays_as_it_is_until_the_next_touch() -> None
 
 @pytest.mark.parametrize("untouched", [0, 3])
 def test_the_first_window_that_counts_says_no_more_than_others(untouched: int) -> None:
-    counts, state = np.array([True]), KnownState()
+    counts, state = np.array([True]), AnomalyState()
     for k in range(-untouched, 0):
         state = step(state, np.zeros(2), 0.01 * k, (2.0,), ~counts)
     state = step(state, np.array([0.0, 6.0]), 0.0, (2.0,), counts)
@@ -151,9 +151,9 @@ def test_another_stream_begins_without_what_was_said(drawn: Model, sound: Sound)
     model = with_detector(drawn, (0.0, 4.0, 0.0))
     state, _ = model.step(ModelState(), sound(5))
     again, _ = model.step(state, sound(0))
-    assert again.known.odds is not None
-    np.testing.assert_array_equal(again.known.odds, [4.0, 0.0])
-    assert again.known.time == 0.0
+    assert again.anomaly.odds is not None
+    np.testing.assert_array_equal(again.anomaly.odds, [4.0, 0.0])
+    assert again.anomaly.time == 0.0
 
 
 def test_unlike_sound_is_never_a_reference(drawn: Model, sound: Sound) -> None:
@@ -169,4 +169,4 @@ def test_unlike_sound_is_never_a_reference(drawn: Model, sound: Sound) -> None:
 )
 def test_detectors_that_cannot_be(options: dict[str, object]) -> None:
     with pytest.raises(InputError):
-        KnownRecord(**{"reasons": REASONS, "memory": MEMORY, **options})  # pyright: ignore[reportArgumentType]
+        AnomalyRecord(**{"reasons": REASONS, "memory": MEMORY, **options})  # pyright: ignore[reportArgumentType]
