@@ -201,7 +201,8 @@ class LabelledData:
     split
         The windows of the parts train, validation and test.
     audit
-        Leaks and notes that the audit of the split found, as `monochord.build` runs it; None without an audit.
+        Leaks and notes that the audit of the split found, as `monochord.build` runs it; None without an
+        audit.
     split_file
         The file that the split was read from; None for a split in memory.
     """
@@ -260,7 +261,7 @@ class LabelledData:
         sensor: str = "prototype",
         **options: Any,
     ) -> tuple[Audio, Mapping[str, Floats], NDArray[np.str_]]:
-        """Return features, labels and parts of the usable windows; features are cached in the dataset's folder.
+        """Return features, labels and parts of the usable windows; caches features in the dataset's folder.
 
         Parameters
         ----------

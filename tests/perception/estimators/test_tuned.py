@@ -139,7 +139,7 @@ def test_a_string_beyond_any_tuning_of_the_training_is_abstained_from() -> None:
     """Tuned to 8 % below and then 6 % lower still, it is further from the training than can be heard."""
     sound, _ = played("prototype", -13, 0)
     estimates = estimated("model", replace(DESIGN, tension=0.92**2 * DESIGN.tension), sound)
-    assert "below what this model knows: run monochord tune" in estimates[-1]["position"].reason
+    assert "below the pitch that this model expects: run monochord tune" in estimates[-1]["position"].reason
 
 
 @pytest.mark.parametrize("percent", [-9, 4, 9])

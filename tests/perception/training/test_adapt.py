@@ -240,8 +240,8 @@ def test_what_a_sensor_in_order_sounds_like_is_no_fault_from_then_on(
     same, none = desensitised(model, list(np.full_like(odds, -8.0)))
     assert not none
     np.testing.assert_array_equal(same.weights["known.1.bias"], model.weights["known.1.bias"])
-    result, false_alarms = desensitised(model, list(odds))
-    assert false_alarms == {"the microphones seem swapped": 0.3}
+    result, mistaken = desensitised(model, list(odds))
+    assert mistaken == {"the microphones seem swapped": 0.3}
     lowered = model.weights["known.1.bias"] - result.weights["known.1.bias"]
     assert np.flatnonzero(lowered).tolist() == [1 + swapped]
     assert lowered[1 + swapped] == pytest.approx(1.0 + np.log(len(record.reasons)), abs=1e-5)

@@ -41,8 +41,8 @@ class ClosedForm(Estimator):
     """Position and force from pitch, with the exact inverse of the clamped string.
 
     The far form uses the pitch of one segment, as on a fretted instrument: x = L (1 - f_open / f). It learns
-    nothing. The two-sided form uses both segments, as the sensor does: x = L f2 / (f1 + f2), and f1 f2 / (f1 +
-    f2) gives tension, hence force. It is physics, with modes chosen by networks trained on simulated builds
+    nothing. The two-sided form uses both segments, as the sensor does: x = L f2 / (f1 + f2), and f1 f2 / (f1
+    + f2) gives tension, hence force. It is physics, with modes chosen by networks trained on simulated builds
     (`monochord.perception.closed_form.ranking` and `monochord.perception.closed_form.place_density`).
 
     The estimator abstains, with the reason, from a window that is silent, clipped, interrupted by a gap,

@@ -57,6 +57,6 @@ def _estimates(state: TunerState, string: StringParams) -> Estimates:
     return {
         name: Estimate(value=value, std=std, unit=UNITS[name])
         if isfinite(value)
-        else Estimate.abstain(UNITS[name], "no free partial is seen to die away")
+        else Estimate.abstain(UNITS[name], "no free partial dies away")
         for name, (value, std) in values.items()
     }

@@ -52,14 +52,14 @@ class ClosedForm(Feature):
     line with networks trained on simulated builds. The estimator of the same name uses the same readings.
 
     Columns of the touch: `position` in m; `tension` in N; `open`, the open frequency for this tension, in
-    thousandths above nominal; `force` in N by the geometric law for a string of nominal tension, 0 for a lower
-    tension. Columns of the lines: both fundamentals and both lines in kHz, their modes, and the share of each
-    line's power at microphone 1.
+    thousandths above nominal; `force` in N by the geometric law for a string of nominal tension, 0 for a
+    lower tension. Columns of the lines: both fundamentals and both lines in kHz, their modes, and the share
+    of each line's power at microphone 1.
 
-    Columns of confidence: `score` of the two-segment reading; `lead`, the log odds of the position against all
-    others; `rival position` in m, the next best one; `contact`, the score's lead over the untouched string;
-    `untouched score`, and `rest`, the untouched string's frequency in thousandths above nominal; `left over`,
-    the share of lines that the reading does not explain; `lines`, their number.
+    Columns of confidence: `score` of the two-segment reading; `lead`, the log odds of the position against
+    all others; `rival position` in m, the next best one; `contact`, the score's lead over the untouched
+    string; `untouched score`, and `rest`, the untouched string's frequency in thousandths above nominal;
+    `left over`, the share of unexplained lines; `lines`, the number of lines.
 
     Flags, 0 or 1: no reading; two candidates (`lead` below `margin`); untouched (`contact` negative); and one
     for each reason that makes a window unusable. If the string is not tuned as its design states, tension and

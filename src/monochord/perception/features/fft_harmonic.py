@@ -91,12 +91,12 @@ class FftHarmonic(Feature):
     sidebands. So both vanish for noise. The four groups are:
 
     - **mic 1**, **mic 2** (75 each). Level, offset, side and growth of 16 harmonics: 8 of the segment at this
-      microphone and 8 partials of the string. Then 11 measures of the channel: log10 of its mean square; log10
-      of its power from 20 to 150 Hz and from 150 to 500 Hz, where only sliding and handling sound; mean log10
-      of the power above 0.5, 2, 6 and 12 kHz, which measures the gaps between the lines; spectral flatness
-      from 4 to 15 kHz; rise from the first half of the window to the second; unrest, the standard deviation
-      over ten parts of the window; the fundamental of this microphone's segment, in octaves above the
-      string's.
+      microphone and 8 partials of the string. Then 11 measures of the channel: log10 of its mean square;
+      log10 of its power from 20 to 150 Hz and from 150 to 500 Hz, where only sliding and handling sound; mean
+      log10 of the power above 0.5, 2, 6 and 12 kHz, which measures the gaps between the lines; spectral
+      flatness from 4 to 15 kHz; rise from the first half of the window to the second; unrest, the standard
+      deviation over ten parts of the window; the fundamental of this microphone's segment, in octaves above
+      the string's.
     - **difference** (75). Microphone 1 minus microphone 2, in logarithms: level and side of the 24 harmonics
       of all series, growth of the 16 harmonics of the segments, and the 11 measures of the channel.
     - **ratio** (75). Amplitudes: the likeness of each of the 24 harmonics at both microphones, 2 Re(A B*) /
@@ -116,15 +116,15 @@ class FftHarmonic(Feature):
     `gaps` adds 84 columns of the sound between the lines, which sliding and rubbing make on any build. There
     are 28 bands of equal ratio from 20 Hz to 16 kHz, each at least three bins wide. A band has three columns:
     log10 of each microphone's power density, from the median over the band's bins, in full scale^2 / Hz (for
-    noise, the mean density); and the likeness 2 Re(A B*) / (A A* + B B*) over the bins without lines. A bin is
-    without lines if its power, summed over both microphones, is at most the sum of the two medians.
+    noise, the mean density); and the likeness 2 Re(A B*) / (A A* + B B*) over the bins without lines. A bin
+    is without lines if its power, summed over both microphones, is at most the sum of the two medians.
 
-    `seen` adds two columns: the place that a network estimates from the spectra, whichever lines are read, and
-    its log odds (`monochord.perception.closed_form.place_density`).
+    `seen` adds two columns: the place that a network estimates from the spectra, whichever lines are read,
+    and its log odds (`monochord.perception.closed_form.place_density`).
 
-    `glides` adds six columns on how fast lines glide within the window: the glide of each segment's lines, the
-    spread of the glides within each segment, the speed of the place if the segments glide apart, and the glide
-    of pitch common to both. Each is asinh of the magnitude, and 0 for a touch at rest.
+    `glides` adds six columns on how fast lines glide within the window: the glide of each segment's lines,
+    the spread of the glides within each segment, the speed of the place if the segments glide apart, and the
+    glide of pitch common to both. Each is asinh of the magnitude, and 0 for a touch at rest.
 
     The paper's feature has 300 columns as well. The bundled model `demo` uses all options: 392 columns.
 

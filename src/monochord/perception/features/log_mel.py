@@ -16,9 +16,9 @@ from monochord.perception.features.base import Extractor, Feature
 class LogMel(Feature):
     """Mean and maximum over time of each mel band's log energy, for each microphone.
 
-    Bands are kept apart because a touch changes frequency. A window is resampled to 16 kHz and cut into frames
-    of 25 ms, 1 ms apart (100 frames for 0.1 s); see `monochord.dsp.mel.LogMel`. The defaults give 512 columns
-    for two microphones.
+    Bands are kept apart because a touch changes frequency. A window is resampled to 16 kHz and cut into
+    frames of 25 ms, 1 ms apart (100 frames for 0.1 s); see `monochord.dsp.mel.LogMel`. The defaults give 512
+    columns for two microphones.
 
     Parameters
     ----------

@@ -27,7 +27,8 @@ class Position(Head):
     columns
         Names of the feature's columns that are inputs; * matches any characters. Empty: all.
     context
-        Whether the untouched reference is an input too. The ratio of both lines gives the position without it.
+        Whether the untouched reference is an input too. The ratio of both lines gives the position without
+        it.
     limit
         Largest standard error in m that the head states. Above it, the head abstains.
     """

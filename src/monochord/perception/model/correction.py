@@ -124,9 +124,9 @@ class Correction:
 
         The prior is of the builds of the training. On a sensor of another design errors are larger than on
         any of these, and too little of them would be learned from a few touches. So covariance and noise are
-        multiplied by the factors, of `COVARIANCE_FACTORS` and `NOISE_FACTORS`, that are most probable given these errors (MacKay
-        1992, Bayesian interpolation); beforehand one of 4 is a third as probable as 1 (`FACTOR_PENALTY`),
-        which it takes evidence to outweigh.
+        multiplied by the factors, of `COVARIANCE_FACTORS` and `NOISE_FACTORS`, that are most probable given
+        these errors (MacKay 1992, Bayesian interpolation); beforehand one of 4 is a third as probable as 1
+        (`FACTOR_PENALTY`), which it takes evidence to outweigh.
 
         Parameters
         ----------

@@ -17,7 +17,7 @@ from monochord.perception.tuning.sessions import HIGHEST, LOWEST
 if TYPE_CHECKING:
     from monochord.perception.model.model import Model
 
-EXPECTED_PITCH = "what this model knows"
+EXPECTED_PITCH = "the pitch that this model expects"
 UNKNOWN = "the string's pitch is not known yet"
 """Of the first untouched windows where they are none of the known string's."""
 

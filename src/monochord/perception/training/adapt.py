@@ -80,10 +80,8 @@ def adapt(
         replayed = read_in_turn(model, dataset, rows, progress)
     refuse_impossible(model, dataset, touch, known_touches, replayed.outputs)
     rows = rows[touch[rows] <= known_touches.max(initial=0)]
-    model, false_alarms = desensitised(
-        model, [replayed.odds[row] for row in rows.tolist() if row in replayed.odds]
-    )
-    if false_alarms:  # these windows were no reference of the untouched string, as they will be
+    model, mistaken = desensitised(model, _odds(replayed, rows))
+    if mistaken:  # these windows were no reference of the untouched string, as they will be
         replayed = read_in_turn(model, dataset, rows, progress)
     heads: dict[str, HeadAdaptation] = {}
     known: dict[str, Correction] = {}
@@ -129,7 +127,7 @@ def adapt(
         model=model,
         heads=heads,
         next_touch=_suggestion(model, known, spreads, sensing_range),
-        false_alarms=false_alarms,
+        mistaken=mistaken,
         trust=_trust(given, np.isin(touch, known_touches), heads, objects),
     )
 
@@ -187,9 +185,7 @@ def judge(
         model=model,
         heads=heads,
         next_touch=_suggestion(model, known, spreads, sensing_range),
-        false_alarms=desensitised(
-            model, [replayed.odds[row] for row in rows.tolist() if row in replayed.odds]
-        )[1],
+        mistaken=desensitised(model, _odds(replayed, rows))[1],
         trust=_trust(given, np.isin(touch, np.unique(touch[used])), heads),
         learned=False,
     )
@@ -243,6 +239,10 @@ def desensitised(model: Model, odds: Sequence[Floats]) -> tuple[Model, dict[str,
     bias = model.weights[name] - np.concatenate([[0.0], lowered])
     model = replace(model, weights={**model.weights, name: bias.astype(np.float32)})
     return model, {why: count / len(every) for why, count in reasons.most_common()}
+
+
+def _odds(replayed: Replayed, rows: Indices) -> list[Floats]:
+    return [replayed.odds[row] for row in rows.tolist() if row in replayed.odds]
 
 
 def _part(errors: LabelledErrors, used: np.ndarray) -> LabelledErrors:

@@ -103,7 +103,7 @@ class Trust:
 class Adaptation:
     """A model adapted to known touches, what that did for each head, and which touch would help most next.
 
-    `false_alarms` are the shares of windows that the model took for faults, by reason, and no longer does, unless
+    `mistaken` are the shares of windows that the model took for faults, by reason, and no longer does, unless
     it was only judged: `learned` is false then, and the model as it was. `trust` is where the touches lie.
     `outside` are the positions of known touches outside `sensing_range`, which were left out.
     """
@@ -111,7 +111,7 @@ class Adaptation:
     model: Model
     heads: dict[str, HeadAdaptation]
     next_touch: Suggestion | None
-    false_alarms: dict[str, float]
+    mistaken: dict[str, float]
     trust: Trust
     learned: bool = True
     sensing_range: tuple[Metres, Metres] | None = None
@@ -133,7 +133,7 @@ class Adaptation:
         )
         lines += [
             f"  {100 * share:.0f} % of windows {now.format(why)}"
-            for why, share in self.false_alarms.items()
+            for why, share in self.mistaken.items()
             if share >= MIN_REPORTED_SHARE
         ]
         touch = self.next_touch

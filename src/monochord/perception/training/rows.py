@@ -66,9 +66,9 @@ class Noise:
 class Rows:
     """A feature on a dataset, by the name and the options that the feature was built from.
 
-    `retuned` are the extractors of sessions whose string is tuned otherwise than the design, by their number, and
-    `extractor` is that of all others. `workers` and `cluster` are as in `monochord.core.workers.run_all`, but
-    that without any fewer than `MIN_FILES_FOR_WORKERS` files are computed in this process.
+    `retuned` are the extractors of sessions whose string is tuned otherwise than the design, by their number,
+    and `extractor` is that of all others. `workers` and `cluster` are as in `monochord.core.workers.run_all`,
+    but that without any fewer than `MIN_FILES_FOR_WORKERS` files are computed in this process.
     """
 
     dataset: Dataset

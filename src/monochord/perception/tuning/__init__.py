@@ -1,4 +1,4 @@
-"""The string's own pitch, stiffness and losses from untouched sound, as a fold over windows."""
+"""Pitch, stiffness and losses of a string from its untouched sound, as a fold over windows."""
 
 from monochord.perception.tuning.sessions import retuned_strings, tension_estimator
 from monochord.perception.tuning.string_follower import StringFollower

@@ -1,19 +1,20 @@
-"""Whether lasting lines are those of a string at all: what a tone or a synthesised wave lacks.
+"""Whether lasting lines come from a string, and not from a tone or a synthesised wave.
 
-A reading (`read_tuning`) says which string lines would be of; a sine of the right pitch fits one too. Three
-things tell that a string sounds, and one of them is enough:
+A reading (`read_tuning`) gives the pitch of the string that the lines would fit. A sine of the right pitch
+fits a string too. Any one of three kinds of evidence shows that a string sounds:
 
-- **its series**: the fundamental, its next two partials and one more;
-- **partials that ring by themselves**: three or more that no sum, difference or multiple of stronger lines
-  explains, or beside two others one that dies away, as after a pluck or a touch, or that is faint;
-- **two ends**: a multiple of the driven line that the microphones share otherwise than the line itself. The
-  ends of a string and their pickups differ, and by frequency; a tone that is played into both inputs is
-  shared alike at all of its multiples.
+- **its series**: the fundamental, the next two partials and one more;
+- **free partials**: three or more partials that are not a sum, difference or multiple of stronger lines; or
+  three partials of which one dies away, as after a pluck or a touch, or is faint;
+- **two ends**: a multiple of the driven line whose ratio of power between the microphones differs from the
+  line's. The two ends of a string and their pickups differ with frequency. A tone played into both inputs has
+  the same ratio at all of its multiples.
 
-Of the twin (five presets, 171 builds and days, both worlds, 3 s each) this holds for all 335 sounds that the
-tuner reads from the pluck on or 0.35 s after a touch, and for 313 of 322 that it reads when nothing has
-touched the string for 2 or 12 s: what is left then is one partial with its multiples. Not told apart are a
-wave with the string's own fundamental and its next partials, and a tone that microphones pick up differently.
+Measured on the twin (five presets, 171 builds and days, both worlds, 3 s each): the evidence suffices for all
+335 sounds that the tuner reads from a pluck on or 0.35 s after a touch, and for 313 of 322 sounds that it
+reads 2 s or 12 s after the last touch. In the other 9, one partial and its multiples remain. Two sounds pass
+for a string: a wave with the string's fundamental and next partials, and a tone that the microphones pick up
+differently.
 """
 
 from math import gcd
@@ -36,19 +37,20 @@ from monochord.perception.tuning.lines import (
 from monochord.perception.tuning.reading import DISTORTION_ORDER, MAX_NUMBER, TOLERANCE
 
 EVIDENCE_DECADES = 6.5
-"""Decades of power below the strongest line down to which a line is evidence; a window's noise is there."""
+"""Decades of power below the strongest line down to which a line counts; a window's noise lies there."""
 MAX_MULTIPLE = 40
-"""Highest multiple of a line that is looked for: those above half the sample rate come back folded."""
+"""Highest multiple of a line that is searched for; multiples above half the sample rate alias."""
 MULTIPLE_TOLERANCE: Hertz = 0.3
-"""Distance from a multiple, apart from the lines' own errors: drivers waver by as much."""
+"""Largest distance of a line from a multiple, in addition to the lines' errors; drivers drift by this
+much."""
 MIN_SERIES, MIN_PARTIALS = 4, 3
-"""Fewest partials of a series from the fundamental on, and of others."""
+"""Fewest partials of a series from the fundamental on, and of a series without it."""
 WEAK_DECADES = 3.0
-"""Decades of power below the strongest line from which a partial is none that is played beside it."""
+"""Decades of power below the strongest line from which a partial is too faint to be played."""
 MIN_DECAY, MIN_GROWTH_STD = 2.0, 0.5
-"""Least rate in 1/s at which a partial dies away, and least standard error of a rate."""
+"""Smallest rate in 1/s at which a partial dies away, and smallest standard error of a rate."""
 MIN_BALANCE, BALANCE_DEVIATIONS, MIN_COUNT = 0.023, 6.0, 3
-"""Least difference of two balances in nepers of power (0.1 dB) and in standard errors, and fewest windows."""
+"""Smallest difference of two balances, in nepers of power (0.1 dB) and in standard errors; fewest windows."""
 
 
 def reason_against_a_string(
@@ -60,20 +62,20 @@ def reason_against_a_string(
     windows: int,
     least_share: float,
 ) -> str:
-    """Return what lasting lines lack to be those of a string; empty where they lack nothing.
+    """Return why lasting lines may not come from a string; empty if they do.
 
     Parameters
     ----------
     lines
         Lasting lines (n, 9) of untouched windows, the strongest first.
     frequency, inharmonicity
-        Open frequency f0 in Hz and B by which they are read.
+        Open frequency f0 in Hz and inharmonicity B of the reading.
     sample_rate
         In Hz.
     windows
-        How many windows the lines are of.
+        Number of windows that the lines come from.
     least_share
-        Least share of a partial's power at either microphone; 0 of a single one.
+        Smallest share of a partial's power at either microphone; 0 for a single microphone.
 
     Examples
     --------
@@ -105,7 +107,7 @@ def reason_against_a_string(
         return f"one line at {pitch}{also}, no other partial: it may be a tone"
     found = ", ".join(map(str, sorted(partials)))
     lacking = "" if 1 in partials else "no fundamental and "
-    return f"partials {found} alone, {lacking}none that rings by itself: they may be tones"
+    return f"only partials {found}, {lacking}no partial that rings freely: they may be tones"
 
 
 def _numbers(lines: Floats, frequency: Hertz, inharmonicity: float, least_share: float) -> Floats:

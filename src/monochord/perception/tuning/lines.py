@@ -1,8 +1,8 @@
-"""Lines of single windows, and those that last over many: what a driven string sustains.
+"""Spectral lines of single windows, and lasting lines, which a driven string sustains over many windows.
 
-A partial of the untouched string pulls at both ends alike, so both microphones record it equally loud, up to
-their gains. A segment of a touched string is loud at its own microphone. Music and speech give lines too, but
-not the same ones for seconds.
+A partial of the untouched string exerts equal force on both ends, so both microphones record it equally loud,
+up to their gains. A segment of a touched string is loud at its own microphone. Music and speech have lines
+too, but not the same lines for seconds.
 """
 
 import numpy as np
@@ -15,30 +15,30 @@ from monochord.dsp.spectrum import BLUR, FLOOR_WIDTH, noise_floor
 from monochord.perception.closed_form.spectrum import HIGHEST_LINE, LINES, spectrum_of
 
 MIN_SALIENCE = 5.0
-"""Least height of a line over the noise floor, in nepers of power."""
+"""Smallest height of a line above the noise floor, in nepers of power."""
 SAME_LINE_BINS = 0.6
-"""Lines of two windows or microphones nearer to each other than so many bins are one."""
+"""Lines of two windows or microphones that are closer than this many bins are one line."""
 MIN_POWER = 1.0e-11
-"""Least power of a line, in full scale: -110 dB, twenty below the rounding of 16 bits."""
+"""Smallest power of a line, in full scale: -110 dB, 20 dB below the rounding of 16 bits."""
 BALANCE_FLOOR = 1.0e-30
-"""Power that is added to both of a balance's: that of a dead microphone may be 0."""
+"""Power that is added to both terms of a balance, because a dead microphone may record 0."""
 FREQUENCY, POWER_1, POWER_2, GROWTH, BLURRED = range(5)
 """Columns of a window's lines: Hz, power at both microphones, growth in 1/s, standard error in Hz."""
 LAST_FREQUENCY, LAST_STD, LAST_POWER_1, LAST_POWER_2, PRESENCE, LAST_GROWTH, GROWTH_STD = range(7)
 BALANCE, BALANCE_STD = 7, 8
-"""Columns of lasting lines; presence is the share of the windows that a line is in, balance the logarithm of
-its power at microphone 2 over that at microphone 1."""
+"""Columns of lasting lines. Presence is the share of the windows that contain the line. Balance is the
+natural logarithm of the ratio of its power at microphone 2 to its power at microphone 1."""
 
 
 def window_lines(samples: Audio, lowest: Hertz, sample_rate: int) -> Floats:
-    """Return the lines (n, 5) of a window (channels, size), its strongest first; 8 of each channel at most.
+    """Return the lines (n, 5) of a window, the strongest first; at most 8 from each channel.
 
-    The columns are `FREQUENCY` to `BLURRED`; of a single channel the power at microphone 2 is 0.
+    The columns are `FREQUENCY` to `BLURRED`. With a single channel, the power at microphone 2 is 0.
 
     Parameters
     ----------
     samples
-        The window, of one channel or two.
+        The window (channels, size), 1 or 2 channels.
     lowest
         Lowest frequency of a line in Hz.
     sample_rate
@@ -94,15 +94,15 @@ def _merged(
 def lasting_lines(windows: tuple[Floats, ...], spacing: Hertz) -> Floats:
     """Return the lines (n, 9) that windows have in common, the strongest first.
 
-    Frequency, growth and balance are medians over the windows that a line is in, with their standard errors;
-    powers are means over all windows. The columns are `LAST_FREQUENCY` to `BALANCE_STD`.
+    Frequency, growth and balance are medians over the windows that contain the line, with standard errors.
+    Powers are means over all windows. The columns are `LAST_FREQUENCY` to `BALANCE_STD`.
 
     Parameters
     ----------
     windows
-        Lines of windows, as `window_lines` returns them.
+        Lines of each window, from `window_lines`.
     spacing
-        Distance of two bins of a window's spectrum in Hz.
+        Bin spacing of a window's spectrum in Hz.
     """
     if not windows:
         return np.zeros((0, 9))

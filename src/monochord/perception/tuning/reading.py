@@ -1,13 +1,13 @@
-"""Which open frequency, and which partials of it, the lasting lines of an untouched string are.
+"""The open frequency and the partial numbers that fit the lasting lines of an untouched string.
 
-A driver sustains one or two partials whose numbers are unknown. Within `RANGE` of the nominal pitch the first
-five partials cannot be confused: n (1 + RANGE) < (n + 1)(1 - RANGE) for n <= 4, and nearly so for 5. Higher
-ones can, and so can the lines of a touched string at unlucky places; several lines decide then, or nothing is
-decided.
+A driver sustains one or two partials of unknown number. Within `RANGE` of the nominal pitch, the first five
+partials cannot be confused: n (1 + RANGE) < (n + 1)(1 - RANGE) for n <= 4, and nearly so for n = 5. Higher
+partials can be confused, and so can the lines of a string touched at some positions. Then several lines must
+agree; otherwise the tuning stays undecided.
 
-A driven partial lies where its driver closes the phase, up to a few thousandths off the string's own (see
-docs/design/simulators.md); free partials lie at n f0 sqrt(1 + B n^2) (Fletcher 1964).
-Multiples of the sustained lines, and their sums and differences, come of distortion and say nothing new.
+A driven partial lies where the loop phase of its driver closes, up to a few thousandths from the string's
+free partial (docs/design/simulators.md). Free partials lie at n f0 sqrt(1 + B n^2) (Fletcher 1964).
+Multiples, sums and differences of sustained lines are distortion products and carry no further information.
 """
 
 from typing import NamedTuple
@@ -26,40 +26,41 @@ from monochord.perception.tuning.lines import (
 )
 
 RANGE = 0.1
-"""Largest share by which the open frequency is looked for off the nominal one: 1.6 semitones."""
+"""Largest relative deviation of the open frequency from the nominal one: 1.6 semitones."""
 RIVAL_RANGE = 0.12
-"""The same for readings that a reading has to beat."""
+"""Largest relative deviation of rival readings, which the best reading has to beat."""
 MAX_NUMBER = 16
-"""Highest partial that is looked at."""
+"""Highest number of a partial."""
 MAX_SEED_NUMBER = 8
 """Highest partial that proposes an open frequency."""
 TOLERANCE = 0.004
-"""Largest share by which a line lies off its partial, apart from what an unknown stiffness adds."""
+"""Largest relative distance of a line from its partial, in addition to the effect of unknown stiffness."""
 WEIGHT_DECADES = 4.0
-"""Decades of power below the strongest line at which a line's weight is 0."""
+"""Decades of power below the strongest line at which a line's weight reaches 0."""
 NUMBER_COST = 0.1
-"""Cost of a line for each e times higher number."""
+"""Cost of a line per factor e in its partial number."""
 DISTORTION_ORDER = 3
 """Largest multiple of a sustained line in sums and differences."""
 SUSTAINED_DECADES = 1.5
-"""Decades of power below the strongest line down to which a line is one that a driver sustains."""
+"""Decades of power below the strongest line down to which a line counts as sustained by a driver."""
 SAME_TUNING = 0.006
-"""Readings whose open frequencies differ by less are one."""
+"""Readings whose open frequencies differ by less than this share are one reading."""
 SUSTAINED_STD, FREE_STD = 2.0e-3, 1.0e-3
-"""Standard deviation of a sustained and of a free partial about the string's own, as a share."""
+"""Relative standard deviation of a sustained partial and of a free partial from the stiff string's
+formula."""
 MAINS: tuple[Hertz, Hertz] = (50.0, 60.0)
 MAINS_TOLERANCE: Hertz = 0.4
-"""Largest distance of a line from a multiple of the mains' frequency that it hums at."""
+"""Largest distance of a hum line from a multiple of the mains frequency."""
 
 
 class TuningReading(NamedTuple):
-    """The lasting lines read as partials of one string.
+    """The lasting lines, read as partials of one string.
 
-    `frequency` f0 in Hz and `inharmonicity` B with their standard errors; `score` of the reading and
-    `rival_score` of the best one at another open frequency, `rival_frequency`; -1 and 0 Hz for none.
-    `explained` is the share of the lines' weight that it explains, hum apart. `numbers` (lines,) are the
-    lines' partials, 0 for those that are none and negative for those that distortion makes. `humming` says
-    that all that it explains may be hum.
+    `frequency` is f0 in Hz and `inharmonicity` is B, each with its standard error. `score` rates the reading.
+    `rival_score` and `rival_frequency` (Hz) belong to the best reading at another open frequency; they are -1
+    and 0 without a rival. `explained` is the share of the lines' weight, without hum, that the reading
+    explains. `numbers` (lines,) are partial numbers: 0 for a line that is not a partial, negative for a
+    distortion product. `humming` says that every explained line may be hum.
     """
 
     frequency: Hertz
@@ -87,9 +88,9 @@ def read_tuning(
     nominal
         Nominal open frequency in Hz.
     stiffness
-        Mean and standard deviation of the inharmonicity B, before listening, at the nominal pitch.
+        Mean and standard deviation of the prior for the inharmonicity B, at the nominal pitch.
     least_share
-        Least share of a partial's power at either microphone; 0 where one picks up nothing.
+        Smallest share of a partial's power at either microphone; 0 if one microphone is dead or absent.
     """
     weight, hum = _weights(lines), _hums(lines)
     alike = _are_alike(lines, least_share)

@@ -1,4 +1,4 @@
-"""The strings of a dataset's sessions, each as it is tuned: what features and forces are relative to."""
+"""The tuning of the string in each session of a dataset; features and forces are relative to it."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -17,35 +17,35 @@ if TYPE_CHECKING:  # a live run has no dataset
     from monochord.datasets.store import Dataset
 
 BEGINNING: Seconds = 5.0
-"""How much of a session is listened to."""
+"""Length of a session's beginning that is analysed."""
 WINDOW: Seconds = 0.1
 LOWEST, HIGHEST = -0.015, 0.008
-"""Shares by which a string may lie off its known pitch for a model that reads it as of that pitch.
+"""Relative deviations of a string's pitch within which a model reads it at its known pitch.
 
-Beyond, features are of the string as tuned, offline and live. Within, modes are read as well by the known
-pitch (docs/design/tuning-and-calibration.md), and a model need not change with every drift."""
-
+Within this range, readings at the known pitch are as accurate (docs/design/tuning-and-calibration.md), and a
+model need not change with every drift. Outside, features use the measured tuning, offline and live."""
 LENGTH_TOLERANCE = 0.02
-"""Share by which a string's length may differ from that of the training."""
+"""Largest relative difference of a string's length from the training's."""
 
 
 def estimate_tension(
     samples: Audio, sample_rate: int, string: StringParams | None, recorded: Newtons | None = None
 ) -> Newtons | None:
-    """Return the tension in N of a session's string: as recorded, or by the untouched beginning of its sound.
+    """Return the tension of a session's string in N; None if it cannot be determined.
 
-    None where neither shows it.
+    A recorded tension takes precedence. Otherwise the tension is estimated from the untouched beginning of
+    the sound.
 
     Parameters
     ----------
     samples
-        Sound (channels, n), untouched at its beginning; touched windows do not count.
+        Sound (channels, n) that begins untouched; touched windows are ignored.
     sample_rate
         In Hz.
     string
-        The string as designed; None of a session that does not name it.
+        The string's design; None for a session that does not name its string.
     recorded
-        The tension with which it was recorded as tuned; None where it was not.
+        The tension in N that the session records; None without one.
     """
     if string is None or recorded is not None:
         return recorded
@@ -64,10 +64,10 @@ def estimate_tension(
 def tension_estimator(
     design: StringParams | None,
 ) -> Callable[[Audio, int, StringParams | None, Newtons | None], Newtons | None]:
-    """Return `estimate_tension` for sessions that a model of this design reads; workers can have it too.
+    """Return a variant of `estimate_tension` for sessions of a model's design; workers can receive it.
 
-    Those that name no string are of the design; those on a string of another length are refused. Of another
-    wire the tension is that at which the design's wire has the same pitch.
+    A session that names no string has the design's string. A session with a string of another length is
+    refused. For another wire, the result is the tension that gives the design's wire the same pitch.
     """
     return partial(_tension_for, design)
 
@@ -88,17 +88,18 @@ def _tension_for(
 
 
 def refuse_other_length(string: StringParams, trained: StringParams) -> None:
-    """Raise `InputError` where a string is longer or shorter than that of a model's training."""
+    """Raise `InputError` if a string's length differs from the string of a model's training."""
     if abs(string.length / trained.length - 1.0) > LENGTH_TOLERANCE:
         given = f"a string of {string.length:g} m for a model"
-        raise InputError(given, f"{trained.length:g} m, as it was trained", "train one for this sensor")
+        raise InputError(given, f"{trained.length:g} m, as it was trained", "train a model for this sensor")
 
 
 def retuned_strings(dataset: "Dataset", design: StringParams) -> Mapping[int, StringParams]:
-    """Return the strings that are tuned otherwise than the design, by the number of their session.
+    """Return the strings whose tuning differs from the design, by session number.
 
-    One that was recorded as tuned counts as such. One whose tension was estimated from sound counts where
-    it lies so far off that a model follows it: nearer ones are read as of the design, live too.
+    A recorded tension counts however small its deviation. A tension that was estimated from sound counts only
+    if a model would follow it: if its pitch deviates beyond `LOWEST` or `HIGHEST`. Smaller deviations are
+    read at the design's pitch, as in the live loop.
     """
     strings: dict[int, StringParams] = {}
     for number, part in enumerate(dataset.manifest.parts):
@@ -112,10 +113,10 @@ def retuned_strings(dataset: "Dataset", design: StringParams) -> Mapping[int, St
 
 
 def force_scales(dataset: "Dataset", design: StringParams) -> Floats:
-    """Return (n,) by what a force of each window is divided to be as of the design's tension.
+    """Return the divisor (n,) that converts the force in each window to the design's tension.
 
-    A light press F raises the open frequency by the share E A F^2 x (L - x) / (4 L^2 T^3): what sounds alike
-    in relative terms is a force that goes as T^(3/2). It is `physics.theory.geometric_tension`.
+    A light press F raises the open frequency by the share E A F^2 x (L - x) / (4 L^2 T^3), see
+    `physics.theory.geometric_tension`. So forces with the same relative rise of the pitch scale as T^(3/2).
     """
     scales = np.ones(len(dataset))
     for number, string in retuned_strings(dataset, design).items():
@@ -124,5 +125,5 @@ def force_scales(dataset: "Dataset", design: StringParams) -> Floats:
 
 
 def force_scale(string: StringParams, design: StringParams) -> float:
-    """Return a force on a string over the one that sounds alike, in relative terms, on the design."""
+    """Return the ratio of forces with the same relative rise of the pitch: on `string` over on `design`."""
     return (string.tension / design.tension) ** 1.5

@@ -1,4 +1,4 @@
-"""The string as it is tuned now: what is known of it, and whether it sounds as it should."""
+"""The present tuning of a string, and whether it deviates from the expected one."""
 
 from dataclasses import dataclass
 
@@ -9,33 +9,35 @@ from monochord.perception.tuning.reading import RANGE
 from monochord.perception.tuning.tuner import Tuner, TunerState, Tuning
 
 MIN_RETUNING = 0.005
-"""Least share off the known tuning that is followed. Drivers pull what they sustain by half of that."""
+"""Smallest relative deviation from the expected tuning that is followed. Drivers shift what they sustain by
+half of it."""
 MIN_ADVANTAGE = 0.12
-"""Lead in score of a reading at another tuning over the one at the known tuning, from which it counts.
+"""Smallest lead in score of a reading at another tuning over the reading at the expected tuning.
 
-On the twin of four presets, 1,700 windows within 2 % of nominal have 0.07 at most; of wrong readings of a
-detuned string of two drivers all have 0.19 or more."""
+Measured on the twin, four presets: the lead is at most 0.07 in 1,700 windows within 2 % of the nominal
+tuning, and at least 0.19 in all wrong readings of a detuned string with two drivers."""
 MIN_LINES = 5
-"""Fewest lines, counted at each microphone, of such a reading where the known tuning has one too: two lines
-fit any tuning with some modes."""
+"""Fewest lines, counted at each microphone, of a reading at another tuning if the expected tuning has a
+reading too; two lines fit any tuning with some modes."""
 REMEDY = "run monochord tune"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StringFollower:
-    """Follows a string's tuning through the windows of a stream, and judges whether it is the known one.
+    """Follows a string's tuning through a stream of windows, and compares it with the expected tuning.
 
-    What untouched windows say counts most. Before the first of them, a touched one is read at any tuning too:
-    a reading elsewhere that explains it clearly better says that the string is tuned so.
+    Untouched windows measure the tuning. Before the first untouched window, touched windows are also read at
+    other tunings. The string counts as detuned if another tuning explains a touched window clearly better.
 
     Parameters
     ----------
     string
-        The string as it is known: of the design, or as tuned.
+        The string at its expected tuning: the design's, or the measured one of a tuned sensor.
     tuner
-        For windows of that string.
+        The tuner for windows of this string.
     lowest, highest
-        Shares by which the open frequency may lie off the known one, below (negative) and above.
+        Relative deviations of the open frequency that are not followed: down to `lowest` (negative), up to
+        `highest`.
     """
 
     string: StringParams
@@ -47,7 +49,7 @@ class StringFollower:
     def of(
         cls, signal: Signal, size: Samples, *, lowest: float = -MIN_RETUNING, highest: float = MIN_RETUNING
     ) -> "StringFollower":
-        """Return it for windows of `size` frames; raises `InputError` as `Tuner.of` does."""
+        """Return the follower for windows of `size` frames; raises `InputError` as `Tuner.of` does."""
         tuner = Tuner.of(signal, size)
         return cls(string=tuner.string, tuner=tuner, lowest=lowest, highest=highest)
 
@@ -56,41 +58,41 @@ class StringFollower:
         return self.tuner.step(state, window)
 
     def retuned(self, tuning: Tuning | None) -> StringParams:
-        """Return the string at its own pitch; the known one where that is not known to differ."""
+        """Return the string at the measured tuning if it deviates, else at the expected tuning."""
         if tuning is None or not self.deviates(tuning):
             return self.string
         return tuning.tuned(self.string)
 
     def deviates(self, tuning: Tuning) -> bool:
-        """Return whether a tuning is outside the allowed range."""
+        """Return whether a tuning deviates from the expected one by more than the range allows."""
         return not self.lowest <= tuning.deviation(self.string) <= self.highest
 
-    def detuned_reason(self, tuning: Tuning | None, knows: str) -> str:
-        """Return why the string is not as it should be, empty where it is or that is not known.
+    def detuned_reason(self, tuning: Tuning | None, expected: str) -> str:
+        """Return the reason for abstaining if a tuning deviates; empty without a deviation or a tuning.
 
-        `knows` is who expects it otherwise, for the message, such as "what this model knows".
+        `expected` describes the expected pitch in the reason, such as "its known pitch".
         """
         if tuning is None or not self.deviates(tuning):
             return ""
-        return detuned(tuning.deviation(self.string), knows)
+        return detuned(tuning.deviation(self.string), expected)
 
-    def other_tuning_reason(self, analyser: SpectrumAnalyser, spectrum: Spectrum, knows: str) -> str:
-        """Return why a window is one of a string tuned otherwise; empty where it is not clearly so."""
+    def other_tuning_reason(self, analyser: SpectrumAnalyser, spectrum: Spectrum, expected: str) -> str:
+        """Return the reason for abstaining if a window clearly fits another tuning better; else empty."""
         own = spectrum.reading
         other = analyser.read_at_any_tuning(spectrum, RANGE)
         off = other.open_frequency / analyser.nominal - 1.0
         best = max(own.score, own.untouched_score)
         leads = other.score >= max(best, 0.0) + MIN_ADVANTAGE and other.uneven
         if leads and (other.lines >= MIN_LINES or best < 0.0) and not self.lowest <= off <= self.highest:
-            return detuned(off, knows)
+            return detuned(off, expected)
         return ""
 
 
-def detuned(deviation: float, knows: str) -> str:
-    """Return the reason for abstaining on a string that is off by a share.
+def detuned(deviation: float, expected: str) -> str:
+    """Return the reason for abstaining on a string whose pitch deviates by a share from the expected one.
 
-    >>> detuned(-0.0412, "what this model knows")
-    'the string sounds 4.1 % below what this model knows: run monochord tune'
+    >>> detuned(-0.0412, "its known pitch")
+    'the string sounds 4.1 % below its known pitch: run monochord tune'
     """
     side = "below" if deviation < 0.0 else "above"
-    return f"the string sounds {100.0 * abs(deviation):.1f} % {side} {knows}: {REMEDY}"
+    return f"the string sounds {100.0 * abs(deviation):.1f} % {side} {expected}: {REMEDY}"

@@ -1,4 +1,4 @@
-"""The tuner: a fold over windows of untouched sound, and what it says of the string."""
+"""The tuner: a fold over windows of untouched sound that measures the string's tuning."""
 
 from dataclasses import dataclass, replace
 from math import gcd, hypot, inf, nan
@@ -29,49 +29,52 @@ from monochord.perception.tuning.reading import RANGE, SUSTAINED_DECADES, Tuning
 from monochord.physics.theory import inharmonicity, open_frequency
 
 MIN_SHARE = 0.12
-"""Least share of a partial's power at either microphone: both ends of an untouched string are equally loud,
-and the gains of the microphones may differ by 8 dB. Of a segment's line the far one has 3 % (-15 dB)."""
+"""Smallest share of a partial's power at either microphone. Both ends of an untouched string are equally
+loud, and the gains of the microphones may differ by 8 dB. The far microphone has 3 % (-15 dB) of a segment's
+line."""
 DEAD_SHARE = 1.0e-3
 """Share of all lines' power below which a microphone is dead."""
 MIN_SCORE, MIN_LEAD, MIN_EXPLAINED = 0.25, 0.1, 0.5
-"""Least score of a reading, least lead over another, and least share of the lines that it explains."""
+"""Smallest score of a reading, smallest lead over a rival, and smallest share of the lines explained."""
 SPLIT_PITCH_TOLERANCE = 0.01
-"""Share within which two readings are of one pitch whose partials are pulled apart, as strong drivers do:
-half of their distance counts as an error."""
+"""Relative distance within which two readings are one pitch whose partials strong drivers shift apart. Half
+of the distance counts as an error."""
 COMMON_STD = 1.5e-3
-"""Standard deviation, as a share, of what all partials of a string have in common: yielding ends and drivers.
+"""Relative standard deviation of errors common to all partials of a string, from compliant ends and drivers.
 
-With it the errors on 20 plausible builds of the prototype, 1.9 per mille, are one standard error; in the
-ideal world they are half of one."""
+With it, the error on 20 plausible builds of the prototype, 1.9 per mille, equals one standard error. In the
+ideal world the error is half a standard error."""
 MIN_DECAY = 2.0
-"""Least rate in 1/s at which a partial dies away that no driver sustains."""
+"""Smallest decay rate in 1/s of a free partial."""
 MIN_WINDOWS = 3
-"""Fewest windows of untouched sound that tell the pitch."""
+"""Fewest windows of untouched sound that determine the pitch."""
 STIFFNESS_STD = (0.5, 2.0e-5)
-"""Standard deviation of B about the design's: this share of it, and that much more."""
+"""Standard deviation of B around the design's value: a share of this value, plus a constant."""
 TIME_TOLERANCE: Seconds = 1e-6
 NOT_DRIVEN = "nothing drives the string"
-"""How a reason ends where there is sound, and no line in it."""
+"""End of a reason for sound without lines."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tuning:
-    """What untouched sound says of a string.
+    """The tuning of a string, measured from untouched sound.
 
     Parameters
     ----------
     frequency, frequency_std
         Open frequency without stiffness, f0 = sqrt(T / mu) / (2 L), and its standard error, in Hz.
     inharmonicity, inharmonicity_std
-        B of f_n = n f0 sqrt(1 + B n^2); where no high partial is detected, that of the design.
+        B in f_n = n f0 sqrt(1 + B n^2), and its standard error; the design's value if no high partial is
+        detected.
     decay, decay_std
-        Rate in 1/s at which the amplitude of its free partials falls, NaN where none is measured.
+        Decay rate of the amplitude of free partials in 1/s, and its standard error; NaN without a free
+        partial.
     partials
-        Numbers of the partials that were detected, the loudest first.
+        Numbers of the detected partials, the loudest first.
     windows
-        How many windows it was taken from.
+        Number of windows measured.
     channels
-        The microphones that it was taken from, from 1 on.
+        Microphones used, counted from 1.
     """
 
     frequency: Hertz
@@ -90,31 +93,31 @@ class Tuning:
         return Estimate(value=self.frequency, std=self.frequency_std, unit="Hz")
 
     def deviation(self, string: StringParams) -> float:
-        """Return the share by which the open frequency lies above a string's own."""
+        """Return the relative deviation of the open frequency from a string's."""
         return self.frequency / open_frequency(string) - 1.0
 
     def tension(self, string: StringParams) -> tuple[Newtons, Newtons]:
-        """Return the tension T = mu (2 L f0)^2 of a string of this length and density, and its std."""
+        """Return the tension T = mu (2 L f0)^2 of a string at this pitch, and its standard error, in N."""
         tension = string.linear_density * (2.0 * string.length * self.frequency) ** 2
         return tension, 2.0 * tension * self.frequency_std / self.frequency
 
     def tuned(self, string: StringParams) -> StringParams:
-        """Return a string with the tension that brings it to this pitch; all else stays."""
+        """Return the string with the tension that gives it this pitch."""
         return replace(string, tension=self.tension(string)[0])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TunerState:
-    """The state of a tuner on one stream of windows, passed in and out; it begins as ``TunerState()``.
+    """The state of a tuner on one stream of windows, passed in and out; initially ``TunerState()``.
 
-    `start` is the first frame of the last window, and `looked` the time of the last one that was looked at.
-    `lines` are those of the windows that count, the newest last. `refused` is why the last window that was
-    looked at did not count, empty if it did, and `refusals` how many did not. `tuning` is what the lines say;
-    where they say nothing it is None, for the reason `reason`.
+    `start` is the first frame of the last window. `analysed` is the start time of the last analysed window,
+    in s. `lines` holds the lines of each accepted window, the newest last. `refused` is why the last analysed
+    window was refused; empty if it was accepted. `refusals` counts the refused windows. `tuning` is the
+    tuning from the lines; None, with a `reason`, if they determine none.
     """
 
     start: Samples = -1
-    looked: Seconds = -inf
+    analysed: Seconds = -inf
     lines: tuple[Floats, ...] = ()
     refused: str = ""
     refusals: int = 0
@@ -124,26 +127,27 @@ class TunerState:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tuner:
-    """Follows the pitch of an untouched string, within 10 % (1.6 semitones) of the nominal one.
+    """Follows the pitch of an untouched string, within 10 % (1.6 semitones) of the nominal pitch.
 
-    A window counts where its lines are those of an untouched string: each at both microphones. `Tuner.of`
-    makes it and refuses unsuitable signals.
+    A window is accepted if each of its lines appears at both microphones, as for an untouched string. Create
+    a tuner with `Tuner.of`, which refuses unsuitable signals.
 
     Parameters
     ----------
     string
-        The string as designed.
+        The string's design.
     size
         Frames of a window.
     sample_rate
         In Hz.
     channels
-        Microphones, 1 or 2. With one, or where the other is dead, a line of a touched string's segment is
-        like a partial of the untouched one, so that partials without a common divisor have to be detected.
+        Number of microphones, 1 or 2. A single working microphone cannot distinguish a line of a touched
+        string's segment from a partial of the untouched string. The tuner then requires partials without a
+        common divisor.
     keep
-        How many windows the pitch is taken from, the newest.
+        Number of accepted windows that determine the pitch; the newest are kept.
     every
-        Least distance of their starts in s.
+        Smallest time between the starts of two such windows, in s.
 
     Examples
     --------
@@ -167,20 +171,20 @@ class Tuner:
 
     @classmethod
     def of(cls, signal: Signal, size: Samples) -> "Tuner":
-        """Return the tuner for windows of `size` frames of a signal of a known string, compiled.
+        """Return the compiled tuner for a signal of a known string in windows of `size` frames.
 
         Raises
         ------
         InputError
-            If the string is not known, there are more than two channels, or the window is too short.
+            If the string is unknown, there are more than two channels, or the window is too short.
         """
         if signal.string is None or signal.channels > 2:
             known = "an unknown" if signal.string is None else "a known"
             given = f"{signal.channels} channel(s) of {known} string"
-            raise InputError(given, "one or two channels of a known string", "name it with --string")
+            raise InputError(given, "one or two channels of a known string", "name the string with --string")
         shortest = int(np.ceil(MIN_BINS * signal.sample_rate / open_frequency(signal.string)))
         if size < shortest:
-            raise InputError(f"a window of {size} frames", f"from {shortest} frames on for this string")
+            raise InputError(f"a window of {size} frames", f"{shortest} frames or more for this string")
         tuner = cls(string=signal.string, size=size, sample_rate=signal.sample_rate, channels=signal.channels)
         tone = 0.1 * np.sin(2.0 * np.pi * 2.0 * tuner.nominal / signal.sample_rate * np.arange(size))
         samples = np.tile(tone.astype(np.float32), (signal.channels, 1))
@@ -192,20 +196,20 @@ class Tuner:
 
     @property
     def nominal(self) -> Hertz:
-        """Open frequency of the string as designed."""
+        """Open frequency of the string's design, in Hz."""
         return open_frequency(self.string)
 
     def step(self, state: TunerState, window: Window) -> TunerState:
-        """Return the state after one more window, which may be touched, silent or torn.
+        """Return the state after one more window, which may be touched, silent or have a gap.
 
-        A window that does not begin after the one before it is the first of another stream. Raises
-        `InputError` for a window of other channels or another length.
+        A window that starts no later than its predecessor begins another stream. Raises `InputError` for a
+        window with another number of channels or frames.
         """
         state = state if window.start > state.start else TunerState()
         time = window.start / window.sample_rate
-        if time - state.looked < self.every - TIME_TOLERANCE:
+        if time - state.analysed < self.every - TIME_TOLERANCE:
             return replace(state, start=window.start)
-        state = replace(state, start=window.start, looked=time)
+        state = replace(state, start=window.start, analysed=time)
         refused, dead = unusable_reason(window), 0
         if refused in ("", "clipped"):
             lowest = LOWEST_LINE * self.nominal
@@ -220,10 +224,10 @@ class Tuner:
         return replace(state, refused=refused, refusals=state.refusals + 1, reason=reason)
 
     def reason_against(self, state: TunerState) -> str:
-        """Return why what a state has of a tuning may be a tone and no string; empty where it is one.
+        """Return why the sound behind a state's tuning may not come from a string; empty if it does.
 
-        `step` does not ask: a running estimator has 0.3 s to find the pitch of a string that it knows to be
-        there, and that may sound a single partial. Who writes a sensor's pitch down asks.
+        `step` does not check this: a live estimator has 0.3 s to measure a string that is known to be there
+        and may sound a single partial. Check it before saving a sensor's pitch.
         """
         if state.tuning is None:
             return state.reason
@@ -238,7 +242,7 @@ class Tuner:
 
     def _tuning(self, windows: tuple[Floats, ...], dead: int) -> tuple[Tuning | None, str]:
         if len(windows) < MIN_WINDOWS:
-            return None, f"less than {MIN_WINDOWS} windows of untouched sound"
+            return None, f"fewer than {MIN_WINDOWS} windows of untouched sound"
         lasting = lasting_lines(windows, self.sample_rate / self.size)
         bend = inharmonicity(self.string)
         stiffness = (bend, STIFFNESS_STD[0] * bend + STIFFNESS_STD[1])
@@ -270,11 +274,11 @@ class Tuner:
         reach = f"{100.0 * RANGE:.0f} % of {self.nominal:.1f} Hz"
         if not reading.frequency:
             strongest = lasting[0, LAST_FREQUENCY]
-            return f"the strongest line, {strongest:.1f} Hz, is no partial of a string within {reach}"
+            return f"the strongest line, {strongest:.1f} Hz, is not a partial of a string within {reach}"
         if reading.humming:
             return "hum alone"
         if reading.score < MIN_SCORE or reading.explained < MIN_EXPLAINED:
-            return f"too many lines that are no partials of one string within {reach}"
+            return f"too many lines do not fit the partials of one string within {reach}"
         if _has_rival(reading) and not _is_near(reading):
             return f"two readings, {reading.frequency:.1f} and {reading.rival_frequency:.1f} Hz"
         return ""
@@ -304,7 +308,7 @@ def _no_partials_reason(lines: Floats) -> tuple[str, int]:
     if (least < MIN_SHARE).any():
         one, *others = lines[loud][least < MIN_SHARE][:, FREQUENCY]
         also = f" and one at {others[0]:.0f} Hz" if others else ""
-        return f"touched: a line at {one:.0f} Hz{also} is at one microphone alone", 0
+        return f"touched: a line at {one:.0f} Hz{also} at one microphone only", 0
     return "", 0
 
 
@@ -318,9 +322,9 @@ def _ambiguous_reason(numbers: list[int], *, one_microphone: bool) -> str:
         return ""
     if len(numbers) > 1:
         partials = ", ".join(map(str, sorted(numbers)))
-        return f"partials {partials} alone are those of {gcd(*numbers)} times the pitch: another string"
+        return f"only partials {partials}, as of another string at {gcd(*numbers)} times the pitch"
     if one_microphone:
-        return f"partial {numbers[0]} at one microphone: it may be that of a touched string's segment"
+        return f"partial {numbers[0]} at one microphone only: it may come from a touched string's segment"
     return ""
 
 
