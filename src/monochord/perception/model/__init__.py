@@ -1,4 +1,4 @@
-"""What was trained, as one object: from windows to contact, slip, position and force."""
+"""A trained model as one object: from windows to contact, slip, position and force."""
 
 from monochord.perception.model.context import ModelState
 from monochord.perception.model.definition import Definition

@@ -1,12 +1,14 @@
-"""Sound unlike that of the training, and what is unlike: a reason for a model to abstain.
+"""The anomaly detector: it finds sound unlike the training data, and gives the reason to abstain.
 
-Distance from the training's features misses much, since what a model is trained on varies more than a fault
-does. So a small network learns ordinary windows against windows of faults and of contacts that no model was
-trained on (outlier exposure; Hendrycks, Mazeika and Dietterich, Deep anomaly detection with outlier exposure,
-2019). It sees a window's features alone, not the reference of the untouched string, which the same fault may
-have spoiled. One window tells little of some faults: what windows say is averaged, over seconds for a fault,
-which lasts, and for less than a touch for one. A silent driver is detected while something touches: its
-segment hardly rings then, where an untouched string of another design may sound the same.
+A distance from the training's features misses most faults, because the training data vary more than a fault
+changes the sound. So a small network learns to separate ordinary windows from windows of faults and of
+untrained contacts (outlier exposure; Hendrycks, Mazeika and Dietterich, Deep anomaly detection with outlier
+exposure, 2019). Its input is the window's features only, because a fault may have spoiled the untouched
+reference too.
+
+For some faults one window is not enough. The detector's outputs are averaged over seconds for a fault, which
+lasts, and over less than the length of a touch for an unusual touch. A silent driver is detected during a
+touch, when its segment hardly rings; an untouched string of another design may sound the same.
 """
 
 import math
@@ -24,20 +26,21 @@ from monochord.perception.model.definition import DETECTOR, AnomalyRecord, Defin
 from monochord.perception.model.network import Layers
 
 UNLIKE = "sound unlike what this model learned"
-"""The reason where none of those that were learned is likely."""
+"""The reason if no learned reason is likely enough."""
 MAX_ODDS = 10.0
-"""Largest log odds of a window, so that a fault that was plain is forgotten soon after it ends."""
+"""Largest log odds of a window; the limit lets the average fall soon after a clear fault ends."""
 MIN_SHARE = 0.5
-"""Least probability of a reason, among all reasons, to be named."""
+"""Smallest probability among all reasons at which a reason is named."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AnomalyState:
-    """The detector on one stream: averaged log odds (reasons,) of each reason, after the window at `time`.
+    """The detector's state on one stream, after the window that starts at `time` (s).
 
-    Both are None before any window. `weight` (reasons,) is that of the windows so far that count for the
-    reason, of which one that lasted for ever has 1; it is NaN where that is the first window of the stream
-    alone, since how far windows are apart shows in the second.
+    `odds` (reasons,) are the averaged log odds of each reason; None before the first window. `weight`
+    (reasons,) is the total weight of the windows that count for each reason; it approaches 1 in a long
+    stream. It is NaN after the first window, because the hop is unknown until the second window; None before
+    any window.
     """
 
     odds: Floats | None = None
@@ -50,14 +53,14 @@ INITIAL_STATE = AnomalyState()
 
 @dataclass(frozen=True, kw_only=True)
 class Detector:
-    """The layers of the detector, as in a head, and its record."""
+    """The anomaly detector: its layers and its record."""
 
     record: AnomalyRecord
     layers: Layers
 
     @classmethod
     def of(cls, definition: Definition, weights: Mapping[str, Audio]) -> "Detector | None":
-        """Return the detector of a model, None where it has none."""
+        """Return the detector of a model; None if the model has none."""
         if definition.known is None:
             return None
         numbers = range(len(definition.known.hidden) + 1)
@@ -65,18 +68,18 @@ class Detector:
         return cls(record=definition.known, layers=Layers.of(definition.detector_columns, layers))
 
     def step(self, state: AnomalyState, logits: Floats, time: Seconds, *, touched: bool) -> AnomalyState:
-        """Return the state after a window of logits (1 + reasons,) that begins at a time.
+        """Return the state after a window with logits (1 + reasons,) that starts at `time` in s.
 
-        `touched` says whether something touches there.
+        `touched` says whether something touches the string in the window.
         """
         return step(state, logits, time, self.record.memory, self._counts[touched])
 
     def anomaly_reason(self, state: AnomalyState) -> str:
-        """Return why sound is unlike the training after its last window, empty where it is like it."""
+        """Return why the sound is unlike the training data after the last window; empty if it is not."""
         return "" if state.odds is None else reason(state.odds, self.record)
 
     def logits(self, rows: Audio) -> Floats:
-        """Return the outputs (n, 1 + reasons) for scaled features (n, d), or more columns after them."""
+        """Return the outputs (n, 1 + reasons) for scaled features (n, d); further columns are ignored."""
         return self.layers.outputs(rows).astype(np.float64)
 
     @cached_property
@@ -89,11 +92,11 @@ class Detector:
 def step(
     state: AnomalyState, logits: Floats, time: Seconds, memory: Sequence[Seconds], counts: Flags | None = None
 ) -> AnomalyState:
-    """Return the state after a window of logits (1 + reasons,) that begins at a time.
+    """Return the state after a window with logits (1 + reasons,) that starts at `time` in s.
 
-    The log odds are averaged over windows, with weights that fall by e in the time in `memory` (reasons,),
-    whatever the hop; the first windows of a stream, which may be of drivers that only start, count as the
-    others do. The average of a reason for which the window does not count (reasons,) stays as it is.
+    The log odds are averaged over windows. Weights fall by a factor e in the time in `memory` (reasons,), at
+    any hop. The first windows of a stream count like all others, although the drivers may only be starting.
+    `counts` (reasons,) says for which reasons the window counts; the other averages do not change.
 
     >>> state = step(AnomalyState(), np.array([0.0, 2.0, 2.0]), 0.0, (0.5, 0.0))
     >>> step(state, np.array([0.0, 0.0, 0.0]), 0.5, (0.5, 0.0)).odds.round(3).tolist()
@@ -103,7 +106,7 @@ def step(
     """
     counts = np.ones(len(memory), bool) if counts is None else counts
     if not len(logits) - 1 == len(memory) == len(counts):
-        raise InputError(f"{len(logits)} logits", f"one and those of {len(memory)} reasons")
+        raise InputError(f"{len(logits)} logits", f"{1 + len(memory)} for {len(memory)} reasons")
     if state.odds is None or state.weight is None:
         odds = np.clip(logits[1:] - logits[0], -MAX_ODDS, MAX_ODDS)
         return AnomalyState(
@@ -131,7 +134,7 @@ def _averaged(
 
 
 def score(odds: Floats) -> Floats:
-    """Return the log odds (...,) of all reasons together, by those of each (..., reasons).
+    """Return the log odds (...,) that any reason applies, from the log odds (..., reasons) of each.
 
     >>> round(float(score(np.array([0.0, 0.0]))), 3)
     0.693
@@ -140,7 +143,7 @@ def score(odds: Floats) -> Floats:
 
 
 def reason(odds: Floats, record: AnomalyRecord) -> str:
-    """Return the reason to abstain at the log odds (reasons,) of each, empty for none.
+    """Return the reason to abstain from the log odds (reasons,) of each reason; empty for none.
 
     >>> reasons = "microphone 2 is silent", "two things seem to touch"
     >>> record = AnomalyRecord(reasons=reasons, memory=(2.0, 0.2))

@@ -1,13 +1,12 @@
-"""The untouched reference: what the string did when nothing touched it last.
+"""The untouched reference: the features of the string when it was last untouched.
 
-Tension drifts by itself as much as a touch changes it, so a touch is read relative to the untouched string.
-The reference is a fold over the windows of one stream, in order and causal: each window is looked at once,
-with the probability that something touches it, and updates the state. Training, evaluation and the live
-loop all use this fold.
+Tension drifts by as much as a touch changes it, so a touch is measured relative to the untouched string. The
+reference is a causal fold over the windows of one stream: each window updates the state once, with its
+probability of contact. Training, evaluation and the live loop all use this fold.
 
-A window enters the reference when it is believed untouched, the string has had time to settle since the last
-touch, and no touch begins right after it, which the window may already contain the start of. Times are those
-of the windows' starts, so that the same sound gives much the same reference at another hop.
+A window enters the reference under three conditions: it is believed untouched; the string has had time to
+settle since the last touch; and no touch begins shortly after, because the window may contain the touch's
+onset. Times are window starts, so the same sound gives nearly the same reference at another hop.
 """
 
 import math
@@ -22,19 +21,20 @@ from monochord.perception.model.anomaly import INITIAL_STATE, AnomalyState
 from monochord.perception.model.definition import Reference
 
 TIME_TOLERANCE: Seconds = 1e-6
-"""Times that differ by less are the same."""
+"""Times that differ by less than this are equal."""
 PRESENT: Audio = np.ones(1, np.float32)
-"""Last column of a reference that there is."""
+"""Last column of a reference, which marks it as present."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModelState:
-    """The state of a model on one stream of windows, passed in and out; it begins as ``ModelState()``.
+    """The state of a model on one stream of windows, passed in and out; initially ``ModelState()``.
 
-    `start` is the first frame of the last window. `rows` are the windows of the reference, oldest first, and
-    `median` is theirs, None before any. `pending` are those that enter if no touch begins right after
-    them; `accepted` is the time of the newest of all, `touched` that of the last window that was not
-    believed untouched. `known` is the state of the detector of sound unlike that of the training.
+    `start` is the first frame of the last window. `rows` holds the features of the reference's windows, the
+    oldest first, and `median` is their median; None without rows. `pending` holds (time, features) of windows
+    that enter the reference unless a touch begins shortly after. `accepted` is the time of the newest window
+    in `rows` or `pending`, in s. `touched` is the time of the last window that was not believed untouched, in
+    s. `anomaly` is the state of the anomaly detector.
     """
 
     start: Samples = -1
@@ -54,15 +54,16 @@ def step(
     Parameters
     ----------
     state
-        The state before it.
+        The state before the window.
     rule
-        How the reference is updated.
+        The rule that updates the reference.
     time
-        Start of the window in s; not before those of earlier windows.
+        Start of the window in s; never earlier than the start of a previous window.
     contact
-        Probability that something touches, 0 to 1; 1 where that is not known.
+        Probability of contact, 0 to 1; 1 if unknown.
     row
-        Returns the features (d,) of the window that the reference is made of; called only where needed.
+        Function that returns the window's features (d,) for the reference; called only if the window may
+        enter.
 
     Examples
     --------
@@ -90,7 +91,7 @@ def step(
 
 
 def context_row(state: ModelState, width: int) -> Audio:
-    """Return the reference (width,) with a last column that is 1 where there is one; zeros before any.
+    """Return the reference (width,), whose last column is 1; zeros without a reference.
 
     >>> context_row(ModelState(), 3).tolist()
     [0.0, 0.0, 0.0]

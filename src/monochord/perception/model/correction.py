@@ -1,18 +1,18 @@
-"""Corrections: how a sensor or an object differs from those of the training, from a few known touches.
+"""Corrections: adapt a head to a sensor and an object with a few known touches.
 
-On a build or an object that was not in training, the errors of a head are no noise: they are alike from
-window to window. They are written as
+On a build or an object outside the training data, the errors of a head are systematic: they are similar in
+all windows. They are modelled as
 
     error = w . phi(z) + noise,
 
-where z are a few variables, the head's own estimate among them, and phi their polynomials up to the second
-degree. The weights w are constant for one build and object, and differ from one to the next. Their prior,
-normal with the mean 0 and a covariance, is estimated from sessions that the model was not trained on
-(empirical Bayes). Known touches condition it, as in any Bayesian linear regression; without one, no estimate
-changes, and the covariance is what an unknown build adds to the uncertainty.
+where z are a few variables, including the head's own estimate, and phi are their polynomials up to the second
+degree. The weights w are constant for one build and object, and differ between builds and objects. Their
+prior is normal with mean 0. Its covariance is estimated from sessions outside the training data (empirical
+Bayes). Known touches condition the prior (Bayesian linear regression). Without known touches, estimates do
+not change, and the prior covariance is the uncertainty that an unknown build adds.
 
-Windows of one touch have much the same error, so all windows of a touch count as one. Noise has the tails of
-Student's t, since a misread mode is far off.
+Windows of one touch have nearly the same error, so all windows of a touch count as one observation. Noise has
+the tails of Student's t, because a misread mode gives a large error.
 
 References
 ----------
@@ -31,43 +31,44 @@ from monochord.core.types import Floats, Indices
 from monochord.metrics import normal_coverage
 
 MAX_VARIABLE = 4.0
-"""Largest size of a scaled variable; further out a polynomial would be a guess."""
+"""Largest magnitude of a scaled variable; beyond it, a polynomial would extrapolate."""
 FIRST_VARIANCE = 0.05
 """Prior variance of each weight at the start of its estimation, in units of the scale squared."""
 ROUNDS = 60
-"""Rounds of the estimation; more change the prior by less than its own uncertainty."""
+"""Iterations of the estimation; more change the prior by less than its own uncertainty."""
 MIN_VARIANCE = 1e-8
 DEGREES = 10.0
-"""Degrees of freedom of Student's t, as which errors are distributed: a misread mode is far off."""
+"""Degrees of freedom of the errors' Student t distribution."""
 CALIBRATION_ROUNDS = 5
-"""Rounds in which covariance and noise are scaled until errors are covered without and with known touches."""
+"""Iterations that scale covariance and noise until the errors are covered, without and with known touches."""
 MIN_SHARE = 0.01
-"""Smallest factor of the covariance in such a round."""
+"""Smallest factor of the covariance in one of these iterations."""
 ROBUST_ROUNDS = 4
-"""Rounds in which errors that are far off lose weight."""
+"""Iterations that reduce the weight of large errors."""
 COVARIANCE_FACTORS = (1.0, 4.0, 16.0, 64.0)
-"""Factors of the covariance for a sensor whose errors are larger than any build's of the training."""
+"""Candidate factors of the covariance, for a sensor with larger errors than any build of the training."""
 NOISE_FACTORS = (1.0, 2.0, 4.0, 8.0, 16.0)
-"""Factors of the noise for one whose touches scatter more."""
+"""Candidate factors of the noise, for a sensor whose touches scatter more."""
 FACTOR_PENALTY = 0.75
-"""A factor a of these is a^-0.75 times as probable beforehand as 1."""
+"""Exponent of the prior for a candidate factor a, which is a^-0.75 times the prior for 1."""
 
 
 BUILD_SHARE = 0.3
-"""Share of the covariance that sessions of one build have in common; the rest is the object's and the day's.
+"""Share of the covariance that all sessions of one build share; the rest varies with the object and the day.
 
-Of the variance of force's mean error over 40 sessions of seven plausible builds of validation, drawn objects,
-0.30 is common to a build (0.05 to 0.54 by drawing builds again): docs/design/tuning-and-calibration.md.
+Measured on force: 0.30 of the variance of the mean error over 40 validation sessions, with seven plausible
+builds and random objects, is common to a build (0.05 to 0.54 in a bootstrap over builds). See
+docs/design/tuning-and-calibration.md.
 """
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Correction:
-    """Weights of a head's error, as far as they are known.
+    """The distribution of the weights of a head's error.
 
-    Errors are the label less the estimate, in units of the head's scale. `centre` and `scale` (v,) are those
-    of the variables, `mean` (k,) and `covariance` (k, k) of the weights; `noise` is the variance of what the
-    weights leave over, as a multiple of the head's own, by how many errors lie within one sigma and two.
+    Errors are label minus estimate, in units of the head's scale. `centre` (v,) and `scale` (v,) scale the
+    variables. `mean` (k,) and `covariance` (k, k) describe the weights. `noise` is the residual variance, as
+    a multiple of the head's own variance; it is fitted to the shares of errors within one and two sigma.
 
     Examples
     --------
@@ -88,24 +89,24 @@ class Correction:
     noise: float
 
     def terms(self, variables: Floats) -> Floats:
-        """Return the polynomials (..., k) of variables (..., v)."""
+        """Return the polynomial terms (..., k) of variables (..., v)."""
         terms = _terms(variables.reshape(-1, self.centre.size), self.centre, self.scale)
         return terms.reshape(*variables.shape[:-1], terms.shape[1])
 
     def error(self, terms: Floats) -> tuple[Floats, Floats]:
-        """Return the expected error (...,) at terms (..., k), and its standard error without noise."""
+        """Return the expected error (...,) for terms (..., k), and its standard error without noise."""
         variance = np.einsum("...i,...i", terms @ self.covariance, terms)
         return terms @ self.mean, np.sqrt(np.maximum(variance, 0.0))
 
     def given(self, terms: Floats, error: Floats, std: Floats, touch: Indices) -> "Correction":
-        """Return the correction once the errors of some windows are known.
+        """Return the correction conditioned on the errors in some windows.
 
         Parameters
         ----------
         terms, error, std
-            Terms (n, k), errors (n,), and the standard errors (n,) that the head itself states.
+            Terms (n, k), errors (n,), and the standard errors (n,) that the head states.
         touch
-            The touch (n,) of each window.
+            Number (n,) of the touch in each window.
         """
         trust, estimate = np.ones(len(error)), self
         inverse = _inverse(self.covariance)
@@ -120,20 +121,20 @@ class Correction:
     def fitted(
         self, terms: Floats, error: Floats, std: Floats, touch: Indices, group: Indices | None = None
     ) -> "Correction":
-        """Return the correction with covariance and noise as the known errors of a sensor have them.
+        """Return the correction with covariance and noise scaled to the errors of a sensor.
 
-        The prior is of the builds of the training. On a sensor of another design errors are larger than on
-        any of these, and too little of them would be learned from a few touches. So covariance and noise are
-        multiplied by the factors, of `COVARIANCE_FACTORS` and `NOISE_FACTORS`, that are most probable given
-        these errors (MacKay 1992, Bayesian interpolation); beforehand one of 4 is a third as probable as 1
-        (`FACTOR_PENALTY`), which it takes evidence to outweigh.
+        The prior comes from the builds of the training. On a sensor of another design, errors are larger, and
+        an unscaled prior would learn too little from a few touches. So covariance and noise are multiplied by
+        the most probable factors in `COVARIANCE_FACTORS` and `NOISE_FACTORS`, given these errors (MacKay
+        1992, Bayesian interpolation). The prior of a factor decreases with its size: a factor of 4 is a third
+        as probable as 1 (`FACTOR_PENALTY`).
 
         Parameters
         ----------
         terms, error, std, touch
-            As of `given`.
+            As in `given`.
         group
-            The group (n,) of each window, of one object; all of one by default.
+            Number (n,) of the object in each window; by default one object for all.
         """
         group = np.zeros(len(error), np.int64) if group is None else group
         objects = [
@@ -163,17 +164,18 @@ class Correction:
     def of_the_build(
         self, terms: Floats, error: Floats, std: Floats, touch: Indices, group: Indices
     ) -> "Correction":
-        """Return the correction for an object that is not known, of a build whose errors with others are.
+        """Return the correction for an unknown object on a build that is known from other objects.
 
-        Weights are those of the build and those of the object, with `BUILD_SHARE` of the covariance and the
-        rest. Each object tells something of the build; what it tells of itself is of no use for the next.
+        The weights are the sum of a build's part, with `BUILD_SHARE` of the covariance, and an object's part,
+        with the rest. Every object gives information on the build's part; its own part does not carry over to
+        the next object.
 
         Parameters
         ----------
         terms, error, std, touch
-            As of `given`.
+            As in `given`.
         group
-            The group (n,) of each window, of one object: a session.
+            Number (n,) of the session, with one object, of each window.
         """
         mean, build, own = self.mean, BUILD_SHARE * self.covariance, (1.0 - BUILD_SHARE) * self.covariance
         for each in np.unique(group):
@@ -186,7 +188,7 @@ class Correction:
         return replace(self, mean=mean, covariance=build + own)
 
     def evidence(self, terms: Floats, error: Floats, std: Floats, touch: Indices) -> float:
-        """Return the log probability of errors, arguments as of `given`, up to a constant."""
+        """Return the log probability of errors up to a constant; arguments as in `given`."""
         trust = self.given(terms, error, std, touch).trust(terms, error, std)
         trust = np.minimum(trust / np.median(trust), 1.0)  # of one that is further off than most
         covariance = np.diag(self.noise * std**2 / trust) + terms @ self.covariance @ terms.T
@@ -194,24 +196,24 @@ class Correction:
         return float(-0.5 * (off @ np.linalg.solve(covariance, off) + np.linalg.slogdet(covariance)[1]))
 
     def trust(self, terms: Floats, error: Floats, std: Floats) -> Floats:
-        """Return the weight (n,) that Student's t gives each error: little to one that is far off."""
+        """Return the weight (n,) that Student's t gives each error; large errors have small weights."""
         expected, uncertain = self.error(terms)
         off = ((error - expected) ** 2 + uncertain**2) / (self.noise * std**2)
         return (DEGREES + 1.0) / (DEGREES + off)
 
 
 def prior(variables: Floats, error: Floats, std: Floats, group: Indices, touch: Indices) -> Correction:
-    """Return the correction of a build and object of which nothing is known yet: it changes no estimate.
+    """Return the prior correction, for an unknown build and object; it changes no estimate.
 
     Parameters
     ----------
     variables, error, std
-        Variables (n, v), errors (n,), and standard errors (n,) that the head itself states, of windows that
-        the model was not trained on.
+        Variables (n, v), errors (n,) and the standard errors (n,) that the head states, in windows that the
+        model was not trained on.
     group
-        The group (n,) of each window, within which weights are constant: a session.
+        Number (n,) of each window's session; weights are constant within a session.
     touch
-        The touch (n,) of each window.
+        Number (n,) of the touch in each window.
 
     Examples
     --------

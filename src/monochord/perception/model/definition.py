@@ -1,4 +1,4 @@
-"""The definition of a model: everything but the numbers that were learned, saved as text beside them."""
+"""The definition of a model: everything except the learned weights, saved as text next to them."""
 
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
@@ -16,22 +16,22 @@ from monochord.perception.heads.base import CONTACT, POSITION, Task
 from monochord.perception.model import rise
 
 FORMAT = 2
-"""Version of a model's folder; 2 since heads have a linear path."""
+"""Version of the format of a model's folder."""
 DETECTOR = "known"
-"""Prefix of the arrays of the detector of sound unlike that of the training."""
+"""Prefix of the anomaly detector's arrays."""
 TOUCHES_KEPT = 64
-"""Touches that a correction keeps, to say which would help most."""
+"""Number of touches that a correction stores, as candidates for the most helpful next touch."""
 MAX_COLUMNS, MAX_HEADS, MAX_LAYERS, MAX_PATTERNS, MAX_VARIABLES = 1 << 17, 64, 16, 64, 16
-"""Bounds on what is read from a file, checked before it takes memory."""
+"""Bounds on the contents of a file, checked before memory is allocated."""
 Kept: TypeAlias = Annotated[int, Meta(ge=1, le=1000)]
-"""Windows of the untouched reference."""
+"""Number of windows in the untouched reference."""
 Pause: TypeAlias = Annotated[Seconds, Meta(ge=0.0, le=60.0)]
-"""A time over which windows are averaged, or for which they are left out."""
+"""A time in s over which windows are averaged or left out."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FeatureRecord:
-    """A feature by its name, with all its options, and its columns in training."""
+    """The name of a feature, all its options, and its columns in training."""
 
     name: str
     options: dict[str, Any]
@@ -42,10 +42,10 @@ class FeatureRecord:
 class Reference(Checked):
     """How the untouched reference is computed; see `monochord.perception.model.context`.
 
-    `feature` is the feature of its windows. A window is believed untouched where the
-    probability of contact is below `below`. The reference is the median of the last `keep` such windows,
-    `every` or more apart, none of which began within `settle` after a window that was not believed untouched,
-    or within `guard` before one.
+    `feature` describes the windows. A window is believed untouched if its probability of contact is less than
+    `below`; otherwise it is believed touched. The reference is the median of the last `keep` untouched
+    windows that start at least `every` apart, at least `settle` after a window believed touched, and at least
+    `guard` before one. Times are in s.
     """
 
     feature: FeatureRecord
@@ -58,11 +58,11 @@ class Reference(Checked):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Calibration(Checked):
-    """The calibration of a head's uncertainty on windows that it was not trained on.
+    """The scaling of a head's uncertainty, from windows that the head was not trained on.
 
-    Logits of a probability are divided by `factor`; the standard error of a quantity is multiplied by it.
-    `measured` holds coverage or calibration error on the `windows` of the `sessions` that it comes from,
-    which hold `touches` separate touches.
+    The logit of a probability is divided by `factor`; the standard error of a quantity is multiplied by it.
+    `windows`, `touches` and `sessions` are the numbers of windows, separate touches and sessions behind the
+    factor. `measured` holds the coverage or the calibration error on them.
     """
 
     factor: Positive[float] = 1.0
@@ -76,9 +76,10 @@ class Calibration(Checked):
 class CorrectionRecord(Checked):
     """The correction of a head's errors on one build and object; see `monochord.perception.model.correction`.
 
-    `variables` are its variables beside the head's own estimate: columns of the feature or of the reference,
-    or the difference of two, as in "ratio open - open". `noise` is what it leaves over. Its prior is of the
-    errors in `sessions` sessions, and it was calibrated by `touches` known touches, 0 for none.
+    `variables` are inputs in addition to the head's own estimate: columns of the feature or the reference, or
+    the difference of two columns, as in "ratio open - open". `noise` is the residual variance, as a multiple
+    of the head's own. `sessions` is the number of sessions behind the prior, and `touches` the number of
+    known touches that the correction has learned.
     """
 
     variables: tuple[str, ...] = ()
@@ -89,27 +90,30 @@ class CorrectionRecord(Checked):
     def __post_init__(self) -> None:
         Checked.__post_init__(self)
         if len(self.variables) > MAX_VARIABLES:
-            raise InputError(f"{len(self.variables)} variables of a correction", f"{MAX_VARIABLES} at most")
+            raise InputError(f"{len(self.variables)} variables of a correction", f"at most {MAX_VARIABLES}")
 
     @property
     def terms(self) -> int:
-        """Number of its terms."""
+        """Number of terms of the correction."""
         count = 1 + len(self.variables)
         return 1 + count + count * (count + 1) // 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AnomalyRecord(Checked):
-    """The detector of sound unlike that of the training; see `monochord.perception.model.anomaly`.
+    """The anomaly detector: sound unlike the training data; see `monochord.perception.model.anomaly`.
 
-    It has `hidden` layers and an output for sound like that of the training, then one for each of `reasons`.
-    It sees the feature's `columns`, names or patterns as of a head, all for none.
-    The log odds of each are averaged over its time in `memory`, and a window is abstained from where the
-    score that follows is above `limit`. Reasons in `touched` are detected in touched windows alone: no other
-    counts in their average, which so stays until the next touch. Beside reasons in `contact_holds` the head
-    of contact is as right as ever, and only the others abstain; reasons in `brief` say that something
-    touches, and contact abstains only where its head denies that. `measured` holds the shares of windows that
-    are so in validation: of ordinary ones, and of each kind that was shown.
+    The network has `hidden` layers. Its first output stands for sound like the training data; one output for
+    each of `reasons` follows. Its inputs are the feature's `columns`, given as names or patterns; empty for
+    all.
+
+    The log odds of each reason are averaged over its time in `memory`, in s. The model abstains from a window
+    if the combined score exceeds `limit`. Reasons in `touched` are detected in touched windows only; their
+    averages do not change between touches.
+
+    Contact stays reliable during the reasons in `contact_holds`, and only the other heads abstain. Reasons in
+    `brief` imply a touch, and contact abstains only if its head estimates "no contact". `measured` holds the
+    shares of validation windows above the limit: of ordinary windows, and of each kind of anomaly.
     """
 
     hidden: tuple[int, ...] = (64,)
@@ -125,14 +129,14 @@ class AnomalyRecord(Checked):
     def __post_init__(self) -> None:
         Checked.__post_init__(self)
         if len(self.memory) != len(self.reasons):
-            given = f"{len(self.memory)} times in the memory of a detector"
+            given = f"{len(self.memory)} times in the detector's memory"
             raise InputError(given, f"{len(self.reasons)}, one for each reason")
         if len(self.hidden) > MAX_LAYERS or not 1 <= len(self.reasons) <= MAX_PATTERNS:
             given = f"{len(self.hidden)} hidden layers and {len(self.reasons)} reasons of a detector"
-            raise InputError(given, f"{MAX_LAYERS} at most, and 1 to {MAX_PATTERNS}")
+            raise InputError(given, f"at most {MAX_LAYERS} layers, and 1 to {MAX_PATTERNS} reasons")
         for reason in (*self.touched, *self.brief, *self.contact_holds):
             if reason not in self.reasons:
-                given = f"reason '{reason}', which is none of the detector's"
+                given = f"reason '{reason}', which the detector does not have"
                 raise InputError(given, ", ".join(self.reasons), did_you_mean(reason, self.reasons))
         if len(self.columns) > MAX_PATTERNS:
             raise InputError(
@@ -142,10 +146,10 @@ class AnomalyRecord(Checked):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeadRecord(Checked):
-    """A head: its task, and how its outputs relate to the label.
+    """A head: its task, and the scaling from outputs to the label.
 
-    A quantity is ``offset + scale`` times the network's output, and its standard error `scale` times the
-    spread, both before calibration and correction.
+    A quantity is ``offset + scale * output``, and its standard error is ``scale * spread``, both before
+    calibration and correction.
     """
 
     task: Task
@@ -159,21 +163,21 @@ class HeadRecord(Checked):
         patterns = max(len(self.task.columns), len(self.task.reference))
         if len(self.task.hidden) > MAX_LAYERS or patterns > MAX_PATTERNS:
             given = f"{len(self.task.hidden)} hidden layers and {patterns} patterns of columns"
-            raise InputError(given, f"{MAX_LAYERS} and {MAX_PATTERNS} at most")
+            raise InputError(given, f"at most {MAX_LAYERS} layers and {MAX_PATTERNS} patterns")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Definition(Checked):
     """A model without its arrays.
 
-    `window` and `hop` are those of the training data, in frames. `known`, where there is one, detects sound
-    unlike that of the training. `clip` bounds the scaled columns, so that an
-    outlier is no larger than that; a window whose root mean square is below `quietest` is silence: the
-    drivers do not drive the string. `string` is the string as the sensor's design states it, and
-    `sensing_range` where along it, in m, the design can tell the place of a touch; where it states none, the
-    places that the training had; None where neither is known.
-    `sessions` are the checksums of the sessions that it was trained and calibrated on, by name; `dataset` is
-    that of their dataset. `weights` is the sha256 of the file of weights.
+    `sample_rate` (Hz), `channels`, and `window` and `hop` (frames) describe the training data. `known` is the
+    anomaly detector, or None. `clip` limits the magnitude of scaled columns, for outliers. A window whose
+    root mean square is below `quietest` is silence: no driver drives the string.
+
+    `string` is the string of the sensor's design. `sensing_range` is the range of positions in m that the
+    model can estimate, from the design and the training data; None if unknown. `sessions` maps the names of
+    the sessions of training and calibration to their checksums, and `dataset` is the checksum of their
+    dataset. `weights` is the SHA-256 of the weights file.
     """
 
     format: int = FORMAT
@@ -205,10 +209,10 @@ class Definition(Checked):
             ("heads", len(self.heads) or 1, MAX_HEADS),
         ):
             if not 1 <= value <= most:
-                raise InputError(f"{name} {value} of a model", f"1 to {most}")
+                raise InputError(f"a model with {name} {value}", f"1 to {most}")
         if self.sensing_range is not None and not -inf < self.sensing_range[0] < self.sensing_range[1] < inf:
             given = f"sensing_range {self.sensing_range} of a model"
-            raise InputError(given, "two places in m, the nearer one to pickup 1 first")
+            raise InputError(given, "two positions in m from pickup 1, the smaller one first")
         if DETECTOR in self.heads:
             raise InputError(f"a head called {DETECTOR}", "another name: the detector's arrays are called so")
         if sum(record.task.label == CONTACT for record in self.heads.values()) != 1:
@@ -217,51 +221,51 @@ class Definition(Checked):
 
     @property
     def gate(self) -> str:
-        """Name of the head that estimates whether something touches."""
+        """Name of the head that estimates contact."""
         return next(name for name, record in self.heads.items() if record.task.label == CONTACT)
 
     @property
     def place(self) -> str | None:
-        """Name of the head that estimates the position of a touch; None without one."""
+        """Name of the head that estimates position; None without one."""
         heads = self.heads.items()
         return next((name for name, record in heads if record.task.label == POSITION), None)
 
     @property
     def widths(self) -> tuple[int, int]:
-        """Columns of the window's own feature, and of the reference with its mark; 0 without one."""
+        """Number of columns of the feature, and of the reference with its presence mark (0 without one)."""
         reference = self.reference
         return len(self.feature.columns), len(reference.feature.columns) + 1 if reference else 0
 
     def columns_of(self, name: str) -> tuple[int, ...]:
-        """Return the indices of the feature's columns that a head sees.
+        """Return the indices of the feature's columns that are inputs of a head.
 
         Raises
         ------
         InputError
-            If a pattern of the head's columns fits none.
+            If a pattern in the head's `columns` matches no column.
         """
         return _fitting(self.feature, self.heads[name].task.columns, f"the head '{name}'")
 
     @property
     def detector_columns(self) -> tuple[int, ...]:
-        """The indices of the feature's columns that the detector of unlike sound sees.
+        """The indices of the feature's columns that are inputs of the anomaly detector.
 
         Raises
         ------
         InputError
-            If a pattern of its columns fits none.
+            If a pattern in the detector's `columns` matches no column.
         """
-        return (
-            _fitting(self.feature, self.known.columns, "the detector of unlike sound") if self.known else ()
-        )
+        return _fitting(self.feature, self.known.columns, "the anomaly detector") if self.known else ()
 
     def reference_of(self, name: str) -> tuple[int, ...]:
-        """Return the indices of the reference's columns that a head sees, with its mark; empty for none.
+        """Return the indices of the reference's columns that are inputs of a head, with the presence mark.
+
+        Empty for a head without a reference.
 
         Raises
         ------
         InputError
-            If a pattern of the head's columns of the reference fits none.
+            If a pattern in the head's `reference` matches no column.
         """
         task = self.heads[name].task
         if self.reference is None or not task.context:
@@ -269,14 +273,15 @@ class Definition(Checked):
         return (*_fitting(self.reference.feature, task.reference, f"the head '{name}'"), self.widths[1] - 1)
 
     def variables_of(self, name: str) -> tuple[tuple[int, int], ...]:
-        """Return the columns of each variable of a head's correction: of what, and less what, -1 for nothing.
+        """Return a pair of column indices for each variable of a head's correction.
 
-        They are indices into the columns of the feature and, after them, of the reference.
+        A variable is the first column minus the second; -1 stands for no second column. Indices count the
+        columns of the feature, then those of the reference.
 
         Raises
         ------
         InputError
-            If a variable names no column.
+            If a variable names an unknown column.
         """
         columns = [*self.feature.columns, *(self.reference.feature.columns if self.reference else ())]
         correction = self.heads[name].correction
@@ -295,12 +300,12 @@ class Definition(Checked):
 
     @property
     def rise_columns(self) -> tuple[int, ...]:
-        """The columns that the rise of the pitch is computed from; empty if no head has it as an input.
+        """The indices of the columns that give the rise of the pitch; empty if no head uses it.
 
         Raises
         ------
         InputError
-            If feature or reference lack one of them.
+            If the feature or the reference lacks one of these columns.
         """
         wanted = [name for name, record in self.heads.items() if record.task.rise]
         if not wanted:
@@ -309,12 +314,12 @@ class Definition(Checked):
         missing = [column for column in rise.COLUMNS if column not in columns]
         if missing or rise.REFERENCE not in reference:
             lacks = f"the column '{missing[0]}'" if missing else f"a reference with '{rise.REFERENCE}'"
-            given = f"the input rise of the head '{wanted[0]}' without {lacks}"
-            raise InputError(given, "fft_harmonic and context.on", "or set its rise = false")
+            given = f"rise = true for the head '{wanted[0]}' without {lacks}"
+            raise InputError(given, "the feature fft_harmonic and context.on", "or set rise = false")
         return (*(columns.index(column) for column in rise.COLUMNS), reference.index(rise.REFERENCE))
 
     def inputs(self, name: str) -> int:
-        """Return how many inputs a head has: columns of the feature and of the reference, and the rise."""
+        """Return the number of inputs of a head: columns of the feature and the reference, and the rise."""
         task = self.heads[name].task
         rises = rise.COUNT if task.rise and self.rise_columns else 0
         return len(self.columns_of(name)) + len(self.reference_of(name)) + rises
@@ -322,10 +327,15 @@ class Definition(Checked):
     def shapes(self) -> dict[str, tuple[int, ...]]:
         """Return the names and shapes of all weights.
 
-        Scaling comes first, with the features of probe windows, then the layers of the detector, and each
-        head's layers in the order in which they are applied, each with a matrix (outputs, inputs) and a bias
-        (outputs,), or so many of both as the head has members, its linear path, and its correction, with the
-        position, the force and the variables of some touches of all kinds.
+        Their order is:
+
+        - the scaling, with the features of the probe windows;
+        - the layers of the anomaly detector;
+        - for each head, its layers in order, its linear path and its correction.
+
+        A layer has a matrix (outputs, inputs) and a bias (outputs,); a head with several members has a
+        leading axis of members. A correction includes position, force and variables of representative
+        touches.
         """
         base, context = self.widths
         shapes: dict[str, tuple[int, ...]] = {
@@ -368,8 +378,8 @@ def _fitting(feature: FeatureRecord, patterns: tuple[str, ...], whose: str) -> t
     for pattern in patterns:
         if not any(fnmatchcase(column, pattern) for column in columns):
             given = f"columns '{pattern}' for {whose}"
-            such = f"such as '{columns[0]}'" if columns else "which has none here"
-            raise InputError(given, f"those of {feature.name}, {such}")
+            such = f"such as '{columns[0]}'" if columns else "which has no columns"
+            raise InputError(given, f"columns of {feature.name}, {such}")
     return tuple(
         index
         for index, column in enumerate(columns)

@@ -1,12 +1,12 @@
-"""A model on disk: a folder with a text and an array file, each checked by the other.
+"""A model on disk: a folder with a definition in text and a file of arrays.
 
 ::
 
     model.json               the definition: feature, heads, calibration, training data
-    weights.safetensors      the arrays, whose sha256 stands in the text
+    weights.safetensors      the arrays; model.json holds their SHA-256
 
-There is no pickle in it, so that reading one runs no code. Bundled pretrained models are loaded by their
-names (`monochord.perception.model.bundled`).
+The folder contains no pickle, so reading a model runs no code. Bundled pretrained models are loaded by name
+(`monochord.perception.model.bundled`).
 """
 
 import hashlib
@@ -27,18 +27,18 @@ from monochord.perception.model.model import Model
 from monochord.perception.model.saving import TEXT, WEIGHTS
 
 INSIDE_A_RUN = "model"
-"""Folder of the model in the folder of a training run."""
+"""Name of the model's folder in the folder of a training run."""
 MAX_HEADER = 1 << 20
-"""Bytes in the file of weights beside the weights themselves."""
+"""Largest number of bytes in the weights file in addition to the weights."""
 AGAIN = "copy the folder again, or train again"
 OLDER_TEXT = "perceiver.json"
 TRAIN_AGAIN = "train it again with this version: monochord train --dataset DATASET --out RUN"
 
 
 def folder_of(path: Path) -> Path | None:
-    """Return the folder of the model that a path means, None if there is none.
+    """Return the folder of the model that a path names; None if there is no model.
 
-    A path is that of a model, that of a training run, or, if it does not exist, the name of a bundled
+    A path is the folder of a model or of a training run. A path that does not exist is the name of a bundled
     pretrained model.
 
     >>> folder_of(Path("no-such-run")) is None
@@ -49,12 +49,12 @@ def folder_of(path: Path) -> Path | None:
 
 
 def load(path: Path | str) -> Model:
-    """Return the model in a folder or in that of a training run, or a bundled pretrained model by its name.
+    """Return a model from its folder, from the folder of a training run, or by a bundled model's name.
 
     Raises
     ------
     InputError
-        If there is none, or anything of it is damaged, has another checksum, or is of another format.
+        If there is no model, or a file is damaged, has another checksum or another format.
 
     Examples
     --------
@@ -75,14 +75,14 @@ def load(path: Path | str) -> Model:
     try:
         if file.stat().st_size > expected + MAX_HEADER:
             given = f"{file} of {file.stat().st_size} bytes"
-            raise InputError(given, f"{expected + MAX_HEADER} bytes at most, as {TEXT} says", AGAIN)
+            raise InputError(given, f"at most {expected + MAX_HEADER} bytes, from {TEXT}", AGAIN)
         blob = file.read_bytes()
     except OSError as error:
         raise InputError(f"{file} ({error.strerror})", "a readable file", AGAIN) from error
     digest = hashlib.sha256(blob).hexdigest()
     if digest != definition.weights:
         given = f"{file} with sha256 {digest[:12]}..."
-        raise InputError(given, f"{definition.weights[:12] or '(none)'}..., as {TEXT} says", AGAIN)
+        raise InputError(given, f"{definition.weights[:12] or '(none)'}..., from {TEXT}", AGAIN)
     return Model(definition=definition, weights=_weights(file, blob, definition))
 
 
@@ -102,7 +102,7 @@ def _definition(file: Path) -> Definition:
     try:
         return from_tree(Definition, _infinite(tree), file.name)
     except RecursionError as error:
-        raise InputError(f"{file} (nested too deep)", "what monochord train wrote", AGAIN) from error
+        raise InputError(f"{file} (nested too deep)", "a file that monochord train wrote", AGAIN) from error
 
 
 def _weights(file: Path, blob: bytes, definition: Definition) -> Mapping[str, Audio]:

@@ -1,4 +1,4 @@
-"""The model: features, untouched reference, scaling and heads as one frozen object, offline and live."""
+"""The model: features, untouched reference, scaling and heads in one frozen object, offline and live."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -56,16 +56,16 @@ from monochord.physics.strings import load_string
 from monochord.physics.theory import open_frequency
 
 MAX_RETUNING = 0.12
-"""Share by which a string's pitch may differ from that of the training, where it is known."""
+"""Largest relative deviation of a string's pitch from the training's, if that is known."""
 UNUSABLE = ("gap", "silence", "samples that are not numbers")
-"""Windows that a model cannot use; it is trained on clipped windows as on others."""
+"""Reasons that make a window unusable for a model. Clipped windows are usable: training includes them."""
 
 
 class WindowReading(NamedTuple):
-    """What a model makes of a window, before any estimate is stated.
+    """A model's reading of a window, before it states estimates.
 
-    `state` is that after the window, and `outputs` those of the heads, empty where it cannot be used.
-    `reason` is why to abstain, empty for no reason, and `by_lines` the place that its lines tell.
+    `state` is the state after the window. `outputs` are the heads' outputs; empty for an unusable window.
+    `reason` is the reason to abstain; empty for none. `by_lines` is the position from the window's lines.
     """
 
     state: ModelState
@@ -76,21 +76,21 @@ class WindowReading(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Model:
-    """What was trained: `predict` takes a whole sound, `step` a window.
+    """A trained model: `predict` estimates a whole sound, `step` a single window.
 
-    It is frozen; the state of a stream is passed in and out of `step`.
+    The model is immutable. The state of a stream is passed in and out of `step`.
 
     Parameters
     ----------
     definition
-        Everything but the numbers that were learned.
+        Everything except the learned weights.
     weights
-        Arrays float32 by the names and shapes of `Definition.shapes`.
+        Arrays float32 with the names and shapes of `Definition.shapes`.
     string
-        The string that features are relative to: that of the training as it is tuned now; None for as it was
-        in training.
+        The string at its present tuning, to which features are relative; None for the training's tuning.
     sensing_range
-        Where the sensor can tell the place of a touch, in m, if it states that; see `places`.
+        The positions that the sensor can estimate, in m; None if the sensor does not state them. See
+        `places`.
 
     Examples
     --------
@@ -110,22 +110,22 @@ class Model:
 
     @property
     def places(self) -> tuple[Metres, Metres] | None:
-        """Where a place is stated, in m: what sensor and training have in common; None for anywhere."""
+        """The range of positions that are stated, in m: the overlap of sensor and training; None for any."""
         own, trained = self.sensing_range, self.definition.sensing_range
         if own is None or trained is None:
             return own or trained
         return max(own[0], trained[0]), min(own[1], trained[1])
 
     def tuned(self, string: StringParams) -> "Model":
-        """Return the model for a sensor whose string is tuned as this one: features are relative to it.
+        """Return the model for a string at this tuning; features are relative to the string.
 
-        The wire stays that of the training; only its tension follows the open frequency. A string at the
-        pitch of the training changes nothing, to the bit.
+        The wire is the training's; only its tension follows the open frequency. A string at the training's
+        pitch gives the same bits.
 
         Raises
         ------
         InputError
-            If it is tuned further from the training's than a tuning can be estimated.
+            If the pitch deviates from the training's by more than a tuning can be estimated.
         """
         trained = self.definition.string
         if trained is None:
@@ -134,16 +134,16 @@ class Model:
         if not abs(own / known - 1.0) <= MAX_RETUNING:
             given = f"a string tuned to {own:.1f} Hz for a model"
             allowed = f"within {100.0 * MAX_RETUNING:.0f} % of {known:.1f} Hz, as it was trained"
-            raise InputError(given, allowed, "tune the sensor, or train one for it")
+            raise InputError(given, allowed, "tune the sensor, or train a model for it")
         return self if own == known else replace(self, string=retuned(trained, own))
 
     def within(self, sensing_range: tuple[Metres, Metres]) -> "Model":
-        """Return the model for a sensor that can tell places in this range, in m.
+        """Return the model for a sensor with this sensing range, in m.
 
         Raises
         ------
         InputError
-            If none of them is among those of the training.
+            If the range does not overlap the training's.
         """
         model = replace(self, sensing_range=sensing_range)
         if model.places is not None and not model.places[0] < model.places[1]:
@@ -151,25 +151,26 @@ class Model:
                 " to ".join(f"{1e3 * place:g}" for place in each or ())
                 for each in (sensing_range, self.definition.sensing_range)
             )
-            given = f"a sensor that senses from {own} mm for a model"
-            raise InputError(given, f"a part of {trained} mm, as it was trained", "train one for that sensor")
+            given = f"a sensor with a range of {own} mm for a model"
+            allowed = f"a part of {trained} mm, as it was trained"
+            raise InputError(given, allowed, "train a model for the sensor")
         return model
 
     def check(self, signal: Signal, size: Samples | None = None) -> None:
-        """Raise `InputError` unless such a signal can be read, in windows of `size` frames; prepare for it.
+        """Check that the model fits a signal in windows of `size` frames, and prepare the features.
 
-        The features' tables and filters are computed here, or at the first prediction without it.
+        Without this call, tables and filters of the features are computed at the first prediction.
 
         Raises
         ------
         InputError
-            If rate, channels, string or window are not those of the training, or a feature is no longer
-            what it was then.
+            If the sample rate, channels, string or window differ from the training's, or a feature has
+            changed since the training.
         """
         trained = self.definition
         if signal.sample_rate != trained.sample_rate:
             given = f"sound at {signal.sample_rate} Hz for a model"
-            remedy = "record at that rate, or resample a session: monochord sessions resample"
+            remedy = "record at this rate, or resample a session: monochord sessions resample"
             raise InputError(given, f"{trained.sample_rate} Hz, as it was trained", remedy)
         refuse_other_channels(signal.channels, trained.channels, "for a model")
         if trained.string and signal.string:
@@ -187,33 +188,33 @@ class Model:
         sensor: str | Sensor = "",
         string: str = "",
     ) -> PredictionTable:
-        """Return the estimates for every window of a sound, as the live loop gives them.
+        """Return the estimates for every window of a sound, as the live loop computes them.
 
-        The sound is a stream of its own: the untouched reference and the string's pitch are followed from its
-        beginning, so the first seconds count, and so does their order.
+        The sound is a stream of its own. The model follows the untouched reference and the string's pitch
+        from the beginning of the sound, so an untouched first second improves the estimates.
 
         Parameters
         ----------
         sound
-            Samples (channels, n) in full scale, as float32 or what converts to it.
+            Samples (channels, n), full scale is 1; float32 or convertible to it.
         sample_rate
-            Frames a second; that of the training.
+            In Hz; must equal the training's.
         hop
-            Distance of window starts in s. A window has the length of the training.
+            Time from one window start to the next, in s. Windows have the training's length.
         sensor
-            A sensor, its preset, or the file that ``monochord tune`` wrote: its string counts.
+            The sensor, for its string: a `Sensor`, a preset's name, or a file that ``monochord tune`` wrote.
         string
-            A string preset, where no sensor is given.
+            A string preset; used if no sensor is given.
 
         Returns
         -------
         PredictionTable
-            A row for each window; row k starts at k `hop`.
+            A row for each window; row k starts at time k `hop`.
 
         Raises
         ------
         InputError
-            If the sound is shorter than a window, or its shape, rate or string is not that of the training.
+            If the sound is shorter than a window, or its shape, rate or string does not fit the training.
 
         Examples
         --------
@@ -225,7 +226,7 @@ class Model:
         samples = checked(sound)
         size, step = self.definition.window, round(hop * sample_rate) if isfinite(hop) else 0
         if step < 1:
-            raise InputError(f"hop {hop:g} s", f"{1.0 / sample_rate:.1g} s, one sample, or more")
+            raise InputError(f"hop {hop:g} s", f"at least one sample, {1.0 / sample_rate:.1g} s")
         signal = Signal(sample_rate=sample_rate, channels=samples.shape[0])
         if sensor:
             signal = with_sensor(signal, load_sensor(sensor) if isinstance(sensor, str) else sensor)
@@ -234,7 +235,7 @@ class Model:
         estimate = self.stream(signal, size)
         if samples.shape[1] < size:
             given = f"sound of {samples.shape[1]} frames"
-            raise InputError(given, f"{size} frames, one window, or more")
+            raise InputError(given, f"at least one window, {size} frames")
         blocks = [Block(samples=samples, start=0)]
         starts: list[int] = []
         rows: list[Estimates] = []
@@ -257,24 +258,24 @@ class Model:
     ) -> float:
         """Return the share of touched windows whose position is estimated within a tolerance, 0 to 1.
 
-        An abstention is a miss. As in scikit-learn, more is better. Windows that hold the beginning or the
-        end of a touch do not count.
+        An abstention is a miss. Higher is better, as in scikit-learn. Windows that contain the beginning or
+        the end of a touch do not count.
 
         Parameters
         ----------
         sound, sample_rate, hop, sensor, string
             As in `predict`.
         truth
-            ``contact`` (0 or 1) and ``position`` in m by name, (n,) for n samples, as
-            `VirtualSensor.advance` returns them; or a `LabelTrack`, whose times count from the sound's
+            Arrays (n,) for n samples by name, ``contact`` (0 or 1) and ``position`` in m, as
+            `VirtualSensor.advance` returns them; or a `LabelTrack`, with times in s from the sound's
             beginning.
         tolerance
-            In m.
+            Largest error of a hit, in m.
 
         Raises
         ------
         InputError
-            If no window is touched at a known position, or for what `predict` refuses.
+            If no window is touched at a known position, or `predict` refuses the sound.
 
         Examples
         --------
@@ -298,9 +299,9 @@ class Model:
         return hit_rate(labels["position"][rows], table[self.definition.place].value[rows], tolerance)
 
     def save(self, folder: str | Path) -> "Model":
-        """Write the model into a folder, which `load` reads, and return it with its checksum.
+        """Save the model in a folder, which `load` reads, and return the model with its checksum.
 
-        The same model gives the same bytes. A model that the folder holds is replaced.
+        The same model gives the same bytes. A model in the folder is replaced.
 
         Raises
         ------
@@ -319,19 +320,18 @@ class Model:
         try:
             return save(self, Path(folder))
         except OSError as error:
-            raise InputError(f"folder {folder} ({error.strerror})", "a folder that can be written") from error
+            raise InputError(f"folder {folder} ({error.strerror})", "a writable folder") from error
 
     def stream(self, signal: Signal, size: Samples) -> ModelStream:
         """Return the model for one stream of windows in order, as the live loop runs it.
 
-        It is called with each window of `size` frames and returns its estimates. Features are relative to
-        the string as the signal's sensor is tuned, and follow it where untouched windows show that it is
-        tuned otherwise by now.
+        Call the result with each window of `size` frames to get the estimates. Features are relative to the
+        tuning of the signal's sensor. If untouched windows show another tuning, features follow it.
 
         Raises
         ------
         InputError
-            If rate, channels, string or window are not those of the training.
+            If the sample rate, channels, string or window differ from the training's.
         """
         model = self.tuned(signal.string) if signal.string else self
         model = model.within(signal.sensing_range) if signal.sensing_range else model
@@ -352,15 +352,15 @@ class Model:
         return html_table(*facts(self.definition))
 
     def step(self, state: ModelState, window: Window) -> tuple[ModelState, Estimates]:
-        """Return the state after a window, and the estimates for it.
+        """Return the state after a window, and the window's estimates.
 
         Parameters
         ----------
         state
-            The state before the window; ``ModelState()`` at the start. A window that does not begin after the
-            one before it is the first of another stream.
+            The state before the window; ``ModelState()`` at the start. A window that starts no later than its
+            predecessor begins another stream.
         window
-            Of the length of the training.
+            A window of the training's length.
 
         Raises
         ------
@@ -370,11 +370,10 @@ class Model:
         return Model.step_all([(self, state)], [window])[0]
 
     def outputs(self, state: ModelState, window: Window) -> tuple[ModelState, Mapping[str, Output]]:
-        """Return the state after a window, and the output of each head, before calibration and correction.
+        """Return the state after a window, and the output of each head before calibration and correction.
 
-        A window is read against the reference of the windows before it. One that cannot be used has no
-        outputs and leaves the reference as it is; one of sound unlike that of the training counts as
-        touched there.
+        The window is compared with the reference from earlier windows. An unusable window has no outputs and
+        does not change the reference. A window with an anomaly counts as touched in the reference.
         """
         (reading,) = Model._read([(self, state)], [window])
         return reading.state, reading.outputs
@@ -383,17 +382,17 @@ class Model:
     def step_all(
         streams: Sequence[tuple["Model", ModelState]], windows: Sequence[Window]
     ) -> list[tuple[ModelState, Estimates]]:
-        """Return what `step` does for a window of each of several streams, with the same bits.
+        """Return the result of `step` for one window of each of several streams, with the same bits.
 
-        The heads are computed for all at once, so the models are one that was trained, each as it is or tuned
-        to a string.
+        All heads are computed at once. Therefore all models must come from one trained model; each may be
+        tuned to another string.
 
         Parameters
         ----------
         streams
             The model of each stream, and its state before the window.
         windows
-            The window of each, of the length of the training.
+            The window of each stream, of the training's length.
         """
         results: list[tuple[ModelState, Estimates]] = []
         for (model, _), reading in zip(streams, Model._read(streams, windows), strict=True):
@@ -408,11 +407,11 @@ class Model:
         return results
 
     def withheld(self, reading: WindowReading, estimates: Estimates) -> tuple[str, set[str]]:
-        """Return why heads abstain from a window, and which ones; an empty reason for none.
+        """Return the reason why heads abstain from a window, and the names of these heads; "" for none.
 
-        Outside the sensing range all that needs a touch abstains. Where the lines tell another place, what
-        depends on the place does: position and force. Beside a fault every head abstains, but for contact
-        where that holds.
+        Outside the sensing range, every head that requires a touch abstains. If the lines give another
+        position, position and force abstain. With an anomaly, every head abstains, except contact where it
+        stays reliable.
         """
         trained, reason, record = self.definition, reading.reason, self.definition.known
         # Outside the sensing range one touch may sound soft, like two, or as if its driver were silent.
@@ -475,9 +474,10 @@ class Model:
         rows: tuple[Audio, Audio],
         logits: Floats | None,
     ) -> WindowReading:
-        """Return the state after a window, its outputs with variables, and why to abstain from it.
+        """Return the reading of a window: its state, outputs with variables, and reason to abstain.
 
-        `rows` are its features and the reference, `logits` those of the detector, where there is one.
+        `rows` are the window's features and the reference. `logits` are the anomaly detector's; None without
+        a detector.
         """
         trained, (row, known) = self.definition, rows
         for name, pairs in self._variables.items():
@@ -506,14 +506,14 @@ class Model:
         return PlaceByLines(place * self.definition.string.length, lead) if place > 0.0 else NO_PLACE
 
     def contact_reliable(self, contact: Estimate, reason: str) -> bool:
-        """Return whether contact can be told in a window beside why the detector says not to use it."""
+        """Return whether the contact estimate is reliable in a window with this reason to abstain."""
         record = self.definition.known
         if record is None:
             return False
         return reason in record.contact_holds or (reason in record.brief and contact.value >= DECISION)
 
     def unusable_reason(self, window: Window) -> str:
-        """Return why a window cannot be used, or an empty string."""
+        """Return why a window cannot be used; empty if it can."""
         reason = unusable_reason(window)
         if reason in UNUSABLE:
             return reason
@@ -522,9 +522,10 @@ class Model:
         return "silence" if power < self.definition.quietest**2 else ""
 
     def at_own_tension(self, estimates: dict[str, Estimate]) -> dict[str, Estimate]:
-        """Return estimates with forces as of the string's own tension.
+        """Return estimates with forces converted from the design's tension to the string's own.
 
-        What sounds alike in relative terms is another force there; training does the contrary with labels.
+        At another tension, the same relative change of the sound corresponds to another force. Training
+        converts the labels in the opposite direction.
         """
         trained = self.definition.string
         if self.string is None or trained is None:
@@ -536,7 +537,7 @@ class Model:
         }
 
     def check_size(self, size: Samples) -> None:
-        """Raise `InputError` unless windows have the length of the training, in frames."""
+        """Raise `InputError` if a window size in frames differs from the training's."""
         trained = self.definition
         if size != trained.window:
             remedy = f"set --window {trained.window / trained.sample_rate:g}"
@@ -545,12 +546,12 @@ class Model:
 
     @cached_property
     def corrections(self) -> dict[str, Correction]:
-        """The corrections of the heads that have one."""
+        """The corrections, by head; heads without a correction are absent."""
         names = self.definition.heads
         return {name: own for name in names if (own := self.correction(name))}
 
     def correction(self, name: str) -> Correction | None:
-        """Return the correction of a head; None where it has none."""
+        """Return the correction of a head; None if it has none."""
         record = self.definition.heads[name].correction
         if record is None:
             return None
@@ -572,17 +573,17 @@ class Model:
 
     @cached_property
     def network(self) -> Network:
-        """The heads."""
+        """The network of all heads."""
         return Network.of(self.definition, self.weights)
 
     @cached_property
     def detector(self) -> Detector | None:
-        """The detector of sound unlike that of the training; None without one."""
+        """The anomaly detector; None if the model has none."""
         return Detector.of(self.definition, self.weights)
 
     @cached_property
     def extractors(self) -> tuple[Extractor, Extractor | None]:
-        """The features of a window and of the reference, which are checked to be those of the training."""
+        """The extractors of the window's feature and of the reference, checked against the training."""
         trained = self.definition
         signal = Signal(sample_rate=trained.sample_rate, channels=trained.channels, string=trained.string)
 
@@ -614,7 +615,7 @@ def _track(frames: Samples, sample_rate: int, truth: Mapping[str, Floats]) -> La
                 if name in columns
                 else f"truth without {name}"
             )
-            raise InputError(given, f"{name} ({frames},), one value a sample")
+            raise InputError(given, f"{name} ({frames},), one value per sample")
     return LabelTrack(time=np.arange(frames) / sample_rate, columns=columns)
 
 

@@ -1,4 +1,4 @@
-"""The heads as arithmetic: from a row of features to outputs, and from these to estimates."""
+"""Inference of the heads: from features to outputs, and from outputs to estimates."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -17,14 +17,14 @@ from monochord.perception.model.rise import COUNT as RISES
 from monochord.perception.model.rise import rises
 
 NO_CONTACT, UNCERTAIN = "no contact", "too uncertain"
-"""Why a head abstains."""
+"""Reasons for a head to abstain."""
 CONTACT_LIMIT_SHARE = 2.0 / 3.0
-"""Share of the limit of contact's standard error up to which the other heads answer: at nodes of a string
-whose mount gives, a touch is in doubt before its place is seen to be."""
+"""Share of the contact head's limit on its standard error up to which other heads state estimates. At nodes
+of a string on a compliant mount, contact becomes uncertain before the position does."""
 MAX_LOGIT = 700.0
 """Largest logit whose exponential is a finite double."""
 MAX_LOG_SPREAD = 20.0
-"""Largest size of the logarithm of a spread."""
+"""Largest magnitude of the logarithm of a spread."""
 NO_RISE: Audio = np.zeros(0, np.float32)
 NO_CORRECTIONS: Mapping[str, Correction] = {}
 STD_OF_SPREAD: Mapping[Loss, float] = {"gauss": 1.0, "laplace": math.sqrt(2.0)}
@@ -35,7 +35,7 @@ STD_OF_SPREAD: Mapping[Loss, float] = {"gauss": 1.0, "laplace": math.sqrt(2.0)}
 class Output:
     """Output of a head's last layer: a logit, or a scaled quantity with the logarithm of its spread.
 
-    `variables` are the values of those of its correction, beside its own.
+    `variables` are the values of the correction's variables, without the head's own estimate.
     """
 
     value: float
@@ -45,11 +45,11 @@ class Output:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Layers:
-    """The layers of a network, each but the last with a ReLU.
+    """The layers of a network; all but the last have a ReLU.
 
-    `columns` (inputs,) are those of a row that the first layer sees, and `units` (layers + 1,) the inputs and
-    the outputs of each layer. `weights` holds the matrix (inputs, outputs) and the bias of each in one piece,
-    so that the kernel is compiled once for any number of layers.
+    `columns` (inputs,) are the indices of the columns that enter the first layer. `units` (layers + 1,) is
+    the number of inputs, then the number of outputs of each layer. `weights` is one array with the matrix
+    (inputs, outputs) and the bias of each layer in turn, so one compiled kernel serves any number of layers.
     """
 
     columns: Indices
@@ -58,7 +58,7 @@ class Layers:
 
     @classmethod
     def of(cls, columns: Sequence[int], layers: Sequence[tuple[Audio, Audio]]) -> "Layers":
-        """Return layers, each of a matrix (outputs, inputs) and a bias (outputs,)."""
+        """Return the layers; each has a matrix (outputs, inputs) and a bias (outputs,)."""
         return cls(
             columns=np.array(columns, np.int64),
             units=np.array([len(columns), *(len(bias) for _, bias in layers)]),
@@ -66,7 +66,7 @@ class Layers:
         )
 
     def outputs(self, rows: Audio) -> Audio:
-        """Return the outputs (n, outputs) for rows (n, d): equal rows give equal bits, alone or among others.
+        """Return the outputs (n, outputs) for rows (n, d); equal rows give equal bits in any batch.
 
         >>> layers = Layers.of([0, 2], [(np.ones((1, 2), np.float32), np.zeros(1, np.float32))])
         >>> layers.outputs(np.array([[1.0, 9.0, 2.0], [0.0, 9.0, -3.0]], np.float32)).tolist()
@@ -78,7 +78,7 @@ class Layers:
 @kernel()
 def _outputs(rows: Audio, columns: Indices, units: Indices, weights: Audio) -> Audio:
     if columns.max() >= rows.shape[1]:
-        raise IndexError("a network sees columns that the rows lack")
+        raise IndexError("the network reads columns that the rows lack")
     values, at = rows, 0
     for layer in range(units.size - 1):
         inputs, outputs = units[layer], units[layer + 1]
@@ -103,11 +103,11 @@ def _outputs(rows: Audio, columns: Indices, units: Indices, weights: Audio) -> A
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Network:
-    """The scaling and the layers of all heads; `linear` holds the linear path of those that have one.
+    """The scaling and the layers of all heads.
 
-    A head has the layers of each of its members, which see columns of `inputs`. `unit` is the standard
-    deviation of its error where the spread is 1. The rise of the pitch is computed from `rise_columns`, empty
-    for none.
+    `layers` holds the layers of each member of a head, which read columns of `inputs`. `linear` holds the
+    linear paths of heads that have one. `unit` is the standard deviation of a head's error for a spread of 1.
+    `rise_columns` are the columns that give the rise of the pitch; empty if no head uses it.
     """
 
     scaler: tuple[Audio, Audio]
@@ -120,7 +120,7 @@ class Network:
 
     @classmethod
     def of(cls, definition: Definition, weights: Mapping[str, Audio]) -> "Network":
-        """Build it from a definition and weights of its shapes."""
+        """Return the network of a definition with weights of the shapes in `Definition.shapes`."""
         heads = definition.heads
         base, context = definition.widths
 
@@ -158,26 +158,26 @@ class Network:
         )
 
     def scaled(self, row: Audio) -> Audio:
-        """Return windows' features (..., d) less their mean, in standard deviations, bounded by `clip`."""
+        """Return features (..., d) minus their mean, in standard deviations, limited to `clip`."""
         return scaled(row, *self.scaler, self.clip)
 
     def scaled_context(self, row: Audio) -> Audio:
-        """Return untouched references (..., c) as `scaled` does; absent ones are zeros."""
+        """Return untouched references (..., c) scaled like the features; an absent reference gives zeros."""
         if self.context_scaler is None:
             return row[..., :0]
         return scaled(row, *self.context_scaler, self.clip) * row[..., -1:]
 
     def rises(self, row: Audio, reference: Audio) -> Audio:
-        """Return the rise of the pitch as inputs, of features (..., d) and references (..., c), unscaled."""
+        """Return the rise of the pitch as inputs, from unscaled features (..., d) and references (..., c)."""
         return rises(row, reference, self.rise_columns) if self.rise_columns else row[..., :0]
 
     def inputs(self, row: Audio, reference: Audio) -> Audio:
-        """Return what heads see (..., d + c + r) of unscaled features (..., d) and references (..., c)."""
+        """Return heads' inputs (..., d + c + r) from unscaled features (..., d) and references (..., c)."""
         parts = self.scaled(row), self.scaled_context(reference), self.rises(row, reference)
         return np.concatenate(parts, axis=-1)
 
     def output(self, name: str, base: Audio, context: Audio, rise: Audio = NO_RISE) -> Output:
-        """Return the output of a head for scaled features (d,), a scaled reference (c,) and the rise."""
+        """Return the output of a head for scaled features (d,), a scaled reference (c,) and the rise (r,)."""
         return self.outputs(name, np.concatenate([base, context, rise])[np.newaxis])[0]
 
     def outputs(self, name: str, inputs: Audio) -> list[Output]:
@@ -192,17 +192,17 @@ class Network:
 
 
 def mixture(members: Audio, unit: float) -> Audio:
-    """Return outputs (n, k) of all members (m, n, k) as one: their mean, and the spread of their mixture.
+    """Return the outputs (n, k) of an ensemble (m, n, k): the mean, and the spread of the mixture.
 
-    The variance of a mixture is the mean variance and the variance of the means (Lakshminarayanan, Pritzel
+    The variance of a mixture is the mean variance plus the variance of the means (Lakshminarayanan, Pritzel
     and Blundell, Simple and scalable predictive uncertainty estimation using deep ensembles, 2017).
 
     Parameters
     ----------
     members
-        Values and, where they are learned, the logarithms of their spreads.
+        Values and, if learned, logarithms of spreads, of each member.
     unit
-        Standard deviation of an error of spread 1.
+        Standard deviation of an error with spread 1.
 
     Examples
     --------
@@ -218,14 +218,14 @@ def mixture(members: Audio, unit: float) -> Audio:
 
 
 def scaled(row: Audio, mean: Audio, scale: Audio, clip: float) -> Audio:
-    """Return rows (..., d) less `mean`, divided by `scale`, and bounded by `clip` on both sides.
+    """Return rows (..., d) minus `mean`, divided by `scale`, and limited to plus or minus `clip`.
 
     >>> one, two = np.ones(1, np.float32), np.full(1, 2.0, np.float32)
     >>> scaled(np.array([[5.0], [100.0]], np.float32), one, two, 8.0).tolist()
     [[2.0], [8.0]]
     """
     if not mean.shape == scale.shape == row.shape[-1:]:
-        raise InputError(f"rows of {row.shape[-1]} columns", f"{mean.size}, as the scaling has")
+        raise InputError(f"rows of {row.shape[-1]} columns", f"{mean.size} columns, as in the scaling")
     return _scaled(row.reshape(-1, row.shape[-1]), mean, scale, clip).reshape(row.shape)
 
 
@@ -240,10 +240,10 @@ def _scaled(rows: Audio, mean: Audio, scale: Audio, clip: float) -> Audio:
 
 
 def probability(output: Output, record: HeadRecord) -> float:
-    """Return the calibrated probability of a yes.
+    """Return the calibrated probability that a head estimates.
 
-    After n windows of calibration it is never nearer to 0 or 1 than 1 / (n + 2), the rule of succession: so
-    many windows without an error justify no more.
+    After calibration with n windows, the probability stays at least 1 / (n + 2) away from 0 and 1 (rule of
+    succession): n windows without an error do not justify more certainty.
 
     >>> from monochord.perception.heads.base import Task
     >>> round(probability(Output(value=0.0), HeadRecord(task=Task(label="slip", loss="logistic"))), 3)
@@ -255,9 +255,9 @@ def probability(output: Output, record: HeadRecord) -> float:
 
 
 def quantity(output: Output, record: HeadRecord, correction: Correction | None = None) -> tuple[float, float]:
-    """Return a quantity and its calibrated standard error, in the unit of the label.
+    """Return a quantity and its calibrated standard error, in the label's unit.
 
-    With a correction, the expected error is added, and its uncertainty to that of the head.
+    A correction adds the expected error to the quantity, and its uncertainty to the standard error.
     """
     std = spread(output, record)
     value = output.value
@@ -269,7 +269,7 @@ def quantity(output: Output, record: HeadRecord, correction: Correction | None =
 
 
 def spread(output: Output, record: HeadRecord) -> float:
-    """Return the calibrated standard error that a head states by itself, in units of its scale."""
+    """Return the calibrated standard error of a head without correction, in units of its scale."""
     log_spread = min(max(output.log_spread, -MAX_LOG_SPREAD), MAX_LOG_SPREAD)
     own = STD_OF_SPREAD.get(record.task.loss, 1.0) * math.exp(log_spread)
     return record.calibration.factor * own
@@ -280,10 +280,9 @@ def estimates_of(
     outputs: Mapping[str, Output],
     corrections: Mapping[str, Correction] = NO_CORRECTIONS,
 ) -> dict[str, Estimate]:
-    """Return the estimates of all heads; those that need a touch abstain where there is none.
+    """Return the estimates of all heads; heads that require a touch abstain without contact.
 
-    `corrections` are those of the heads that have one. The standard error of a probability p is that of the
-    yes or no, sqrt(p (1 - p)).
+    `corrections` holds the corrections by head. The standard error of a probability p is sqrt(p (1 - p)).
     """
     gate = definition.heads[definition.gate]
     contact = probability(outputs[definition.gate], gate)

@@ -1,9 +1,9 @@
-"""Whether the place of a touch can be stated: inside the sensing range, and not against the lines.
+"""Whether a position can be stated: inside the sensing range, and consistent with the spectral lines.
 
-A network that has learned places inside the sensing range alone answers inside it wherever it is touched. The
-lines of both microphones, read as modes of two segments (`monochord.perception.closed_form.modes`), tell a
-place by physics, along the whole string. Where that place is clear and another one than the network's, the
-network is not believed.
+A network that was trained on positions inside the sensing range estimates a position inside the range for
+every touch. The lines at both microphones, read as modes of two segments
+(`monochord.perception.closed_form.modes`), give a position from physics along the whole string. If this
+position is clear and differs from the network's, the network's position is withheld.
 """
 
 import math
@@ -13,25 +13,26 @@ from monochord.core.types import OUTSIDE_RANGE
 from monochord.core.units import Metres
 
 PLACE, LEAD = "ratio place", "ratio lead"
-"""Columns of a feature that hold the place by the lines, over the length, and the logarithm of its odds."""
+"""Columns of a feature with the position from the lines, as a share of the length, and its log odds."""
 CONTRADICTED = "two candidates"
-"""The reason where the lines clearly tell another place inside the sensing range."""
+"""The reason if the lines clearly give another position inside the sensing range."""
 MIN_LEAD = 2.0
-"""Least logarithm of the odds of a place by the lines that counts against another one: some 7 to 1."""
+"""Smallest log odds at which a position from the lines counts: about 7 to 1."""
 MAX_DEVIATIONS = 5.0
-"""Standard errors of the stated place by which the lines may contradict it."""
+"""Number of standard errors from the estimate within which the lines agree with it."""
 MIN_DISAGREEMENT: Metres = 2e-3
-"""Least distance of both places that is a contradiction."""
+"""Smallest distance of two positions that disagree."""
 EDGE_DEVIATIONS = 2.0
-"""Standard errors by which an estimate may lie beyond an end of the range, as that of a touch there does."""
+"""Number of standard errors by which the estimate of a touch at an end of the range may lie outside."""
 MAX_EDGE: Metres = 1e-3
-"""Largest distance beyond the end that these may be."""
+"""Largest distance outside the range for an estimate within `EDGE_DEVIATIONS`."""
 REACH_DEVIATIONS = 4.0
-"""Standard errors about a place that may reach beyond an end, by no more than the largest one stated."""
+"""Number of standard errors around an estimate that may reach outside the range, by at most one largest
+standard error that the model states."""
 
 
 class PlaceByLines(NamedTuple):
-    """The place that a window's lines tell, in m from pickup 1, and the logarithm of its odds."""
+    """The position from a window's lines, in m from pickup 1, and its log odds."""
 
     place: Metres
     lead: float
@@ -43,16 +44,16 @@ NO_PLACE = PlaceByLines(math.nan, -math.inf)
 def withheld_reason(
     place: Metres, std: Metres, lines: PlaceByLines, sensing_range: tuple[Metres, Metres] | None
 ) -> str:
-    """Return why an estimated place cannot be stated, or an empty string.
+    """Return why an estimated position is withheld; empty if it can be stated.
 
     Parameters
     ----------
     place, std
         The estimate and its standard error, in m.
     lines
-        What the lines of the window tell; `NO_PLACE` where they tell nothing.
+        The position from the window's lines; `NO_PLACE` if they give none.
     sensing_range
-        Where a place can be told, in m; None for the whole string.
+        The positions that the sensor can estimate, in m; None for the whole string.
 
     Examples
     --------
@@ -74,9 +75,9 @@ def withheld_reason(
 def may_be_outside(
     place: Metres, std: Metres, max_std: Metres, sensing_range: tuple[Metres, Metres] | None
 ) -> bool:
-    """Return whether the error of a place inside the sensing range, in m, reaches well outside it.
+    """Return whether the error of a position inside the sensing range may reach far outside the range.
 
-    "Well" is further than the largest standard error that the model states, `max_std`.
+    "Far" is more than `max_std`, the largest standard error that the model states. All lengths are in m.
 
     >>> [may_be_outside(0.0513, std, 2e-3, (0.05, 0.15)) for std in (3e-4, 1.9e-3)]
     [False, True]

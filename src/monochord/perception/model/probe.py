@@ -1,4 +1,4 @@
-"""Probe windows: they identify what a feature computes, wherever its code and weights are."""
+"""Probe windows: a feature's values for them identify its code and weights."""
 
 import numpy as np
 
@@ -8,11 +8,11 @@ from monochord.core.units import Samples
 from monochord.perception.features.base import Extractor
 
 MAX_DIFFERENCE = 0.1
-"""Median difference of a feature's values, in deviations of the training, below which it is the same."""
+"""Largest median difference of an unchanged feature's values, in standard deviations of the training."""
 
 
 def probe_windows(channels: int, size: Samples) -> Audio:
-    """Return three windows (3, channels, size): a chord, noise, and both fading; the same everywhere.
+    """Return three fixed windows (3, channels, size): a chord, noise, and both with a decay.
 
     >>> probe_windows(2, 4410).shape
     (3, 2, 4410)
@@ -27,30 +27,30 @@ def probe_windows(channels: int, size: Samples) -> Audio:
 
 
 def probed(extractor: Extractor, channels: int, size: Samples) -> Audio:
-    """Return the feature (3, columns) of the probe windows."""
+    """Return the features (3, columns) of the probe windows."""
     return extractor(probe_windows(channels, size))
 
 
 def refuse_another(name: str, values: Audio, trained: Audio, scale: Audio) -> None:
-    """Refuse a feature whose values for the probe windows are not those of the training.
+    """Refuse a feature whose values for the probe windows differ from those in training.
 
-    The median is compared, since a peak that another machine picks otherwise makes no other feature.
+    The median difference counts, so a single peak that another machine picks differently is tolerated.
 
     Parameters
     ----------
     name
-        Of the feature.
+        Name of the feature.
     values, trained
-        Its values now and in training (3, columns).
+        Values (3, columns) of the feature now and in training.
     scale
-        Standard deviations of the columns in training.
+        Standard deviation (columns,) of each column in training.
 
     Raises
     ------
     InputError
-        If it is another feature.
+        If the feature has changed since the training.
     """
     difference = float(np.median(np.abs(values - trained) / scale))
     if not difference < MAX_DIFFERENCE:
-        given = f"feature '{name}', changed since the training by {difference:.2g} deviations"
-        raise InputError(given, "the same code and weights", "go back to those, or train again")
+        given = f"feature '{name}', which differs from the training by {difference:.2g} standard deviations"
+        raise InputError(given, "the code and weights of the training", "restore them, or train again")

@@ -1,9 +1,10 @@
-"""Inputs that force is nearly linear in: how far a touch raises the pitch, over the untouched string's.
+"""Inputs in which force is nearly linear: the rise of the pitch above the untouched string's.
 
-A light press F at x on something rigid raises the open frequency by the share E A F^2 x (L - x) / (4 L^2 T^3)
-(`physics.theory.geometric_tension`), so that F goes as the root of the rise over 4 x (L - x) / L^2. Something
-compliant lowers it, at a light touch by many times more, which a logarithm keeps in range. Neither is linear
-in the columns of a feature, and layers that have to find both out of them find less.
+A light press F at x by a rigid object raises the open frequency by the share E A F^2 x (L - x) / (4 L^2 T^3)
+(`physics.theory.geometric_tension`). So F is proportional to the square root of the rise divided by 4 x (L -
+x) / L^2. A compliant object lowers the pitch, at a light touch by many times more; a logarithm limits this
+range. Neither relation is linear in a feature's columns, and hidden layers that have to learn both are less
+accurate.
 """
 
 import numpy as np
@@ -13,21 +14,22 @@ from monochord.core.kernels import kernel
 from monochord.core.types import Audio
 
 COLUMNS = ("ratio open", "ratio rest", "ratio place")
-"""Columns of the feature: both readings of the open frequency in thousandths, and the place x / L."""
+"""Columns of the feature: both readings of the open frequency in thousandths, and the position x / L."""
 REFERENCE = "open"
-"""Column of the untouched reference that they are compared with."""
+"""Column of the untouched reference that the readings are compared with."""
 COUNT = 5
 KNEE = 2.0
-"""Rise, in thousandths, from which on its size counts by the logarithm; noise is below."""
+"""Rise in thousandths above which the input is logarithmic; noise lies below."""
 NEAREST_END = 0.05
-"""Least distance of a place from an end, over the length."""
+"""Smallest distance of a position from an end, as a share of the length."""
 
 
 def rises(row: Audio, reference: Audio, columns: tuple[int, ...]) -> Audio:
-    """Return the inputs (..., `COUNT`) of rows of the feature (..., d), each with its reference (..., c).
+    """Return the inputs (..., `COUNT`) from features (..., d) and their references (..., c).
 
-    They are ``asinh(r / KNEE)`` and ``sign(r) sqrt(|r| / g)`` of both rises r, and g = 4 x (L - x) / L^2.
-    Without a reference all are 0. `columns` are those of `COLUMNS`, and that of `REFERENCE`.
+    The inputs are ``asinh(r / KNEE)`` of both rises r, ``sign(r) sqrt(|r| / g)`` of both, and g = 4 x (L - x)
+    / L^2. Without a reference, all are 0. `columns` are the indices of the three `COLUMNS` in the feature and
+    of `REFERENCE` in the reference.
 
     Examples
     --------
@@ -37,7 +39,7 @@ def rises(row: Audio, reference: Audio, columns: tuple[int, ...]) -> Audio:
     """
     if not (max(columns[:3]) < row.shape[-1] and columns[3] < reference.shape[-1]):
         given = f"rows of {row.shape[-1]} columns and a reference of {reference.shape[-1]}"
-        raise InputError(given, f"the columns {columns}")
+        raise InputError(given, f"columns with the indices {columns}")
     rows, references = row.reshape(-1, row.shape[-1]), reference.reshape(-1, reference.shape[-1])
     return _rises(rows, references, columns).reshape(*row.shape[:-1], COUNT)
 

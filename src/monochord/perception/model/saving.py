@@ -1,4 +1,4 @@
-"""Writes a model into a folder, which `monochord.perception.model.files` reads."""
+"""Saves a model in a folder, which `monochord.perception.model.files` reads."""
 
 import dataclasses
 import hashlib
@@ -20,9 +20,9 @@ TEXT, WEIGHTS = "model.json", "weights.safetensors"
 
 
 def save(model: "Model", folder: Path) -> "Model":
-    """Write a model into a folder, and return it with the checksum that it then has.
+    """Save a model in a folder, and return the model with the checksum of its weights.
 
-    The same model gives the same bytes. The text is written last, so that a folder with a text is whole.
+    The same model gives the same bytes. The text is written last, so a folder with the text is complete.
     """
     from safetensors.numpy import save as packed  # noqa: PLC0415
 

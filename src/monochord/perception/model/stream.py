@@ -1,4 +1,4 @@
-"""A model on one stream of windows, as the live loop and `Model.predict` run it; it follows the pitch."""
+"""A model on one stream of windows, which follows the pitch; the live loop and `Model.predict` use it."""
 
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 
 EXPECTED_PITCH = "the pitch that this model expects"
 UNKNOWN = "the string's pitch is not known yet"
-"""Of the first untouched windows where they are none of the known string's."""
+"""The reason in the first untouched windows, if they do not fit the string's expected pitch."""
 
 
 class ModelStream(ABC):
-    """A model on one stream of windows: called with each in order, it returns the estimates."""
+    """A model on one stream of windows; call it with each window in order to get the estimates."""
 
     def __call__(self, window: Window) -> Estimates:
         """Return the estimates of the next window."""
@@ -32,15 +32,15 @@ class ModelStream(ABC):
 
     @abstractmethod
     def before(self, window: Window) -> "tuple[Model, ModelState]":
-        """Return the model to read a window by, and its state before the window."""
+        """Return the model to apply to a window, and its state before the window."""
 
     @abstractmethod
     def after(self, window: Window, state: ModelState, estimates: Estimates) -> Estimates:
-        """Take the state after a window, and return its estimates."""
+        """Store the state after a window, and return the window's estimates."""
 
 
 class Fixed(ModelStream):
-    """A model at one pitch, which it does not follow."""
+    """A model that does not follow the pitch."""
 
     def __init__(self, model: "Model") -> None:
         self._model, self._state = model, ModelState()
@@ -50,13 +50,13 @@ class Fixed(ModelStream):
         return self._model, self._state
 
     def after(self, window: Window, state: ModelState, estimates: Estimates) -> Estimates:  # noqa: ARG002
-        """Take the state, and return the estimates as they are."""
+        """Store the state, and return the estimates unchanged."""
         self._state = state
         return estimates
 
 
 class Followed(ModelStream, Watching):
-    """A model that is re-tuned by the windows that nothing touches."""
+    """A model that follows the pitch of untouched windows."""
 
     def __init__(self, model: "Model", signal: Signal, size: Samples) -> None:
         self._own = StringFollower.of(signal, size, lowest=LOWEST, highest=HIGHEST)
@@ -67,7 +67,7 @@ class Followed(ModelStream, Watching):
         self._has_tuning, self._reason = False, ""
 
     def before(self, window: Window) -> "tuple[Model, ModelState]":
-        """Follow the string in the window, and return the model for its pitch and the state."""
+        """Update the pitch from the window, and return the model for this pitch with its state."""
         if window.start <= self._state.start:
             self._use(self._known, self._own.string)
             self._has_tuning = False
@@ -79,7 +79,7 @@ class Followed(ModelStream, Watching):
         return self._model, self._state
 
     def after(self, window: Window, state: ModelState, estimates: Estimates) -> Estimates:
-        """Take the state, and return the estimates, or abstentions where the pitch cannot be followed."""
+        """Store the state, and return the estimates; abstentions if the pitch cannot be followed."""
         self._state = state
         reason = self._reason if self._has_tuning else self._other_tuning_reason(window)
         if not reason:
@@ -88,7 +88,7 @@ class Followed(ModelStream, Watching):
 
     @property
     def condition(self) -> Condition:
-        """The pitch of the string, and how far it is off the one that it was known at."""
+        """The pitch of the string, and its deviation from the expected pitch."""
         tuning = self._tuner.tuning
         if tuning is None:
             return Condition(follows=not self._reason)

@@ -1,11 +1,11 @@
-"""What a model is, in a few lines for a person."""
+"""A summary of a model in a few lines."""
 
 from monochord.perception.model.definition import Definition, HeadRecord
 from monochord.physics.sensors import designs_with
 
 
 def facts(definition: Definition) -> tuple[str, list[tuple[str, str]]]:
-    """Return a title, and what there is to know of a model: sensor, training, feature and stated errors.
+    """Return a title and (name, text) pairs: a model's sensor, training, input, feature and heads.
 
     >>> from monochord.perception.model import load
     >>> title, rows = facts(load("demo").definition)

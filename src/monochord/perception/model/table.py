@@ -1,4 +1,4 @@
-"""The predictions of a sound as a table: a row for each window, arrays for each estimate."""
+"""A model's predictions for a sound as a table: a row for each window, a column for each estimate."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -16,23 +16,23 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 SHOWN = 10
-"""Rows of a table that a notebook shows, from its beginning and its end."""
+"""Number of rows that a notebook shows from each end of a table."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class EstimateColumn:
-    """One estimate in every window (n,). NumPy takes it as its values.
+    """One estimate in every window (n,). NumPy functions use its values.
 
     Attributes
     ----------
     value, std
-        The estimates and their standard errors, in `unit`; NaN where not valid.
+        The estimates and their standard errors in `unit`; NaN where invalid.
     valid
-        Whether there is an estimate.
+        Whether the window has an estimate.
     reason
-        Why there is none, as text; empty where valid.
+        Why the window has no estimate, as text; empty where valid.
     unit
-        Such as ``"m"`` and ``"N"``; empty for a probability.
+        The unit, such as ``"m"`` or ``"N"``; empty for a probability.
     """
 
     value: Floats
@@ -64,19 +64,20 @@ class EstimateColumn:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PredictionTable:
-    """What a model estimates in a sound: a row for each window, immutable.
+    """A model's estimates for a sound: an immutable table with a row for each window.
 
-    ``len`` is the number of windows, iteration yields a `Prediction` for each, and ``table["position"]`` or
-    ``table.position`` is a column of arrays (n,): ``value``, ``std``, ``valid`` and ``reason``.
+    ``len(table)`` is the number of windows. Iteration yields a `Prediction` for each window.
+    ``table["position"]`` or ``table.position`` is a column with the arrays (n,) ``value``, ``std``, ``valid``
+    and ``reason``.
 
     Attributes
     ----------
     start
         First frame (n,) of each window.
     time
-        Start (n,) of each window, in s since the sound's beginning.
+        Start (n,) of each window, in s from the sound's beginning.
     estimates
-        The columns by the estimate's name.
+        The columns, by name of the estimate.
 
     Examples
     --------
@@ -95,9 +96,9 @@ class PredictionTable:
 
     @classmethod
     def of(cls, starts: Sequence[int], sample_rate: int, rows: Sequence[Estimates]) -> "PredictionTable":
-        """Return the table of windows from their first frames and their estimates.
+        """Return the table for windows with these first frames and estimates.
 
-        All rows have the same names; `sample_rate` is in frames a second.
+        All rows have estimates of the same names. `sample_rate` is in Hz.
         """
         columns: dict[str, EstimateColumn] = {}
         for name in rows[0] if rows else ():
@@ -123,14 +124,14 @@ class PredictionTable:
     @overload
     def __getitem__(self, key: int) -> Prediction: ...
     def __getitem__(self, key: str | int) -> EstimateColumn | Prediction:
-        """Return a column by its name, or a row by its number.
+        """Return a column by name, or a row by index.
 
         Raises
         ------
         InputError
-            If there is no column of this name.
+            If no column has this name.
         IndexError
-            If there is no such row.
+            If no row has this index.
         """
         if not isinstance(key, str):
             return self._row(range(len(self))[key])
@@ -157,7 +158,8 @@ class PredictionTable:
     def to_pandas(self) -> "DataFrame":
         """Return a data frame indexed by time in s, with four columns for each estimate.
 
-        They are ``position``, ``position_std``, ``position_valid`` and ``position_reason``, and so on.
+        The columns of position are ``position``, ``position_std``, ``position_valid`` and
+        ``position_reason``.
 
         Raises
         ------
@@ -175,12 +177,12 @@ class PredictionTable:
         return DataFrame(columns, index=Index(self.time, name="time"))
 
     def plot(self) -> "tuple[Axes, ...]":
-        """Draw every estimate over time, with a band of one standard error; position in mm.
+        """Plot every estimate over time with a band of one standard error; position in mm.
 
         Returns
         -------
         tuple of Axes
-            One for each estimate, of a new pyplot figure.
+            The axes of each estimate in a new pyplot figure.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""From a dataset to a model: training, and adapting a model to known touches."""
+"""Training a model on a dataset, and adapting a model to known touches."""
 
 from monochord.perception.training._torch import torch_library
 from monochord.perception.training.adapt import REMEDY, Objects, adapt

@@ -1,4 +1,4 @@
-"""The library that trains, where it is installed."""
+"""The optional library for training."""
 
 from typing import Any
 
@@ -6,7 +6,7 @@ from monochord.core.errors import MissingLibraryError
 
 
 def torch_library() -> Any:
-    """Return torch; raises `MissingLibraryError` where it is not installed."""
+    """Return the module torch; raises `MissingLibraryError` if it is not installed."""
     try:
         import torch  # noqa: PLC0415
     except ImportError as error:

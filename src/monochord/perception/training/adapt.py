@@ -1,4 +1,4 @@
-"""Adapting a model to a build and its object by a few touches of known position and force."""
+"""Adapting a model to a sensor and an object with a few touches of known position and force."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -23,12 +23,12 @@ from monochord.perception.training.touch_labels import refuse_impossible
 from monochord.perception.training.train import read_in_turn, with_design_forces
 
 Objects: TypeAlias = Literal["same", "others"]
-"""What an adapted model is to be touched by: the object of the known touches, or others too."""
+"""The objects that an adapted model is for: only the object of the known touches, or others too."""
 MAX_FOLDS = 10
-"""Folds of the cross-validation; with as many touches or fewer each touch is left out by itself."""
+"""Largest number of cross-validation folds; up to this number of touches, each touch is a fold."""
 MAX_ALARM_SHARE = 0.01
-"""Share of the windows of a sensor in order that may still reach the limit of the detector."""
-REMEDY = "train one with corrections, as the preset builds does"
+"""Largest share of a healthy sensor's windows that may still exceed the anomaly detector's limit."""
+REMEDY = "train a model with corrections (preset: builds)"
 
 
 def adapt(
@@ -43,33 +43,33 @@ def adapt(
 ) -> Adaptation:
     """Return a model adapted to the sensor and the object of a dataset's sessions.
 
-    As in training, features are relative to each session's own string, and forces as of the design's tension.
-    The sensor is taken to be in order: what it sounds like here is no fault from then on, whatever the
-    detector of unlike sound took it for.
+    As in training, features are relative to each session's own string, and forces are scaled to the design's
+    tension. The sensor is assumed healthy: the adapted model's anomaly detector no longer reports the
+    sensor's present sound as a fault.
 
     Parameters
     ----------
     model
-        Trained with corrections. What it was adapted to before stays known.
+        A model trained with corrections. Earlier adaptations stay in effect.
     dataset
-        Windows with labels, of one build; of one object, or of one in each session where `objects` says so.
+        Labelled windows of one build, with one object; with `objects` "others", one object in each session.
     touches
-        How many touches to use, the first in time, 1 or more; all by default.
+        Number of touches to use, 1 or more, the earliest first; all by default.
     objects
-        "others" learns of the sensor alone, for objects that are not known: less, since most of the error is
-        the object's.
+        "same" learns sensor and object. "others" learns the sensor alone, for use with unknown objects; it
+        improves less, because most of the error comes from the object.
     sensing_range
-        Where the touch to make next may lie, in m; anywhere by default.
+        Range of positions in m for the suggested next touch; any position by default.
     replayed
-        What the model makes of the dataset's windows, where it is known already; see `train.read_in_turn`.
+        The model's outputs for the dataset, if already computed; see `train.read_in_turn`.
     progress
         Called with the progress.
 
     Raises
     ------
     InputError
-        If the model has no corrections, the dataset fewer touches than `touches`, or none, or labels that
-        cannot be; or for other objects if the model was adapted before.
+        If the model has no corrections; if the dataset has no touches, or fewer than `touches`; if a label is
+        impossible; or if `objects` is "others" and the model was adapted before.
     """
     _refuse_unfit(model, objects)
     given, dataset = dataset, with_design_forces(model, dataset)
@@ -139,23 +139,23 @@ def judge(
     sensing_range: tuple[Metres, Metres] | None = None,
     progress: Progress = lambda *_: None,
 ) -> Adaptation:
-    """Return what known touches say of a model that learns nothing from them and stays as it is.
+    """Return the errors of a model on known touches, without adapting the model.
 
     Parameters
     ----------
     model
-        With or without corrections.
+        A model with or without corrections.
     dataset
-        Windows with labels, of one build and one object; all of its touches count.
+        Labelled windows of one build and one object; all touches count.
     sensing_range
-        Where the touch to make next may lie, in m; anywhere by default.
+        Range of positions in m for the suggested next touch; any position by default.
     progress
         Called with the progress.
 
     Raises
     ------
     InputError
-        If no touch has a label, or labels cannot be.
+        If no touch has a label, or a label is impossible.
     """
     given, dataset = dataset, with_design_forces(model, dataset)
     rows, touch = stream_of(dataset, np.arange(len(dataset))), touches_of(dataset)
@@ -180,7 +180,9 @@ def judge(
         heads[name] = replace(head, learned=False)
         used[errors.rows] = True
     if not heads:
-        raise InputError("0 touches with a label of position or force", "1 or more", "record some")
+        raise InputError(
+            "0 touches with a label of position or force", "1 or more", "record labelled touches"
+        )
     return Adaptation(
         model=model,
         heads=heads,
@@ -213,20 +215,21 @@ def _trust(
 
 
 def desensitised(model: Model, odds: Sequence[Floats]) -> tuple[Model, dict[str, float]]:
-    """Return a model that takes the sound of a sensor for none that is unlike, and what it took it for.
+    """Return a model whose anomaly detector is desensitised to the sound of a healthy sensor.
+
+    The log odds of each reason are lowered until at most `MAX_ALARM_SHARE` of the windows exceed the limit,
+    but by no more than `MAX_ODDS`.
 
     Parameters
     ----------
     model
-        With or without a detector of unlike sound.
+        A model with or without an anomaly detector.
     odds
-        Log odds (reasons,) of the detector after each window of a sensor that is in order.
+        The detector's log odds (reasons,) after each window of the sensor.
 
     Returns
     -------
-    The model, and the share of these windows that it abstained from, by the reason that it gave. Log odds of
-    a reason are lowered until hardly a window of the sensor reaches the limit, and by no more than a window
-    can say.
+    The model, and the share of windows from which the given model abstains, by reason.
     """
     detector = model.detector
     if detector is None or not odds:
@@ -323,7 +326,7 @@ def _refuse_unfit(model: Model, objects: Objects) -> None:
     records = (each.correction for each in model.definition.heads.values())
     if objects == "others" and (touches := max(each.touches for each in records if each)):
         given = f"a model that was adapted to {touches} touches, for other objects"
-        raise InputError(given, "the model as it was trained", "give it all sessions at once")
+        raise InputError(given, "the model before any adaptation", "adapt it to all sessions at once")
 
 
 def _suggestion(

@@ -1,4 +1,4 @@
-"""What known touches did for a model, and how a person is told."""
+"""The result of adapting a model to known touches, and its report."""
 
 from dataclasses import dataclass
 
@@ -6,18 +6,20 @@ from monochord.core.units import Metres, Newtons
 from monochord.perception.model.model import Model
 
 MIN_REPORTED_SHARE = 0.01
-"""Least share of windows taken for a fault that is reported."""
+"""Smallest share of windows with a false alarm that is reported."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeadAdaptation:
-    """What known touches did for a head, by cross-validation over touches, in the label's unit.
+    """The effect of known touches on a head, by cross-validation over touches, in the label's unit.
 
-    `before` and `after` are mean absolute errors, the latter of touches left out. `std` is the median
-    standard error stated for these, `coverage` the share of windows within one, `within_two` within two. A
-    head whose touches did not help, as where modes are misread, is left as it was: `used` is false. So it is
-    for one without corrections, of which the touches say only how good it is: `corrected` is false. Where no
-    touch was to be learned from, all of them only judge: `learned` is false.
+    `before` and `after` are mean absolute errors; `after` is the error on touches that were left out. `std`
+    is the median standard error stated for them. `coverage` is the share of windows within one stated
+    standard error, and `within_two` within two.
+
+    `used` is false for an unchanged head: its touches did not help, for instance because modes were misread.
+    `corrected` is false for a head without a correction, which cannot learn. `learned` is false if the
+    touches were used only to measure the error.
     """
 
     unit: str
@@ -38,7 +40,7 @@ class HeadAdaptation:
         return self.after if self.used else self.before
 
     def line(self, name: str) -> str:
-        """Return it as a person reads it, for the head of this name."""
+        """Return a line of the report, for the head with this name."""
         factor, unit = (1e3, "mm") if self.unit == "m" else (1.0, self.unit)
         before, after, std = (f"{factor * value:.3g} {unit}" for value in (self.before, self.after, self.std))
         stated = (
@@ -48,14 +50,14 @@ class HeadAdaptation:
         if not self.learned:
             return f"  {name:<10} mean error {before} on {self.touches} touches {stated}"
         if not self.corrected:
-            return f"  {name:<10} mean error {before} {stated}; it has no correction to learn"
+            return f"  {name:<10} mean error {before} {stated}; this head has no correction to learn"
         line = f"  {name:<10} mean error {before} before, {after} with {self.touches} touches {stated}"
-        return line if self.used else f"{line}; left as it was, since they did not help"
+        return line if self.used else f"{line}; unchanged, because the touches did not help"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Suggestion:
-    """The touch that would lower the uncertainty of the others most, by the share `gain` on average."""
+    """The next touch that would lower the variance of other touches most, by the share `gain` on average."""
 
     position: Metres
     force: Newtons
@@ -64,10 +66,11 @@ class Suggestion:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trust:
-    """Where known touches lie, and the error to expect there: what a model may be trusted with.
+    """The range of the known touches, and the error to expect within it.
 
-    `position` in m and `force` in N are the least and greatest of the touches' means, None where none is
-    known. `errors` are the mean absolute errors by head, in SI units. `sliding` is whether a touch slid.
+    `position` (m) and `force` (N) are the smallest and largest labels; None without labels. `errors` are mean
+    absolute errors by head, in SI units. `sliding` says whether a touch slid, and `others` whether the model
+    was adapted for other objects with touches of several objects.
     """
 
     touches: int
@@ -78,7 +81,7 @@ class Trust:
     others: bool = False
 
     def line(self) -> str:
-        """Return it as one sentence."""
+        """Return the range and the errors as one sentence."""
         spans = [
             f"{factor * span[0]:.3g} to {factor * span[1]:.3g} {unit}"
             for span, factor, unit in ((self.position, 1e3, "mm"), (self.force, 1.0, "N"))
@@ -101,11 +104,12 @@ class Trust:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Adaptation:
-    """A model adapted to known touches, what that did for each head, and which touch would help most next.
+    """A model adapted to known touches, the effect on each head, and the most helpful next touch.
 
-    `mistaken` are the shares of windows that the model took for faults, by reason, and no longer does, unless
-    it was only judged: `learned` is false then, and the model as it was. `trust` is where the touches lie.
-    `outside` are the positions of known touches outside `sensing_range`, which were left out.
+    `mistaken` holds the shares of windows with a false alarm of the anomaly detector, by reason. The adapted
+    model does not give these alarms. `learned` is false if the model was only judged; `model` is then
+    unchanged. `trust` is the range of the touches. `outside` lists the positions in m of known touches
+    outside `sensing_range`, which were left out.
     """
 
     model: Model
@@ -118,7 +122,7 @@ class Adaptation:
     outside: tuple[Metres, ...] = ()
 
     def lines(self) -> list[str]:
-        """Return the errors of touches that were left out, and the touch to make next, for a person."""
+        """Return the lines of the report: touches left out, errors of heads, false alarms and next touch."""
         lines = [head.line(name) for name, head in self.heads.items()]
         if self.sensing_range is not None and self.outside:
             low, high = self.sensing_range
@@ -129,7 +133,9 @@ class Adaptation:
             span = f"the sensing range of {1e3 * low:g} to {1e3 * high:g} mm"
             lines.append(f"{which} outside {span} (at {places} mm): left out of position and force")
         now = (
-            'were taken for "{}", and are not any more; was it so?' if self.learned else 'are taken for "{}"'
+            'gave the alarm "{}" and do not give it now; was it a false alarm?'
+            if self.learned
+            else 'give the alarm "{}"'
         )
         lines += [
             f"  {100 * share:.0f} % of windows {now.format(why)}"

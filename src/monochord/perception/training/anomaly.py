@@ -1,9 +1,10 @@
-"""Learning which sound is unlike that of the training: ordinary windows against windows of faults.
+"""Training of the anomaly detector: ordinary windows against windows of faults and unusual touches.
 
-Ordinary are the windows that the heads learn from, clean and noisy. Unlike them are windows of the same
-sessions with faulty microphones, and those of a dataset of sessions that no head learns from: soft or double
-touches, a silent driver, another string. Each kind is an output, so that the reason can be stated, and counts
-as much as any other, and all of them as much as the ordinary windows.
+Ordinary windows are the windows that the heads learn from, clean and noisy. Anomalies come from two sources:
+windows of the same sessions with simulated microphone faults, and a separate dataset that no head learns
+from, with soft or double touches, a silent driver or another string. Each reason has an output, so the model
+can state the reason. All kinds of anomaly have equal weight, and together they weigh as much as the ordinary
+windows.
 """
 
 import dataclasses
@@ -28,16 +29,17 @@ from monochord.perception.training.rows import Noise, Rows
 from monochord.perception.training.settings import AnomalySettings, TrainingSettings
 
 ORDINARY = "ordinary"
-"""Key of the share of ordinary windows in `AnomalyRecord.measured`."""
+"""Key of the ordinary windows' share in `AnomalyRecord.measured`."""
 FAULT_SHARE = 4
-"""One window of so many is also learned from with each fault."""
+"""Every so many windows, one also serves as training data with each fault."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Kind:
-    """Windows of one kind and the reason: scaled features (n, d).
+    """Windows of one kind of sound and its reason.
 
-    Those of validation have their session, their time, and whether something touches.
+    `learned` (n, d) and `judged` (m, d) are the scaled features for training and validation. `session` (m,),
+    `time` (m,) in s and `touched` (m,) describe the windows of validation.
     """
 
     name: str
@@ -58,30 +60,30 @@ def with_detector(
     parts: tuple[Indices, Indices],
     progress: Progress = lambda *_: None,
 ) -> tuple[Definition, dict[str, Audio]]:
-    """Return a definition with the detector that the settings ask for, and its arrays.
+    """Return a definition with the anomaly detector of the settings, and the detector's arrays.
 
     Parameters
     ----------
     definition
-        Of the model.
+        The model's definition.
     scaler
         The arrays ``scaler.*`` of the model.
     settings
-        Of the training.
+        Settings of the training.
     data
-        Its dataset and features.
+        Dataset and features of the training.
     examples
-        Of training and of validation.
+        Examples of training and validation.
     parts
-        All windows (n,) of training and of validation, those in which a touch begins or ends too: no head
-        learns from them, but they are no unlike sound.
+        All windows (n,) of training and validation. They include windows in which a touch begins or ends: no
+        head learns from them, but the detector must accept them as ordinary.
     progress
         Called with the progress.
 
     Raises
     ------
     InputError
-        If the dataset of unlike sessions cannot be used, or has none of the reasons.
+        If the dataset of anomalies cannot be used, or has no session for any reason.
     """
     options = settings.known
     if not options.on:
@@ -180,7 +182,8 @@ def _unlike(
     form = (manifest.sample_rate, manifest.channels, manifest.window)
     if form != (definition.sample_rate, definition.channels, definition.window):
         given = f"known.dataset {options.dataset} of windows {form[2]} at {form[0]} Hz"
-        raise InputError(given, f"{definition.window} at {definition.sample_rate} Hz", "build it so")
+        allowed = f"{definition.window} at {definition.sample_rate} Hz"
+        raise InputError(given, allowed, "build the dataset with these settings")
     builds = {own.parts[number].build for number in np.unique(judged.session).tolist()} - {None}
     signal = Signal(sample_rate=form[0], channels=form[1], string=definition.string)
     folder = settings.cache or dataset.path / "features"
@@ -205,7 +208,7 @@ def _unlike(
         )
     if not kinds:
         given = f"known.dataset {options.dataset} without sessions {', '.join(options.reasons)}"
-        raise InputError(given, "sessions of one pattern or more", "name them in known.reasons")
+        raise InputError(given, "sessions that match a pattern", "add their patterns to known.reasons")
     return kinds
 
 

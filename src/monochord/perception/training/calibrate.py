@@ -1,4 +1,4 @@
-"""Calibration: how far a head's stated uncertainty is from its errors, and the factor that corrects it."""
+"""Scaling of a head's stated uncertainty to its errors."""
 
 import math
 from collections.abc import Callable
@@ -11,16 +11,17 @@ from monochord.metrics import brier_score, calibration_error, coverage, normal_c
 from monochord.perception.model.definition import Calibration
 
 FACTORS = np.exp(np.linspace(math.log(0.5), math.log(20.0), 401))
-"""Temperatures that are tried; bounded, since probabilities without an error have no best one."""
+"""Candidate temperatures. They are bounded, because probabilities without an error have no best
+temperature."""
 SIGMAS = (1.0, 1.645, 1.96)
 MIN_FACTOR = 1e-6
 PRIOR_TOUCHES = 10.0
-"""Touches that the spread of training, which is of unseen touches, is worth against a factor below 1."""
+"""Number of touches that the spread learned in training counts for, against a factor below 1."""
 Indices = NDArray[np.int64]
 
 
 def temperature(reference: NDArray[np.bool_], logit: Floats) -> float:
-    """Return the factor by which logits (n,) are divided so that their log loss is least.
+    """Return the divisor of logits (n,) that minimises the log loss for the labels `reference` (n,).
 
     References
     ----------
@@ -40,19 +41,20 @@ def temperature(reference: NDArray[np.bool_], logit: Floats) -> float:
 
 
 def spread_factor(error: Floats, std: Floats, touch: Indices | None = None) -> float:
-    """Return the factor that makes stated standard errors (n,) cover the errors (n,) as one sigma should.
+    """Return the factor with which stated standard errors (n,) cover 68.3 % of errors (n,).
 
-    It is the quantile of ``|error| / std`` at 68.3 % (m + 1) / m, the finite-sample one of split conformal
-    prediction, times Student's t at one sigma with m - 1 degrees of freedom: m is the number of touches,
-    since the windows of one touch have much the same error. So few touches give a large factor; and one
-    below 1, which would state less than the residuals of training, counts by its m in m + `PRIOR_TOUCHES`.
+    The factor is the quantile of ``|error| / std`` at 68.3 % (m + 1) / m (split conformal prediction for
+    finite samples), times Student's t at one sigma with m - 1 degrees of freedom. m is the number of touches,
+    because the windows of one touch have nearly the same error. So few touches give a large factor. A factor
+    below 1 would state less than the residuals of the training; it counts with the weight m / (m +
+    `PRIOR_TOUCHES`).
 
     Parameters
     ----------
     error, std
-        Error and stated standard error (n,) of windows that the model was not trained on, in one unit.
+        Errors (n,) and stated standard errors (n,) of windows outside the training, in the same unit.
     touch
-        The touch (n,) of each window; without it each window is independent.
+        Number (n,) of the touch in each window; by default every window is independent.
 
     References
     ----------
@@ -76,7 +78,7 @@ def spread_factor(error: Floats, std: Floats, touch: Indices | None = None) -> f
 
 
 def calibrate_probability(reference: NDArray[np.bool_], logit: Floats, session: Indices) -> Calibration:
-    """Return the calibration of a probability, with its calibration error on sessions not used for it."""
+    """Return the calibration of a probability, with the calibration error on held-out sessions."""
 
     def probabilities(factor: Floats) -> Floats:
         return 1.0 / (1.0 + np.exp(-np.clip(logit / factor, -700.0, 700.0)))
@@ -96,7 +98,7 @@ def calibrate_probability(reference: NDArray[np.bool_], logit: Floats, session: 
 
 
 def calibrate_quantity(error: Floats, std: Floats, session: Indices, touch: Indices) -> Calibration:
-    """Return the calibration of a quantity, with the coverage on sessions not used for it."""
+    """Return the calibration of a quantity, with the coverage on held-out sessions."""
     factor = _from_other_sessions(session, lambda rows: spread_factor(error[rows], std[rows], touch[rows]))
     zeros = np.zeros(len(error))
     measured = {f"coverage_{sigmas:g}": coverage(zeros, error, factor * std, sigmas) for sigmas in SIGMAS}

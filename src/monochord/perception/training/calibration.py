@@ -1,4 +1,4 @@
-"""A model adapted to one build by sessions of known touches: what ``monochord calibrate`` does."""
+"""Adapting a model to one sensor with sessions of known touches, as ``monochord calibrate`` does."""
 
 import dataclasses
 import shlex
@@ -23,12 +23,12 @@ from monochord.perception.tuning.sessions import tension_estimator
 from monochord.sessions import read_session
 
 TOLERANCE: Metres = 1e-6
-"""By how much a touch at an end of the sensing range may lie beyond it: labels are rounded to 32 bits."""
+"""Tolerance at the ends of the sensing range, because labels are rounded to 32 bits."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class SensorRange:
-    """The sensing range in the table of a sensor that a session names."""
+    """The sensing range of a sensor in a session's description, in m."""
 
     range: tuple[Metres, Metres]
 
@@ -45,43 +45,45 @@ def calibrated(
     sensing_range: tuple[Metres, Metres] | None = None,
     progress: Progress = lambda *_: None,
 ) -> Adaptation:
-    """Adapt a model to one sensor and object, and save the result; without touches to use, judge it alone.
+    """Adapt a model to one sensor and object with sessions of known touches, and save the result.
 
-    Of touches outside the sensing range position and force are left out: the sensor cannot tell them there.
+    Outside the sensing range, the labels of position and force are left out, because the sensor cannot
+    estimate them there.
 
     Parameters
     ----------
     model
-        A model, its folder, or the name of a bundled one.
+        A model, its folder, or the name of a bundled model.
     sessions
         Files, folders or patterns of sessions with known touches.
     out
-        Folder of the new model; None to save none.
+        Folder of the new model; None to save nothing.
     touches
-        How many touches to use, the first in time; all by default. With 0 the model stays as it is, and all
-        touches say how good it is.
+        Number of touches to use, the earliest first; all by default. With 0 the model does not change, and
+        all touches measure its error.
     objects
-        What the sensor is to be touched by: the object of these touches, or others too; see `adapt`.
+        The objects that will touch the sensor: "same" for the object of these touches, or "others" too; see
+        `adapt`.
     labels
-        Which labels to take; see `BuildOptions`.
+        Which labels to use; see `BuildOptions`.
     force
-        Whether to accept sessions whose streams are not on one clock.
+        Accept sessions whose streams are not on one clock.
     sensing_range
-        Where the sensor tells places, in m: by default that of the sensor that the sessions name. The model's
-        own narrows it, and stands for it where none is named.
+        Sensing range in m; by default the range of the sensor that the sessions name. The result is the
+        overlap with the model's range, or the model's range if the sessions name none.
     progress
         Called with the progress.
 
     Raises
     ------
     InputError
-        If the folder exists, all touches are outside the sensing range, or the
-        model or the sessions cannot be used; see `adapt`.
+        If the folder exists, all touches are outside the sensing range, or the model or a session cannot be
+        used; see `adapt`.
     """
     given = model if isinstance(model, Model) else load(model)
     if touches == 0 and objects == "others":
         raise InputError(
-            "--objects others with --touches 0", "touches to learn from", "leave one of both out"
+            "--objects others with --touches 0", "touches to learn from", "leave out one of the two"
         )
     if out is not None and out.exists():
         raise InputError(f"folder {out} (exists)", "a new folder", "choose another name with --out")
@@ -153,5 +155,5 @@ def _within(dataset: Dataset, span: tuple[Metres, Metres] | None) -> tuple[Datas
     if not any(valid[name].any() for name in labels.keys() & {"position", "force"}):
         low, high = (f"{1e3 * end:g}" for end in span)
         given = f"{len(places)} known touches, all outside the sensing range"
-        raise InputError(given, f"touches between {low} and {high} mm", "record some there")
+        raise InputError(given, f"touches between {low} and {high} mm", "record touches in this range")
     return dataclasses.replace(dataset, labels=labels, valid=valid), places

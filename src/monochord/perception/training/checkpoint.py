@@ -1,6 +1,6 @@
-"""The state of training after an epoch, on disk, so that a run that was killed continues as if it were not.
+"""Checkpoints: the state of training after an epoch; an interrupted run resumes from it with equal results.
 
-One safetensors file, replaced at once: a kill leaves the previous one or this one, never half of one.
+A checkpoint is one safetensors file, replaced atomically: after a kill, the file is whole.
 """
 
 import json
@@ -34,10 +34,11 @@ class _State:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Checkpoint:
-    """`epoch` epochs are done, on data that have the checksum `data`; `history` has a line for each.
+    """The state of training after `epoch` epochs on data with the checksum `data`.
 
-    `weights` and the optimiser's `moments` are those after that epoch; `best` are each head's weights of its
-    best epoch `at`, with the validation error `score`.
+    `weights` and the optimiser's `moments` belong to the last epoch. `best` holds each head's weights in its
+    best epoch; `at` is this epoch and `score` its validation error, by head. `history` has a line for each
+    epoch.
     """
 
     epoch: int
@@ -50,7 +51,7 @@ class Checkpoint:
     history: list[Line] = field(default_factory=list[Line])
 
     def write(self, file: Path) -> None:
-        """Write it, replacing the previous one."""
+        """Write the checkpoint to a file, replacing the previous one."""
         from safetensors.numpy import save  # noqa: PLC0415
 
         parts = {"weights": self.weights, "moments": self.moments, "best": self.best}
@@ -76,7 +77,7 @@ class Checkpoint:
 
     @classmethod
     def read(cls, file: Path) -> "Checkpoint | None":
-        """Return the checkpoint in a file, None where there is none; raises `InputError` if it is damaged."""
+        """Return the checkpoint in a file, None without a file; raises `InputError` if it is damaged."""
         from safetensors import SafetensorError, safe_open  # noqa: PLC0415
 
         if not file.is_file():

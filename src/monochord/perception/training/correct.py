@@ -1,4 +1,4 @@
-"""Corrections of a model: their prior, of sessions that it was not trained on, and what known touches add."""
+"""Corrections of a model: the prior from sessions outside the training, and the update from known touches."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -14,15 +14,15 @@ from monochord.perception.model.network import Output, spread
 from monochord.perception.training.examples import masks_of
 
 Outputs = Mapping[int, Mapping[str, Output]]
-"""The outputs of every head for the windows of a dataset, by their rows."""
+"""The outputs of every head for the windows of a dataset, by row."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class Replayed:
-    """What a model made of the windows of a dataset, each by its row, read one by one as live.
+    """A model's outputs for the windows of a dataset, by row, computed window by window as in the live loop.
 
-    `outputs` are those of every head, `odds` the log odds (reasons,) of the detector of unlike sound, as it
-    averages them; none in a model without a detector. Windows that cannot be used have neither.
+    `outputs` holds the outputs of every head. `odds` holds the anomaly detector's averaged log odds
+    (reasons,); empty without a detector. Unusable windows are absent from both.
     """
 
     outputs: Outputs
@@ -31,10 +31,10 @@ class Replayed:
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class LabelledErrors:
-    """Errors of a head on windows (n,), label less estimate, in units of its scale.
+    """Errors of a head on labelled windows (n,): label minus estimate, in units of the head's scale.
 
-    `std` is what the head states by itself, `variables` (n, v) those of its correction, the first of which is
-    its own estimate.
+    `rows` (n,) are the windows in the dataset. `std` (n,) is the standard error that the head states.
+    `variables` (n, v) are the correction's variables; the first is the head's estimate.
     """
 
     rows: Indices
@@ -44,12 +44,12 @@ class LabelledErrors:
 
 
 def with_variables(definition: Definition, corrections: Mapping[str, tuple[str, ...]]) -> Definition:
-    """Return a definition whose heads have corrections of these variables, whose prior is not known yet.
+    """Return a definition whose heads have corrections with these variables, but no prior yet.
 
     Raises
     ------
     InputError
-        If a variable names no column.
+        If a variable names an unknown column.
     """
     heads = dict(definition.heads)
     for name, variables in corrections.items():
@@ -61,7 +61,7 @@ def with_variables(definition: Definition, corrections: Mapping[str, tuple[str, 
 
 
 def counting(definition: Definition, name: str, dataset: Dataset, outputs: Outputs) -> Indices:
-    """Return the windows that count for a head and have an output."""
+    """Return the rows of windows that count for a head and have an output."""
     rows = np.array(sorted(outputs), np.int64)
     task = definition.heads[name].task
     return rows[masks_of(dataset, {name: task})[name][rows]]
@@ -83,7 +83,7 @@ def labelled_errors(definition: Definition, name: str, dataset: Dataset, outputs
 
 
 def with_prior(model: Model, name: str, dataset: Dataset, outputs: Outputs, touch: Indices) -> Model:
-    """Return a model with the prior of a head's correction: a session is of one build and object."""
+    """Return a model with the prior of a head's correction; each session has one build and one object."""
     definition = model.definition
     known = labelled_errors(definition, name, dataset, outputs)
     session = dataset.session[known.rows].astype(np.int64)
@@ -95,7 +95,11 @@ def with_prior(model: Model, name: str, dataset: Dataset, outputs: Outputs, touc
 def with_correction(
     model: Model, name: str, correction: Correction, *, touches: int, sessions: int, kept: Audio
 ) -> Model:
-    """Return a model with a head's correction, `touches` known ones of which it rests on."""
+    """Return a model with a head's correction.
+
+    `touches` is the number of known touches and `sessions` the number of sessions behind the correction.
+    `kept` holds representative touches, see `Definition.shapes`.
+    """
     record = model.definition.heads[name]
     variables = record.correction.variables if record.correction else ()
     record = dataclasses.replace(

@@ -1,4 +1,4 @@
-"""From settings and a dataset to what the loop needs: definition, examples and scaling."""
+"""The inputs of the training loop from settings and a dataset: definition, examples and scaling."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -24,14 +24,14 @@ from monochord.perception.tuning.sessions import force_scales
 from monochord.physics.sensors import load_sensor
 
 MIN_DEVIATION = 1e-6
-"""Columns that vary by less are not scaled."""
+"""Columns with a smaller standard deviation are not scaled."""
 TOUCH_SPACING: Metres = 2e-3
-"""How far beyond the outermost touches of the training a place still counts as one that it had."""
+"""Distance from the outermost touches of the training up to which a position counts as trained."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrainingData:
-    """A dataset with the features that are computed of it, and the definition of the model to be trained."""
+    """A dataset, its features, and the definition of the model to train."""
 
     dataset: Dataset
     definition: Definition
@@ -46,11 +46,12 @@ class TrainingData:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Examples:
-    """Windows of one part of a split, clean first and then augmented.
+    """Windows of one part of a split: a clean copy, then augmented copies.
 
-    `rows` (n,) are their numbers in the dataset, `session` (n,) and `touch` (n,) those of session and touch
-    in it. `base` (copies, n, d) is the feature and `context` (copies, n, c) the reference, neither scaled.
-    `labels` and `masks` hold (n,) by head: its label, 0 where not valid, and whether the window counts.
+    `rows` (n,) are the windows' rows in the dataset. `session` (n,) and `touch` (n,) are the numbers of their
+    sessions and touches. `base` (copies, n, d) is the unscaled feature and `context` (copies, n, c) the
+    unscaled reference. `labels` (n,) holds each head's label, 0 where invalid. `masks` (n,) says which
+    windows count for each head.
     """
 
     rows: Indices
@@ -63,13 +64,15 @@ class Examples:
 
 
 def read_split(settings: TrainingSettings, dataset: Dataset) -> Split:
-    """Return the split that the settings name; raises `InputError` if it is not one of this dataset."""
+    """Return the split that the settings name; raises `InputError` if it belongs to another dataset."""
     file = settings.split or dataset.path / SPLIT_FILE
     split = Split.read(file)
     if split.dataset and split.dataset != dataset.checksum:
-        raise InputError(f"split {file} of another dataset", f"one of {dataset.path}", "split that one again")
+        raise InputError(f"split {file} of another dataset", f"a split of {dataset.path}", "split it again")
     if any(rows.size and rows.max() >= len(dataset) for rows in split.parts.values()):
-        raise InputError(f"split {file} of more windows", f"{len(dataset)}, as there are", "split it again")
+        raise InputError(
+            f"split {file} with windows that the dataset lacks", f"{len(dataset)} windows", "split it again"
+        )
     return split
 
 
@@ -81,14 +84,14 @@ def training_data(
     workers: int | None = None,
     cluster: str = "",
 ) -> TrainingData:
-    """Return features and definition of what is to be trained, with every head still in a scale of 1.
+    """Return the features and the definition of a model to train; heads have the scale 1.
 
-    `workers` and `cluster` compute the features, see `rows.Rows`.
+    `workers` and `cluster` compute the features; see `rows.Rows`.
 
     Raises
     ------
     InputError
-        For an unknown feature, head or sensor, or options that they refuse.
+        If a feature, head or sensor is unknown, or refuses an option.
     """
     manifest, sensor = dataset.manifest, load_sensor(settings.sensor)
     string = sensor.string
@@ -143,15 +146,14 @@ def _sensing_range(
 
 
 def masks_of(dataset: Dataset, tasks: Mapping[str, Task]) -> dict[str, Flags]:
-    """Return by head which windows (n,) of a dataset count for it.
+    """Return the windows (n,) of a dataset that count for each head.
 
-    A window counts where all its samples are there, its label is valid and, for a head that needs a touch,
-    contact is 1.
+    A window counts if it is complete, its label is valid and, for a head that requires a touch, contact is 1.
 
     Raises
     ------
     InputError
-        If there is no such label, or one that is marked valid is not finite.
+        If the dataset lacks a label, or a label marked valid is not finite.
     """
     masks: dict[str, Flags] = {}
     touched = dataset.label(CONTACT) == 1.0
@@ -159,51 +161,49 @@ def masks_of(dataset: Dataset, tasks: Mapping[str, Task]) -> dict[str, Flags]:
         values, valid = dataset.label(task.label), dataset.valid[task.label]
         if not np.isfinite(values[valid]).all():
             count = int((~np.isfinite(values[valid])).sum())
-            given = f"label '{task.label}' that is no number in {count} windows where it is marked valid"
-            raise InputError(given, "numbers", "build the dataset again")
+            given = f"label '{task.label}', marked valid but not finite in {count} windows"
+            raise InputError(given, "finite numbers", "build the dataset again")
         masks[name] = dataset.usable & valid & (touched | (not task.touched))
     return masks
 
 
 def chosen(dataset: Dataset, rows: Indices, tasks: Mapping[str, Task], part: str) -> Indices:
-    """Return the windows of a part that count for any head, in the order of their sessions and of time.
+    """Return the windows of a part that count for any head, in order of session and time.
 
     Raises
     ------
     InputError
-        If there is a head for which none counts, or a probability that is always or never true.
+        If no window counts for a head, or all labels of a probability are equal.
     """
     masks = masks_of(dataset, tasks)
     if not rows.size:
-        raise InputError(f"a split that leaves nothing to {part}", "one window or more", "split it otherwise")
+        raise InputError(f"a split with no windows to {part}", "one window or more", "change the split")
     for name, task in tasks.items():
         values = dataset.label(task.label)[rows[masks[name][rows]]]
         if not values.size or (task.is_probability and values.min() == values.max()):
-            kind = "windows of yes and of no" if task.is_probability else "windows"
+            kind = "windows of both classes" if task.is_probability else "windows"
             given = f"part '{part}' without {kind} for the head '{name}'"
-            raise InputError(given, "some of each", "collect more, or leave the head out")
+            allowed = "windows with 0 and with 1" if task.is_probability else "one window or more"
+            raise InputError(given, allowed, "collect more, or leave the head out")
     counts: Flags = np.logical_or.reduce(list(masks.values()))
     return np.sort(rows[counts[rows]])
 
 
 def stream_of(dataset: Dataset, part: Indices) -> Indices:
-    """Return the windows (n,) of a part that a model can use, in the order of their sessions and of time."""
+    """Return the usable windows (n,) of a part, in order of session and time."""
     return np.sort(part[dataset.usable[part]])
 
 
 def labelled_contact(dataset: Dataset, rows: Indices) -> Floats:
-    """Return the probability of contact (n,) that the reference is built by in training: the truth.
-
-    Where that is not known, something may touch, and it is 1.
-    """
+    """Return the probability of contact (n,) for the reference in training: the label; 1 if it is missing."""
     contact = dataset.label(CONTACT)[rows]
     return np.where(np.isfinite(contact), contact, 1.0)
 
 
 def touches_of(dataset: Dataset) -> Indices:
-    """Return the number of the touch (n,) of each window, from 0 on; untouched windows have the one before.
+    """Return the number (n,) of each window's touch; an untouched window has the number of the last touch.
 
-    A touch is a run of windows of one session in which contact is not 0.
+    A touch is a run of windows of one session with contact other than 0.
     """
     on = labelled_contact(dataset, np.arange(len(dataset))) > 0.0
     first = np.diff(dataset.session, prepend=-1) != 0
@@ -214,20 +214,20 @@ def touches_of(dataset: Dataset) -> Indices:
 def references(
     dataset: Dataset, rows: Indices, contact: Floats, rule: Reference, features: Mapping[int, Audio]
 ) -> Audio:
-    """Return the reference (n, c) that each window is read against.
+    """Return the untouched reference (n, c) of each window.
 
     Parameters
     ----------
     dataset
         The dataset of the windows.
     rows
-        All windows (n,) of a stream, in order; a new session begins without a reference.
+        All windows (n,) of a stream, in order; a new session starts without a reference.
     contact
-        Probability that something touches (n,).
+        Probability of contact (n,).
     rule
-        How the reference is updated.
+        The rule that updates the reference.
     features
-        The reference's feature (c - 1,) of each window that may enter it, by its row in the dataset.
+        The reference's feature (c - 1,) of each window that may enter it, by row in the dataset.
     """
     width = len(rule.feature.columns) + 1
     result = np.zeros((len(rows), width), np.float32)
@@ -249,10 +249,10 @@ def assembled(
     context: Sequence[Audio],
     force_scales: Floats | None = None,
 ) -> Examples:
-    """Return the examples of windows `rows` (n,), from their features and references, copy by copy.
+    """Return the examples of windows `rows` (n,) from the features and references of each copy.
 
-    Labels in N are divided by `force_scales` (windows of the dataset,): those of strings that are tuned
-    otherwise than the design become as of its tension.
+    Labels in N are divided by `force_scales` (windows of the dataset,), which converts forces to the design's
+    tension.
     """
     masks = masks_of(dataset, tasks)
 
@@ -278,9 +278,9 @@ def examples_of(
     noises: tuple[Noise, ...] = (),
     progress: Progress = lambda *_: None,
 ) -> Examples:
-    """Return the examples of a part called `name`: its clean windows, then a copy for each of `noises`.
+    """Return the examples of the part `name`: clean windows, then a copy for each of `noises`.
 
-    The reference beside a noisy window is of windows in the same kind of noise.
+    The reference of a noisy window comes from windows with the same noise.
     """
     dataset, rule = data.dataset, data.definition.reference
     rows, stream = chosen(dataset, part, data.tasks, name), stream_of(dataset, part)
@@ -302,12 +302,12 @@ def examples_of(
 
 
 def with_objects(data: TrainingData, examples: Examples, settings: TrainingSettings) -> Examples:
-    """Return examples with copies, after all others, as objects of another compliance would have sounded.
+    """Return the examples with copies for objects of other compliance added.
 
     Raises
     ------
     InputError
-        If the feature does not support this augmentation, or the dataset has no label of force.
+        If the feature does not support this augmentation, or the dataset has no force label.
     """
     dataset, options = data.dataset, settings.objects
     if not options.copies:
@@ -318,8 +318,8 @@ def with_objects(data: TrainingData, examples: Examples, settings: TrainingSetti
     extractor = data.feature.extractor
     if not isinstance(extractor, SupportsCompliance):
         name = type(extractor).__module__.rpartition(".")[2]
-        given = f"feature '{name}' with copies of other contact compliance"
-        raise InputError(given, "fft_harmonic with tones", "set objects.copies = 0")
+        given = f"feature '{name}' with contact-compliance augmentation"
+        raise InputError(given, "fft_harmonic with tones = true", "set objects.copies = 0")
     base, context = [examples.base], [examples.context]
     for _ in range(options.copies):
         compliance = np.exp(
@@ -337,7 +337,7 @@ def with_objects(data: TrainingData, examples: Examples, settings: TrainingSetti
 def scaling(train: Examples) -> dict[str, Audio]:
     """Return mean and standard deviation of each column, as the arrays of a model.
 
-    Those of the reference are of windows that have one, and its mark stays as it is.
+    The reference's statistics use only windows with a reference. Its presence mark is not scaled.
     """
     mean, scale = _mean_and_scale(train.base.reshape(-1, train.base.shape[-1]))
     result = {"scaler.mean": mean, "scaler.scale": scale}
@@ -353,7 +353,7 @@ def scaling(train: Examples) -> dict[str, Audio]:
 
 
 def scaled_heads(definition: Definition, train: Examples) -> Definition:
-    """Return the definition with each quantity in the scale of its training labels: mean 0, deviation 1."""
+    """Return the definition with each quantity scaled to mean 0 and standard deviation 1 in training."""
     heads: dict[str, HeadRecord] = {}
     for name, record in definition.heads.items():
         labels: Floats = train.labels[name][train.masks[name]]
@@ -382,7 +382,7 @@ def probes(data: TrainingData) -> dict[str, Audio]:
 
 
 def quietest(dataset: Dataset, rows: Indices) -> float:
-    """Return half the root mean square that all but a thousandth of the windows (n,) reach."""
+    """Return half of the 0.1 % quantile of the windows' root mean squares, in full scale."""
     levels = [
         float(np.sqrt(np.mean(np.square(dataset.window(row), dtype=np.float64)))) for row in rows.tolist()
     ]
@@ -390,7 +390,7 @@ def quietest(dataset: Dataset, rows: Indices) -> float:
 
 
 def noises_of(settings: TrainingSettings, sample_rate: int) -> tuple[Noise, ...]:
-    """Return the noise of each copy that the settings ask for."""
+    """Return the noise of each augmented copy in the settings."""
     if not settings.noise.copies:
         return ()
     first = Noise(augmentation=settings.noise, copy=1, seed=settings.seed, sample_rate=sample_rate)

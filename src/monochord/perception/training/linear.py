@@ -1,8 +1,8 @@
 """The linear path of a head: a robust ridge regression, solved in closed form.
 
-Position and force are close to linear in the features, and a solution in closed form reaches an accuracy that
-gradient steps do not. Hidden layers then learn what it leaves over: of training windows the residual of a
-solution that did not see their session, so that they learn from errors of the size that new windows have.
+Position and force are nearly linear in the features, and a closed-form solution is more accurate than
+gradient steps. The hidden layers learn the residual. In training, each window's residual comes from a
+solution without the window's session, so the residuals are as large as on new windows.
 """
 
 from collections.abc import Sequence
@@ -14,24 +14,25 @@ from numpy.typing import NDArray
 from monochord.core.types import Audio, Floats
 
 PENALTIES = tuple(10.0**power for power in range(-6, 2))
-"""Ridge penalties that are tried, per window and standardised column."""
+"""Candidate ridge penalties, per window and standardised column."""
 FOLDS = 5
 ROUNDS = 4
-"""Solutions with new weights of the windows; more change the errors on the plan `paper` by less than 1 %."""
+"""Iterations with updated window weights; more change the errors on the plan `paper` by less than 1 %."""
 HUBER = 1.5
-"""Residuals above this multiple of their median count by their size, not by its square."""
+"""Multiple of the median residual above which a residual counts linearly, not quadratically."""
 MIN_RESIDUAL = 1e-4
-"""Smallest scale of what is left over, in standard deviations of the label."""
+"""Smallest scale of the residual, in standard deviations of the label."""
 
 Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinearPath:
-    """A solution: estimate = row @ `weight` + `bias`, of label and columns as scaled.
+    """A ridge solution: estimate = row @ `weight` + `bias`, for scaled columns and a scaled label.
 
-    `folds` holds the weight and bias of each fold, solved without it; `fold` (n,) is that of each training
-    window, and `residual` the mean absolute residual of training windows, each by its own fold's solution.
+    `folds` holds the weight and bias of a solution without each fold, and `fold` (n,) is the fold of each
+    training window. `residual` is the mean absolute residual of the training windows, each from the solution
+    without its fold. `penalty` is the selected ridge penalty.
     """
 
     weight: Floats
@@ -43,20 +44,20 @@ class LinearPath:
 
 
 def solve(copies: Sequence[Audio], label: Floats, fold: Indices) -> LinearPath:
-    """Return the ridge regression of a label on rows, robust against outliers.
+    """Return the ridge regression of a label on features, robust against outliers.
 
-    Minimises ``sum_i w_i (y_i - x_i b - a)^2 / sum_i w_i + penalty |b|^2``, with Huber's weights
-    ``w_i = min(1, s / |r_i|)`` of the residuals r_i that windows have by the solution without their fold, and
-    the penalty by which these residuals are smallest.
+    It minimises ``sum_i w_i (y_i - x_i b - a)^2 / sum_i w_i + penalty |b|^2`` with Huber's weights ``w_i =
+    min(1, s / |r_i|)``. The residual r_i of a window comes from the solution without the window's fold. The
+    penalty is the candidate with the smallest residuals.
 
     Parameters
     ----------
     copies
-        Rows (n, d) of the windows, once clean and once for each augmentation, in standard deviations.
+        Features (n, d) of the windows for each copy, clean and augmented, in standard deviations.
     label
         Label (n,) of each window, in standard deviations.
     fold
-        Fold (n,) of each window, from 0 on; a touch is in one fold.
+        Fold (n,) of each window, from 0 on; all windows of a touch are in one fold.
 
     References
     ----------
@@ -101,7 +102,7 @@ def solve(copies: Sequence[Audio], label: Floats, fold: Indices) -> LinearPath:
 
 
 def folds_of(session: Indices, touch: Indices) -> Indices:
-    """Return the fold (n,) of each window: whole sessions where there are enough of them, else whole touches.
+    """Return the fold (n,) of each window; folds are whole sessions if there are enough, else whole touches.
 
     >>> folds_of(np.zeros(4, int), np.array([3, 3, 8, 9])).tolist()
     [0, 0, 1, 2]

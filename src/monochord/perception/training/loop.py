@@ -19,12 +19,12 @@ from monochord.perception.training.network import TrainingTensors, arrays, head_
 from monochord.perception.training.settings import OptimiserSettings
 
 SHRINKAGE = (0.0, 0.25, 0.5, 0.75, 1.0)
-"""Shares of the hidden layers' correction that are tried; 0 is the linear path alone."""
+"""Candidate shares of the hidden layers' contribution; 0 is the linear path alone."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrainingSetup:
-    """All that training depends on, beside its examples."""
+    """Everything that determines a training, apart from its examples."""
 
     definition: Definition
     optimiser: OptimiserSettings
@@ -40,11 +40,11 @@ def fit(
     file: Path,
     report: Callable[[Checkpoint], None] = lambda _: None,
 ) -> tuple[Checkpoint, dict[str, Audio]]:
-    """Train all heads together until none becomes better on validation.
+    """Train all heads jointly until no head improves on validation.
 
-    The linear paths are solved first; hidden layers learn what these leave over. What an epoch draws depends
-    on the seed and its number alone, and the state is written to `file` after each: a run that was killed
-    goes on from there and ends with the same weights.
+    The linear paths are solved first, and the hidden layers learn their residuals. The random numbers of an
+    epoch depend on the seed and the epoch only. Each epoch writes a checkpoint to `file`, from which an
+    interrupted run continues to the same weights.
 
     Parameters
     ----------
@@ -53,9 +53,9 @@ def fit(
     scaler
         The arrays ``scaler.*`` and ``context.*`` of the model.
     train, validation
-        Examples to learn from, and those by which training ends.
+        Examples to learn from, and examples that decide when training ends.
     file
-        For the checkpoint.
+        The checkpoint file.
     report
         Called with each checkpoint.
 
@@ -64,12 +64,12 @@ def fit(
     Checkpoint
         The state after the last epoch.
     dict
-        The weights of all heads, each of its best epoch.
+        The weights of all heads, each from its best epoch.
 
     Raises
     ------
     InputError
-        If `file` is damaged, or the checkpoint of a training on other data.
+        If `file` is damaged, or is a checkpoint of a training on other data.
     """
     torch = torch_library()
     threads = torch.get_num_threads()
@@ -107,7 +107,7 @@ def _fit(
     )
     if state.data != data:
         given = f"checkpoint {file} of other windows or another feature"
-        raise InputError(given, "one of these", "name another --out, or remove that run")
+        raise InputError(given, "a checkpoint of this training", "name another --out, or remove that run")
     _refuse_other(file, state, weights, [*decayed, *others])
     _restore(weights, optimiser, state)
     while state.epoch < options.epochs and not _is_over(state, options):
@@ -161,7 +161,9 @@ def _refuse_other(file: Path, state: Checkpoint, weights: Mapping[str, Any], ord
         if {name: array.shape for name, array in stored.items()} != shapes and (
             stored or stored is not state.moments
         ):
-            raise InputError(f"checkpoint {file} of another network", "one of these settings", REMEDY)
+            raise InputError(
+                f"checkpoint {file} of another network", "a checkpoint of these settings", REMEDY
+            )
 
 
 def _restore(weights: Mapping[str, Any], optimiser: Any, state: Checkpoint) -> None:

@@ -1,4 +1,4 @@
-"""What is trained, in torch: examples as tensors, the heads' layers, and the joint loss."""
+"""The trainable part in PyTorch: examples as tensors, the heads' layers, and the joint loss."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -15,11 +15,11 @@ from monochord.perception.training.examples import Examples
 from monochord.perception.training.linear import LinearPath, folds_of, solve
 
 SPREAD_POWER = 0.5
-"""Power of the spread by which a window's likelihood is weighted; with 0 hard windows stay unlearned."""
+"""Power of the spread that weights a window's likelihood; with 0, difficult windows are not learned."""
 
 
 class TrainingTensors:
-    """Examples as tensors, scaled as a model scales, beside the estimates of the linear paths."""
+    """Examples as scaled tensors, with the estimates of the linear paths."""
 
     def __init__(self, definition: Definition, scaler: Mapping[str, Audio], examples: Examples) -> None:
         torch = torch_library()
@@ -54,11 +54,11 @@ class TrainingTensors:
             self.masks[name] = torch.from_numpy(examples.masks[name].astype(np.float32))
 
     def residual(self, name: str) -> float:
-        """Return the unit of a head's target, in standard deviations of its label."""
+        """Return the scale of a head's target, in standard deviations of its label."""
         return self._residual.get(name, 1.0)
 
     def solve_linear(self, examples: Examples) -> dict[str, LinearPath]:
-        """Return the linear paths of the heads that have one, of the windows that count for them."""
+        """Return the linear paths by head, solved on the windows that count for each head."""
         paths: dict[str, LinearPath] = {}
         for name, task in self.tasks.items():
             if not task.linear:
@@ -80,7 +80,7 @@ class TrainingTensors:
         return paths
 
     def add_linear(self, paths: Mapping[str, LinearPath], *, out_of_fold: bool) -> None:
-        """Compute what each linear path adds for features and for the reference, (copies, n) each."""
+        """Compute each linear path's contributions (copies, n) from the features and from the reference."""
         torch = torch_library()
         for name, path in paths.items():
             solutions = list(path.folds) if out_of_fold else [(path.weight, path.bias)]
@@ -111,9 +111,9 @@ class TrainingTensors:
         shown: Any,
         generator: Any,
     ) -> Any:
-        """Return the joint loss of windows, of the copies named, with the reference where `shown`.
+        """Return the joint loss of the windows `batch` in the given copies.
 
-        Noise on inputs and the hidden units that are left out are drawn from the generator.
+        `shown` says which windows have the reference as an input. Input noise and dropout use the generator.
         """
         outputs = {
             name: forward(name, task, weights, self._inputs(name, task, copies, batch, shown), generator)
@@ -123,7 +123,7 @@ class TrainingTensors:
         return joint_loss(tasks, outputs, targets, {name: self.masks[name][batch] for name in tasks})
 
     def whole_copy(self, name: str, task: Task, weights: Mapping[str, Any], copy: int) -> tuple[Any, Any]:
-        """Return outputs (n, k) and targets (n,) of a head for all windows of a copy, without gradients."""
+        """Return a head's outputs (n, k) and targets (n,) for all windows of a copy, without gradients."""
         with torch_library().no_grad():
             output = forward(name, task, weights, self._inputs(name, task, copy, slice(None), None))
             return _together(task, output), self._target(name, copy, slice(None), None)
@@ -156,10 +156,10 @@ class TrainingTensors:
 
 
 def initial(definition: Definition, seed: int) -> dict[str, Any]:
-    """Return the weights (float32, with gradients) of all heads' layers before training, drawn from `seed`.
+    """Return the initial weights of all heads' layers (float32, with gradients) for a random seed.
 
-    Hidden layers: He et al. (2015), uniform. Last layers begin at zero, so that a head begins with the mean
-    label, or with its linear path.
+    Hidden layers are uniform (He et al., 2015). Last layers are zero, so a head initially estimates the mean
+    label, or its linear path.
     """
     torch = torch_library()
     generator = torch.Generator().manual_seed(seed)
@@ -179,11 +179,11 @@ def initial(definition: Definition, seed: int) -> dict[str, Any]:
 
 
 def forward(name: str, task: Task, weights: Mapping[str, Any], rows: Any, generator: Any = None) -> Any:
-    """Return the outputs (n, k) of a head's layers for rows (n, inputs), or those of its members (m, n, k).
+    """Return the outputs (n, k) of a head's layers for rows (n, inputs), or (m, n, k) of its m members.
 
-    With a generator, as in training, the inputs are blurred and hidden units left out as the task says.
-    Noise on the inputs is a penalty on how steeply outputs depend on them (Bishop, Training with noise is
-    equivalent to Tikhonov regularization, 1995); leaving out units, Srivastava et al., Dropout (2014).
+    With a generator, as in training, the task's input noise (`blur`) and dropout (`drop`) apply. Input noise
+    penalises steep dependence on the inputs (Bishop, Training with noise is equivalent to Tikhonov
+    regularization, 1995); for dropout see Srivastava et al., Dropout (2014).
     """
     torch = torch_library()
     functional = torch.nn.functional
@@ -217,24 +217,24 @@ def _together(task: Task, output: Any) -> Any:
 
 
 def arrays(weights: Mapping[str, Any]) -> dict[str, Audio]:
-    """Return tensors as arrays of their own."""
+    """Return copies of tensors as arrays."""
     return {name: tensor.detach().numpy().copy() for name, tensor in weights.items()}
 
 
 def head_loss(task: Task, output: Any, target: Any, mask: Any) -> Any:
-    """Return the mean loss of a head over the windows that count for it; 0 where none does.
+    """Return the mean loss of a head over the windows that count for it; 0 if no window counts.
 
-    A probability has the logistic loss, a quantity with one standard error for all the mean square. Where the
-    spread is learned, it is the negative log-likelihood of normal or Laplace errors, each window weighted by
-    its spread to the power `SPREAD_POWER`, through which no gradient goes: otherwise windows that are thought
-    to be hard are hardly learned from, and stay hard.
+    A probability has the logistic loss. A quantity with a common standard error has the mean square. A
+    quantity with a learned spread has the negative log-likelihood of normal or Laplace errors. There, each
+    window is weighted by its spread to the power `SPREAD_POWER`, without a gradient; otherwise windows with a
+    large spread would hardly be learned.
 
     Parameters
     ----------
     task
-        Of the head.
+        Task of the head.
     output
-        Tensor (..., n, outputs): logit, or scaled quantity and the log of its spread.
+        Tensor (..., n, outputs): a logit, or a scaled quantity and the logarithm of its spread.
     target
         Tensor (n,): 0 or 1, or the quantity in the same scale.
     mask

@@ -1,10 +1,9 @@
-"""Rows of a feature for windows of a dataset, computed once and cached on disk.
+"""Features of a dataset's windows, computed once and cached on disk.
 
-Of many windows several processes compute a part each, and put it into the cache, where the caller reads it.
-
-The cache key is the feature's name and options, the window, the dataset's checksum, the noise that was added,
-the rows that were requested, and a fingerprint: the feature of three probe windows. So a feature whose code
-changed is computed again, and so is a damaged file: behind the array is its SHA-256.
+Several processes share the work on a large dataset: each computes a part and stores it in the cache. The
+cache key consists of the feature's name and options, the window, the dataset's checksum, the added noise, the
+requested rows, and a fingerprint, the feature of three probe windows. A feature whose code changed is
+computed again. So is a damaged file: each file ends with the SHA-256 of its array.
 """
 
 import hashlib
@@ -34,17 +33,17 @@ from monochord.perception.model.probe import probed
 from monochord.perception.tuning.sessions import retuned_strings
 
 CHUNK = 2048
-"""Rows in a file: the most that are computed again after a kill, and what one process computes at a time."""
+"""Rows in a file: the unit of work of a process, and the largest loss after a kill."""
 MIN_FILES_FOR_WORKERS = 8
-"""Files from which on several processes are worth their start."""
+"""Number of files from which starting several processes pays off."""
 BATCH = 64
 SEAL, MAX_HEADER = 32, 1024
-"""Bytes of the SHA-256 behind the array, and at most before it."""
+"""Number of bytes of the SHA-256 after the array, and largest number of bytes before it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Noise:
-    """Noise as it is added to one copy of the windows, or a fault that they are given."""
+    """Noise or a fault that is added to one copy of the windows."""
 
     augmentation: Augmentation | Fault
     copy: int
@@ -52,11 +51,11 @@ class Noise:
     sample_rate: int = 44100
 
     def added(self, windows: Audio, rows: Indices) -> Audio:
-        """Return windows (n, channels, frames), of these rows (n,) of the dataset, with it."""
+        """Return windows (n, channels, frames) from these rows (n,) of the dataset, with the noise added."""
         return self.augmentation(windows, rows, seed=self.seed, epoch=self.copy, sample_rate=self.sample_rate)
 
     def key(self) -> dict[str, Any]:
-        """Return all that it depends on, as plain values."""
+        """Return everything that determines the noise, as plain values."""
         about = to_tree(self.augmentation)
         about.pop("copies", None)  # on whose number no copy depends
         return {**about, "copy": self.copy, "seed": self.seed, "sample_rate": self.sample_rate}
@@ -64,11 +63,11 @@ class Noise:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rows:
-    """A feature on a dataset, by the name and the options that the feature was built from.
+    """A feature of a dataset, with the name and options of the feature.
 
-    `retuned` are the extractors of sessions whose string is tuned otherwise than the design, by their number,
-    and `extractor` is that of all others. `workers` and `cluster` are as in `monochord.core.workers.run_all`,
-    but that without any fewer than `MIN_FILES_FOR_WORKERS` files are computed in this process.
+    `retuned` holds the extractors, by session number, of sessions whose string is not tuned as designed;
+    `extractor` serves all others. `workers` and `cluster` are passed to `monochord.core.workers.run_all`. If
+    neither is given, fewer than `MIN_FILES_FOR_WORKERS` files are computed in this process.
     """
 
     dataset: Dataset
@@ -97,12 +96,12 @@ class Rows:
         workers: int | None = None,
         cluster: str = "",
     ) -> "Rows":
-        """Return the feature of a dataset, relative to the string of each session as it is tuned.
+        """Return the feature of a dataset, relative to the tuning of each session's string.
 
         Raises
         ------
         InputError
-            For an unknown feature, or options or a signal that it refuses.
+            If the feature is unknown, or refuses an option or the signal.
         """
         feature, size, design = FEATURES.build(name, options), dataset.manifest.window, signal.string
         strings = retuned_strings(dataset, design) if design else {}
@@ -122,12 +121,12 @@ class Rows:
         )
 
     def of(self, rows: Indices, noise: Noise | None = None, progress: Progress = lambda *_: None) -> Audio:
-        """Return the feature (k, columns) float32 of k windows, from disk as far as it is there.
+        """Return the features (k, columns) float32 of k windows; cached rows are read from disk.
 
         Raises
         ------
         InputError
-            If the feature gives values that are not finite, or another shape than its columns.
+            If the feature gives values that are not finite, or a shape that does not match its columns.
         """
         place = self.folder / self._key(rows, noise)
         what = self.name if noise is None else f"{self.name}, with noise {noise.copy}"
@@ -202,7 +201,7 @@ def _compute(rows: Rows, noise: Noise | None, job: tuple[Path, Indices]) -> None
 
 
 def fingerprint(extractor: Extractor, channels: int, size: Samples) -> str:
-    """Return the sha256 of the feature of the probe windows."""
+    """Return the SHA-256 of the features of the probe windows."""
     return hashlib.sha256(np.ascontiguousarray(probed(extractor, channels, size)).tobytes()).hexdigest()
 
 

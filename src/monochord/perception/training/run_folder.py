@@ -1,14 +1,14 @@
-"""The folder of a training run, which needs nothing else to be understood or continued.
+"""The folder of a training run, which is complete in itself.
 
 ::
 
-    config.toml              every setting, with its value
+    config.toml              all settings with their values
     checkpoint.safetensors   the state after the last epoch
     history.csv              a line for each epoch
     model/                   the trained model, calibrated
-    metrics.json             its scores on validation; written last, so that it marks a run that is done
-    board/                   TensorBoard's events, with board = true
-    learning.svg             the history drawn, by ``monochord train`` when a run is done
+    metrics.json             the scores on validation; written last, so it marks a finished run
+    board/                   TensorBoard events, with board = true
+    learning.svg             a plot of the history, from ``monochord train`` at the end of a run
 """
 
 import csv
@@ -27,33 +27,31 @@ from monochord.perception.training.checkpoint import Line
 CONFIG, METRICS, HISTORY = "config.toml", "metrics.json", "history.csv"
 CHECKPOINT, BOARD = "checkpoint.safetensors", "board"
 LOSS, ERROR = "training/loss", "validation/{}"
-"""Names of the curves: the joint loss, and the error of each head, in the units of ``history.csv``."""
+"""Names of TensorBoard curves: the joint loss, and the error of each head in the units of ``history.csv``."""
 
 
 def claim(out: Path, resolved: Tree) -> None:
-    """Make a folder that of a run with these settings, or check that it is.
+    """Create the folder of a run with these settings, or check an existing one.
 
     Raises
     ------
     InputError
-        If it is a run with other settings, or something else.
+        If the folder holds a run with other settings, or something else.
     """
     file, text = out / CONFIG, dump_toml(resolved)
     if file.is_file():
         if dump_toml(load_toml(file)) != text:
             given = f"{out}, a run with other settings"
-            raise InputError(
-                given, "a new folder, or one whose config.toml is the same", "name another --out"
-            )
+            raise InputError(given, "a new folder, or a run with the same config.toml", "name another --out")
         return
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
-        raise InputError(f"{out}, which is something else", "a new folder, or that of a run")
+        raise InputError(f"{out}, which is not a training run", "a new folder, or the folder of a run")
     out.mkdir(parents=True, exist_ok=True)
     _replace(file, text)
 
 
 def write_history(out: Path, history: list[Line]) -> None:
-    """Write a line for each epoch: the joint loss, and the error of each head on validation."""
+    """Write the history: for each epoch, the joint loss and the error of each head on validation."""
     text = StringIO()
     writer = csv.DictWriter(text, list(history[0]) if history else ["epoch"], lineterminator="\n")
     writer.writeheader()
@@ -72,7 +70,7 @@ def _replace(file: Path, text: str) -> None:
 
 
 def summary_writer() -> Any:
-    """Return the class that writes events; raises `MissingLibraryError` without TensorBoard."""
+    """Return TensorBoard's event writer; raises `MissingLibraryError` if TensorBoard is not installed."""
     try:
         from torch.utils.tensorboard import SummaryWriter  # noqa: PLC0415
     except ImportError as error:
@@ -84,14 +82,13 @@ def summary_writer() -> Any:
 def board(folder: Path | None) -> Generator[Callable[[list[Line]], None]]:
     """Yield a function that writes a run's history for TensorBoard, epoch by epoch.
 
-    Each call writes the epochs since the last one; they are on disk afterwards. The first call writes all of
-    them, into a new file that replaces earlier ones: after a kill the curves are whole, and no epoch is
-    shown twice.
+    Each call writes the epochs since the previous call to disk. The first call writes the whole history to a
+    new file that replaces earlier files, so a resumed run shows every epoch once.
 
     Parameters
     ----------
     folder
-        For the events, made with the first epoch. None: write nothing.
+        Folder of the events, created with the first epoch. None: write nothing.
 
     Raises
     ------

@@ -34,10 +34,10 @@ DEFAULT_HEADS = ("contact", "slip", "position", "force")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContextSettings(Checked):
-    """The untouched reference: whether heads have it as an input, its feature, and how it is updated.
+    """Settings of the untouched reference: whether it is an input, its feature, and its update rule.
 
-    The times and numbers are those of `model.definition.Reference`. `drop` is the share of
-    training windows that are shown without it, as at the start of a stream.
+    `below`, `keep`, `every`, `settle` and `guard` are passed to `model.definition.Reference`. `drop` is the
+    share of training windows without a reference, as at the start of a stream.
     """
 
     on: bool = True
@@ -50,7 +50,7 @@ class ContextSettings(Checked):
     drop: Share = 0.05
 
     def rule(self) -> Reference:
-        """Return how the reference is updated, for a feature whose columns are not known yet."""
+        """Return the update rule of the reference; the columns of its feature are still empty."""
         name, options = named(FEATURES, self.feature)
         record = FeatureRecord(name=name, options=options, columns=())
         return Reference(
@@ -65,10 +65,11 @@ class ContextSettings(Checked):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ObjectSettings(Checked):
-    """Contact-compliance augmentation: `copies` of each training window, noisy ones too; 0 adds none.
+    """Contact-compliance augmentation.
 
-    Each is the window's row for an object of another compliance, between the two multiples `compliance` of
-    the real one's, log-uniform. The feature must support it: `fft_harmonic` with `tones` does.
+    Each training window, clean or noisy, gets `copies` copies; 0 adds none. A copy has the features for an
+    object of another compliance. Its compliance is a log-uniform multiple, between the two values of
+    `compliance`, of the real object's. The feature must support this, as `fft_harmonic` with `tones` does.
     """
 
     copies: Annotated[int, Meta(ge=0, le=100)] = 0
@@ -81,43 +82,44 @@ class ObjectSettings(Checked):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AnomalySettings(Checked):
-    """The detector of sound unlike that of the training, see `monochord.perception.training.anomaly`.
+    """Settings of the anomaly detector, see `monochord.perception.training.anomaly`.
 
     Parameters
     ----------
     on
-        Whether a model has one.
+        Whether the model has an anomaly detector.
     dataset
-        Folder of a dataset of sessions that a model should not know, such as one of the plan
-        `studies/plans/odd.toml`. Without it the detector learns faults of microphones alone.
+        Folder of a dataset of anomalous sessions, such as the plan `studies/plans/odd.toml` gives. Without
+        it, the detector learns microphone faults only.
     reasons
-        Reason to abstain from each of its sessions, by a pattern of their names; sessions of no pattern are
-        left out. In those of a pattern in `touches` only touched windows are unlike the training.
+        The reason to abstain for each pattern of session names in `dataset`. Sessions that match no pattern
+        are left out.
     touches
-        Patterns of sessions that are as any other until something touches.
+        Patterns of sessions that are anomalous only while something touches the string.
     brief
-        Those of them that are as any other again when the touch has ended.
+        Patterns from `touches` whose anomaly ends with the touch.
     faults
-        Reason to abstain for each of `monochord.datasets.faults.FAULTS` that is made of training windows.
+        The reason to abstain for each fault of `monochord.datasets.faults.FAULTS` that is simulated on
+        training windows.
     contact_holds
-        Reasons beside which contact is estimated all the same, as its head is right there: not those of a
-        dead microphone, hum or clipping. Beside reasons of patterns in `brief` it is where it says "touched".
+        Reasons during which contact stays reliable and is still estimated; dead microphones, hum and clipping
+        should not be among them. During reasons of `brief`, contact is estimated only if it is "touched".
     spared
-        Patterns of the names of training sessions that no fault is made of: those of other designs, which
-        with their microphones exchanged are one more such design, and no fault.
+        Patterns of names of training sessions without simulated faults. Use it for other sensor designs:
+        their sound with swapped microphones may be another valid design.
     memory, touch_memory
-        Times in s over which what windows say is averaged, of a fault, which lasts, and of what is brief; 0
-        for each window by itself.
+        Averaging times in s for faults and for reasons of `brief`; 0 judges each window alone.
     share
-        Share of the windows of validation that may be taken for unlike.
+        Share of ordinary validation windows that may be reported as anomalies.
     columns
-        Names of the feature's columns that it sees, with * for any letters; all if empty.
+        Names of the feature's columns that are inputs; * matches any characters. Empty: all.
     hidden
         Units of the hidden layers.
     drop
-        Share of the hidden units that are left out at each step of the training.
+        Dropout: share of the hidden units that each training step leaves out.
     rate, decay, batch, epochs
-        AdamW, its rate falling to zero by half a cosine.
+        Learning rate, weight decay, batch size and epochs of AdamW; the rate falls to zero along half a
+        cosine.
     """
 
     on: bool = False
@@ -157,7 +159,8 @@ class AnomalySettings(Checked):
     def __post_init__(self) -> None:
         Checked.__post_init__(self)
         if self.on and not (self.faults or (self.dataset and self.reasons)):
-            raise InputError("known without kinds", "a fault, or a dataset with reasons", "name one")
+            given = "known.on without faults and without a dataset"
+            raise InputError(given, "faults, or a dataset with reasons", "set known.faults or known.dataset")
         for kind in self.faults:
             if kind not in FAULTS:
                 raise InputError(f"known.faults '{kind}'", ", ".join(FAULTS), did_you_mean(kind, FAULTS))
@@ -165,12 +168,12 @@ class AnomalySettings(Checked):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OptimiserSettings(Checked):
-    """The optimiser: AdamW, its rate falling to zero by half a cosine over all epochs.
+    """Settings of the optimiser: AdamW, whose rate falls to zero along half a cosine over all epochs.
 
-    `rate` is its first rate, `decay` the weight decay of heads with hidden layers (their biases and linear
-    heads have none), `batch` the windows a step. Training ends after `epochs`, or when no head has become
-    better on validation for `patience` of them. Each head keeps the weights of its own best epoch. `threads`
-    are torch's; the result depends slightly on their number.
+    `rate` is the initial learning rate. `decay` is the weight decay for heads with hidden layers; biases and
+    linear heads have none. `batch` is the number of windows in a step. Training ends after `epochs` epochs,
+    or when no head has improved on validation for `patience` epochs. Each head keeps the weights of its best
+    epoch. `threads` is PyTorch's number of threads; the result depends slightly on it.
     """
 
     rate: InnerShare = 1e-3
@@ -184,23 +187,23 @@ class OptimiserSettings(Checked):
         Checked.__post_init__(self)
         if self.decay >= 1.0 / self.rate:
             given = f"optimiser.rate {self.rate:g} with decay {self.decay:g}"
-            raise InputError(given, "a product below 1")
+            raise InputError(given, "rate times decay below 1")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrainingSettings:
-    """A training run as configured.
+    """Settings of a training run.
 
     Parameters
     ----------
     title
-        What it is, in a few words.
+        Title of the model.
     dataset
         Folder of the dataset.
     split
-        File of the split; by default the one in the dataset's folder.
+        File of the split; by default the split in the dataset's folder.
     sensor
-        Name of the sensor's design, whose string the features use.
+        Name of the sensor's design; features are relative to its string.
     seed
         Random seed.
     feature
@@ -208,23 +211,23 @@ class TrainingSettings:
     context
         The untouched reference.
     heads
-        Options by name of each head that is trained.
+        Options of each head to train, by name.
     noise
         Noisy copies of training windows.
     objects
         Contact-compliance augmentation of training windows.
     known
-        The detector of sound unlike that of the training.
+        The anomaly detector.
     corrections
-        Variables of each head's correction on an unknown build and object, by the head's name: columns of the
-        feature or the reference, or the difference of two; see `monochord.perception.model.correction`.
+        Variables of each head's correction for an unknown build and object, by head: columns of the feature
+        or the reference, or the difference of two columns; see `monochord.perception.model.correction`.
     optimiser
-        AdamW and when it ends.
+        The optimiser and the end of training.
     cache
         Folder for cached features; by default ``features`` in the dataset's folder.
     board
-        Also write TensorBoard events into ``board`` in the run's folder. Nothing that is learned depends on
-        it, so it is no part of `resolved`, and a run that has begun may go on with it.
+        Also write TensorBoard events to ``board`` in the run's folder. The option does not affect training,
+        so `resolved` leaves it out, and a run can be resumed with or without it.
     """
 
     title: str = ""
@@ -247,14 +250,14 @@ class TrainingSettings:
 
     @classmethod
     def read(cls, tree: Mapping[str, Any]) -> "TrainingSettings":
-        """Build from plain values, strictly; relative paths are those of the caller."""
+        """Return settings from plain values, checked strictly; paths are relative to the working folder."""
         settings = from_tree(cls, tree)
         if settings.seed < 0:
             raise InputError(f"seed {settings.seed}", "0 or more")
         return settings
 
     def tasks(self) -> dict[str, Task]:
-        """Return the task of each head; raises `InputError` for an unknown name or option."""
+        """Return the task of each head; raises `InputError` for an unknown head or option."""
         built: dict[str, Head] = {
             name.replace("-", "_"): HEADS.build(name, options) for name, options in self.heads.items()
         }
@@ -266,11 +269,11 @@ class TrainingSettings:
         return tasks
 
     def feature_named(self) -> tuple[str, dict[str, Any]]:
-        """Return the name of the feature, and all its options."""
+        """Return the name and all options of the feature."""
         return named(FEATURES, self.feature)
 
     def resolved(self) -> Tree:
-        """Return every setting of a run, defaults too, and paths in full: what is saved with it."""
+        """Return all settings to save with the run, with defaults and absolute paths."""
         name, options = self.feature_named()
         tree = to_tree(self)
         del tree["board"]
@@ -290,9 +293,9 @@ class TrainingSettings:
 
 
 def named(registry: Registry[Feature], table: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
-    """Return the name of the plug-in in a table, and all its options with their values."""
+    """Return the name of a table's plug-in, and all its options with their values."""
     options = dict(table)
     name = options.pop("name", None)
     if not isinstance(name, str):
-        raise InputError(f"{registry.kind} without a name", ", ".join(registry.names()), "write its name")
+        raise InputError(f"{registry.kind} without a name", ", ".join(registry.names()), "add the key name")
     return name.replace("-", "_"), to_tree(registry.build(name, options))

@@ -1,4 +1,4 @@
-"""Whether the labels of known touches can be, before a model learns from them or is judged by them."""
+"""Plausibility checks on labels of known touches, before a model learns from them or is judged by them."""
 
 import numpy as np
 
@@ -11,31 +11,32 @@ from monochord.perception.training.correct import Outputs, labelled_errors
 from monochord.physics.known_touches import Estimated, why_impossible
 
 MAX_ODD_ERROR: Metres = 0.005
-"""Median error of position above which the labels may be from the string's other end."""
+"""Median position error above which the labels may have been measured from the string's other end."""
 OTHER_END = 0.2
-"""Largest share of that error that is left from the other end, where they are from there."""
+"""Labels are from the other end if mirroring them reduces the median error to less than this share."""
 
 
 def refuse_impossible(
     model: Model, dataset: Dataset, touch: Indices, numbers: Indices, outputs: Outputs | None = None
 ) -> None:
-    """Refuse labels that no touches of the model's string have, by `physics.known_touches.why_impossible`.
+    """Refuse labels that are impossible on the model's string, with `physics.known_touches.why_impossible`.
 
     Parameters
     ----------
     model
-        Before it learns from these touches.
+        The model, before it learns from these touches.
     dataset
-        Windows with labels.
+        Labelled windows.
     touch, numbers
-        The touch (n,) of each window, and which touches are known.
+        Number (n,) of the touch in each window, and numbers of the touches to check.
     outputs
-        What the model makes of the windows; None where it was not asked, so that the labels alone count.
+        The model's outputs for the windows; None checks the labels alone.
 
     Raises
     ------
     InputError
-        If a label is impossible, or the set of them contradicts the model or is from the string's other end.
+        If a label is impossible, the labels contradict the model, or positions are from the string's other
+        end.
     """
     string = model.definition.string
     labels = {name: _of_touches(_label(dataset, name), touch, numbers) for name in ("position", "force")}
@@ -84,5 +85,7 @@ def _refuse_other_end(position: Floats, estimate: Floats, length: Metres) -> Non
         return
     own, other = (float(np.median(np.abs(estimate - each)[known])) for each in (position, length - position))
     if own > MAX_ODD_ERROR and other < OTHER_END * own:
-        given = f"positions {1e3 * own:.0f} mm off, and {1e3 * other:.1f} mm if they are from the other end"
-        raise InputError(given, "metres from pickup 1", "exchange the microphones' cables, or measure so")
+        given = f"positions with an error of {1e3 * own:.0f} mm, or {1e3 * other:.1f} mm from the other end"
+        raise InputError(
+            given, "metres from pickup 1", "swap the microphones' cables, or measure from pickup 1"
+        )

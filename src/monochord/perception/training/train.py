@@ -57,7 +57,7 @@ HeadScores = dict[str, float]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrainingResult:
-    """The result of a run; `scores` are those of each head on validation."""
+    """The result of a training run; `scores` holds each head's scores on validation."""
 
     out: Path
     model: Model
@@ -73,28 +73,28 @@ def train(
     workers: int | None = None,
     cluster: str = "",
 ) -> TrainingResult:
-    """Train a model into the folder `out`, or go on where a run of the same settings was interrupted.
+    """Train a model in the folder `out`, or resume an interrupted run with the same settings.
 
     Parameters
     ----------
     settings
-        What is learned, and from what.
+        Settings of the training run.
     out
-        Folder of the run; new, or one with the same settings.
+        Folder of the run: a new folder, or a run with the same settings.
     progress
         Called with the progress.
     workers, cluster
-        Processes that compute the features, or a cluster; see `rows.Rows`.
+        Number of processes that compute the features, or a cluster; see `rows.Rows`.
 
     Raises
     ------
     InputError
-        If a setting, the dataset or the split cannot be used, `out` is something else, or torch is not
-        installed, or TensorBoard where it is asked for.
+        If a setting, the dataset or the split cannot be used; if `out` is not such a run; or if PyTorch, or
+        TensorBoard with ``board = true``, is not installed.
 
     Examples
     --------
-    ``examples/train_a_model.py`` does so with two simulated sessions.
+    ``examples/train_a_model.py`` trains a model on two simulated sessions.
     """
     torch_library()
     if settings.board:
@@ -157,11 +157,11 @@ def train(
 def calibrated(
     model: Model, dataset: Dataset, rows: Indices, progress: Progress = lambda *_: None
 ) -> tuple[Model, dict[str, HeadScores]]:
-    """Return a model whose uncertainty is calibrated on a stream of windows (n,), and its scores there.
+    """Return a model with its uncertainty calibrated on a stream of windows (n,), and its scores on them.
 
-    The windows are read one by one, as live, and forces are as of the design's tension. Contact is
-    calibrated first, since its probability decides which windows become the reference that other heads see.
-    A correction's prior is of the errors that are left after that.
+    The model reads the windows one by one, as in the live loop. Forces are scaled to the design's tension.
+    Contact is calibrated first, because its probability decides which windows enter the untouched reference.
+    The prior of a correction comes from the errors after calibration.
     """
     gate = model.definition.gate
     dataset, touch = with_design_forces(model, dataset), touches_of(dataset)
@@ -179,7 +179,7 @@ def calibrated(
 
 
 def with_design_forces(model: Model, dataset: Dataset) -> Dataset:
-    """Return a dataset whose forces are those that sound alike on the design's string."""
+    """Return a dataset with forces converted to the design's tension, see `force_scales`."""
     design = model.definition.string
     if design is None or "force" not in dataset.labels:
         return dataset
@@ -188,7 +188,7 @@ def with_design_forces(model: Model, dataset: Dataset) -> Dataset:
 
 
 def window_of(dataset: Dataset, row: int) -> Window:
-    """Return a window of a dataset as a source would yield it, with samples of its own."""
+    """Return a window of a dataset as a source yields it; the samples are a copy."""
     start: Samples = int(dataset.start[row])
     return Window(
         samples=dataset.window(row).copy(),
@@ -199,7 +199,7 @@ def window_of(dataset: Dataset, row: int) -> Window:
 
 
 def probability_scores(reference: NDArray[np.bool_], estimate: Floats) -> HeadScores:
-    """Return accuracy, area under the curve, and the accuracy of always the more frequent answer.
+    """Return accuracy, area under the ROC curve, and the accuracy of always guessing the majority class.
 
     >>> scores = probability_scores(np.array([True, False, False]), np.array([0.9, 0.2, 0.6]))
     >>> {name: round(value, 3) for name, value in scores.items()}
@@ -215,7 +215,9 @@ def probability_scores(reference: NDArray[np.bool_], estimate: Floats) -> HeadSc
 
 
 def quantity_scores(reference: Floats, estimate: Floats, std: Floats, mean: float) -> HeadScores:
-    """Return error, correlation, coverage, and the error of `mean`, the mean label of the training.
+    """Return errors, correlation and stated standard error, and the error of always guessing `mean`.
+
+    `mean` is the mean label of the training.
 
     >>> quantity_scores(np.array([1.0, 2.0]), np.array([1.0, 2.5]), np.ones(2), 1.5)["baseline_mae"]
     0.5
@@ -238,15 +240,15 @@ def _number(value: float | None) -> float:
 def read_in_turn(
     model: Model, dataset: Dataset, rows: Indices, progress: Progress = lambda *_: None
 ) -> Replayed:
-    """Return what a model makes of the windows (n,) that can be used, by row.
+    """Return a model's outputs for the usable windows in `rows` (n,), computed window by window.
 
-    `rows` are in the order of their sessions and of time; each session is a stream of its own, and features
-    are relative to its own string.
+    `rows` are in order of session and time. Each session is a separate stream, and features are relative to
+    its own string.
 
     Raises
     ------
     InputError
-        If rate, microphones or windows are not those of the model's training.
+        If sample rate, channels or window length differ from the model's training.
     """
     manifest = dataset.manifest
     model.check(Signal(sample_rate=manifest.sample_rate, channels=manifest.channels), manifest.window)
