@@ -1,1 +1,1 @@
-"""Frozen networks, trained by others on other sounds, and their weights."""
+"""Frozen networks that others have trained on general sounds, and their weights."""

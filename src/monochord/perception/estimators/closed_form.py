@@ -161,30 +161,33 @@ class ClosedForm(Estimator):
 
 
 class _Followed(Watching):
-    """The two-sided form on one stream of windows, re-tuned by those that nothing touches.
+    """The two-sided form on one stream of windows; it follows the tuning of untouched windows.
 
-    `opposed` says whether the last window was of two segments, each louder at its own microphone, and
-    `detuned` whether it was of a string that is tuned otherwise.
+    `opposed` says whether the last window had two segments, each louder at its own microphone. `detuned` says
+    whether it came from a detuned string.
     """
 
     def __init__(self, form: TwoSegments, signal: Signal, size: Samples) -> None:
-        self._own, self._analyser = StringFollower.of(signal, size), form.analyser(signal.sample_rate, size)
+        self._follower, self._analyser = (
+            StringFollower.of(signal, size),
+            form.analyser(signal.sample_rate, size),
+        )
         self._form, self._state = form, TunerState()
         self._tuned, self._tuned_analyser = form, self._analyser
         self.opposed = self.detuned = False
 
     def __call__(self, window: Window) -> Estimates:
-        before, self._state = self._state.tuning, self._own.step(self._state, window)
+        before, self._state = self._state.tuning, self._follower.step(self._state, window)
         tuning, self.opposed, self.detuned = self._state.tuning, False, False
         if tuning is not before:
-            string = self._own.retuned(tuning)
+            string = self._follower.retuned(tuning)
             self._tuned, self._tuned_analyser = self._form.tuned(string), self._analyser.tuned(string)
         reason = unusable_reason(window)
         if reason:
             return abstain(reason)
         spectrum = self._tuned_analyser.analyse(window.samples)
         if tuning is None:
-            reason = self._own.other_tuning_reason(self._analyser, spectrum, EXPECTED_PITCH)
+            reason = self._follower.other_tuning_reason(self._analyser, spectrum, EXPECTED_PITCH)
         if reason:
             self.detuned = True
             return abstain(reason)
@@ -198,15 +201,17 @@ class _Followed(Watching):
         tuning = self._state.tuning
         if tuning is None:
             return Condition()
-        return Condition(open_frequency=tuning.open_frequency, deviation=tuning.deviation(self._own.string))
+        return Condition(
+            open_frequency=tuning.open_frequency, deviation=tuning.deviation(self._follower.string)
+        )
 
 
 class _Either:
-    """The far form or the two-sided one, as the windows of a stream show which.
+    """The far form or the two-sided form, selected by the windows of a stream.
 
-    A window that is clearly of two segments begins the two-sided form. One note at both channels is located
-    by the far form, and ends the two-sided one once such windows outnumber those of two segments. Where a
-    window may be either and both forms disagree, there is no position.
+    A window with two clear segments starts the two-sided form. The far form locates one note at both
+    channels; it takes over once such windows outnumber windows with two segments. If a window may be either
+    and the two forms disagree, there is no position.
     """
 
     def __init__(self, far: FarReader, both: _Followed, sides: SidesReader, *, knows_density: bool) -> None:
@@ -251,7 +256,7 @@ class _Either:
         return positions[0].valid and positions[1].valid and near
 
     def _is_open_note(self, frequency: Hertz) -> bool:
-        """Return whether a note may be that of the untouched string, as it is known or as it is tuned."""
+        """Return whether a note may be the open string's, at its known or its measured tuning."""
         deviation, measured = frequency / self._far.open_frequency - 1.0, self._both.condition.deviation
         if measured is None:
             return abs(deviation) < RANGE
@@ -263,7 +268,7 @@ class _Either:
 
 
 def _string_of(far: FarSegment, known: StringParams | None) -> StringParams:
-    """Return the string of a far form's pitch; one that is not known is ideally flexible."""
+    """Return the string with a far form's pitch; an unknown string is ideally flexible."""
     string = known or StringParams(length=far.length, linear_density=DENSITY, tension=1.0)
     ratio = far.open_frequency * far.length / (open_frequency(string) * string.length)
     return replace(string, length=far.length, tension=string.tension * ratio**2)

@@ -26,8 +26,8 @@ class Ast(Feature):
     """Mean and maximum over all patches of the transformer's last layer, for each microphone.
 
     Each microphone's signal is resampled to 16 kHz. Its log-mel spectrogram (128 bands, 100 frames for 0.1 s)
-    is normalised with AudioSet's mean and standard deviation, then embedded by the frozen network of 12
-    layers, 768 wide. The mean (768) and maximum (768) over the patch tokens give 3072 columns for two
+    is normalised with AudioSet's mean and standard deviation. The frozen network of 12 layers, 768 wide,
+    embeds it. The mean (768) and maximum (768) over the patch tokens give 3072 columns for two
     microphones. Column names begin with the first eight digits of the weights' SHA-256, so rows from
     different weights cannot be confused.
 

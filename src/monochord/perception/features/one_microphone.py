@@ -17,7 +17,7 @@ from monochord.perception.features.base import Extractor, Feature
 class OneMicrophone(Feature):
     """Another feature, computed with one microphone's signal on every channel.
 
-    The feature sees nothing of the other microphone. Its columns stay the same, but differences between
+    The other microphone is not an input. The feature's columns stay the same, but differences between
     microphones are constant. The result approximates a sensor with one microphone.
 
     Parameters

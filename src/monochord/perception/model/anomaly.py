@@ -6,9 +6,9 @@ untrained contacts (outlier exposure; Hendrycks, Mazeika and Dietterich, Deep an
 exposure, 2019). Its input is the window's features only, because a fault may have spoiled the untouched
 reference too.
 
-For some faults one window is not enough. The detector's outputs are averaged over seconds for a fault, which
-lasts, and over less than the length of a touch for an unusual touch. A silent driver is detected during a
-touch, when its segment hardly rings; an untouched string of another design may sound the same.
+One window is not enough for some faults. Therefore the detector averages its outputs: over seconds for a
+lasting fault, and over less than the length of a touch for an unusual touch. A silent driver is detected
+during a touch, when its segment hardly rings. Without a touch, a string of another design may sound the same.
 """
 
 import math

@@ -399,7 +399,7 @@ class Model:
             trained, outputs = model.definition, reading.outputs
             estimates: dict[str, Estimate] = {}
             if outputs:
-                estimates = model.at_own_tension(estimates_of(trained, outputs, model.corrections))
+                estimates = model.at_string_tension(estimates_of(trained, outputs, model.corrections))
             reason, withheld = model.withheld(reading, estimates)
             for name in (each for each in trained.heads if each in withheld):  # in their order
                 estimates[name] = Estimate.abstain(trained.heads[name].task.unit, reason)
@@ -443,7 +443,7 @@ class Model:
     def _read(
         streams: Sequence[tuple["Model", ModelState]], windows: Sequence[Window]
     ) -> list[WindowReading]:
-        """Return what is made of the window of each stream."""
+        """Return the reading of each stream's window."""
         results: list[WindowReading] = []
         for (model, before), window in zip(streams, windows, strict=True):
             model.check_size(window.samples.shape[1])
@@ -499,7 +499,7 @@ class Model:
         return WindowReading(state, outputs, reason, self._lines(row))
 
     def _lines(self, row: Audio) -> PlaceByLines:
-        """Return the place that the lines of a window tell, by the columns of its features that hold it."""
+        """Return the position from a window's lines, which some features have in their columns."""
         if self._line_columns is None or self.definition.string is None:
             return NO_PLACE
         place, lead = (float(row[column]) for column in self._line_columns)
@@ -521,7 +521,7 @@ class Model:
         power = float(np.vdot(samples, samples)) / samples.size
         return "silence" if power < self.definition.quietest**2 else ""
 
-    def at_own_tension(self, estimates: dict[str, Estimate]) -> dict[str, Estimate]:
+    def at_string_tension(self, estimates: dict[str, Estimate]) -> dict[str, Estimate]:
         """Return estimates with forces converted from the design's tension to the string's own.
 
         At another tension, the same relative change of the sound corresponds to another force. Training

@@ -59,19 +59,19 @@ class Followed(ModelStream, Watching):
     """A model that follows the pitch of untouched windows."""
 
     def __init__(self, model: "Model", signal: Signal, size: Samples) -> None:
-        self._own = StringFollower.of(signal, size, lowest=LOWEST, highest=HIGHEST)
+        self._follower = StringFollower.of(signal, size, lowest=LOWEST, highest=HIGHEST)
         self._analyser = SpectrumAnalyser.of(signal, size)
-        self._known = self._model = model
-        self._string = self._own.string
+        self._trained = self._model = model
+        self._string = self._follower.string
         self._state, self._tuner = ModelState(), TunerState()
         self._has_tuning, self._reason = False, ""
 
     def before(self, window: Window) -> "tuple[Model, ModelState]":
         """Update the pitch from the window, and return the model for this pitch with its state."""
         if window.start <= self._state.start:
-            self._use(self._known, self._own.string)
+            self._use(self._trained, self._follower.string)
             self._has_tuning = False
-        before, self._tuner = self._tuner.tuning, self._own.step(self._tuner, window)
+        before, self._tuner = self._tuner.tuning, self._follower.step(self._tuner, window)
         tuning = self._tuner.tuning
         if tuning is not before and tuning is not None:
             self._has_tuning = True
@@ -92,7 +92,7 @@ class Followed(ModelStream, Watching):
         tuning = self._tuner.tuning
         if tuning is None:
             return Condition(follows=not self._reason)
-        deviation = tuning.deviation(self._own.string)
+        deviation = tuning.deviation(self._follower.string)
         return Condition(open_frequency=tuning.open_frequency, deviation=deviation, follows=not self._reason)
 
     def _use(self, model: "Model", string: StringParams) -> None:
@@ -105,11 +105,11 @@ class Followed(ModelStream, Watching):
         """Change to the model for a tuning where it lies too far off that in use."""
         if LOWEST <= tuning.deviation(self._string) <= HIGHEST:
             return
-        string = tuning.tuned(self._own.string)
+        string = tuning.tuned(self._follower.string)
         try:
-            self._use(self._known.tuned(string), string)
+            self._use(self._trained.tuned(string), string)
         except InputError:  # further off the training's string than a tuning can be estimated
-            self._reason = self._own.detuned_reason(tuning, EXPECTED_PITCH)
+            self._reason = self._follower.detuned_reason(tuning, EXPECTED_PITCH)
 
     def _other_tuning_reason(self, window: Window) -> str:
         """Return why not to read a window before the pitch is known, empty for no reason."""
@@ -119,4 +119,4 @@ class Followed(ModelStream, Watching):
         has_partials = bool(self._tuner.lines) and not self._tuner.refused
         if has_partials and spectrum.reading.untouched_score < MIN_SCORE:
             return UNKNOWN
-        return self._own.other_tuning_reason(self._analyser, spectrum, EXPECTED_PITCH)
+        return self._follower.other_tuning_reason(self._analyser, spectrum, EXPECTED_PITCH)

@@ -260,9 +260,9 @@ def _part(errors: LabelledErrors, used: np.ndarray) -> LabelledErrors:
 def _learned(
     correction: Correction, terms: Floats, errors: LabelledErrors, touch: Indices, group: Indices | None
 ) -> Correction:
-    """Return a correction once the errors of some windows are known; without any, as it is.
+    """Return the correction updated with the errors of some windows; unchanged without windows.
 
-    It is for the object of these windows, or for others, where the object (n,) of each is given.
+    It is for the object of these windows. If `group` gives the object (n,) of each window, it is for others.
     """
     if not touch.size:
         return correction
@@ -280,9 +280,9 @@ def _judged(
     touch: Indices,
     group: Indices | None,
 ) -> HeadAdaptation:
-    """Return the errors of a head before, and of each touch after correction by the others.
+    """Return a head's errors before correction, and after correction with cross-validation over touches.
 
-    Where it is for other objects, and there are several, each object is judged by the others.
+    For several other objects, the cross-validation is over objects.
     """
     of, numbers = touch, np.unique(touch)
     if group is not None and len(np.unique(group)) > 1:
@@ -320,7 +320,7 @@ def _adaptation(
 
 
 def _refuse_unfit(model: Model, objects: Objects) -> None:
-    """Refuse a model that cannot be adapted, or not for these objects."""
+    """Refuse a model that cannot be adapted, or cannot be adapted for these objects."""
     if not model.corrections:
         raise InputError("a model without corrections", "a model that can be adapted", REMEDY)
     records = (each.correction for each in model.definition.heads.values())

@@ -153,7 +153,7 @@ def _faults(
     scale: Any,
     progress: Progress,
 ) -> list[Kind]:
-    """Return windows of training and validation as faulty microphones would have recorded them."""
+    """Return windows of training and validation with simulated microphone faults."""
     rate, kinds = data.dataset.manifest.sample_rate, list[Kind]()
     spared = _named(data.dataset, options.spared)
     whole = [each.rows[~spared[each.rows]] for each in examples]
@@ -174,7 +174,7 @@ def _unlike(
     scale: Any,
     progress: Progress,
 ) -> list[Kind]:
-    """Return windows of the dataset of unlike sessions; those of builds of validation are set apart."""
+    """Return windows of the dataset of anomalies; builds of the validation are used for validation."""
     if options.dataset is None:
         return []
     dataset, definition = open_dataset(options.dataset), data.definition

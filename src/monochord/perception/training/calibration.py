@@ -115,7 +115,7 @@ def calibrated(
 
 
 def _refuse_other_rates(sessions: Sequence[Path], sample_rate: int) -> None:
-    """Raise `InputError` for a session of another rate than the model's, with the command that mends it."""
+    """Raise `InputError` for a session of another rate than the model's; the message has the remedy."""
     for path in sessions:
         if (rate := read_session(path).description.sample_rate) != sample_rate:
             out = path.with_name(f"{path.stem}_{sample_rate}.mcap")
@@ -126,14 +126,14 @@ def _refuse_other_rates(sessions: Sequence[Path], sample_rate: int) -> None:
 
 
 def _range_of(sessions: Sequence[Path]) -> tuple[Metres, Metres] | None:
-    """Return what is within the range of every sensor that sessions name; None where none is named."""
+    """Return the overlap of the ranges of all sensors that sessions name; None if they name none."""
     named = [read_session(path).description.sensor.get("range") for path in sessions]
     ranges = [from_tree(SensorRange, {"range": each}, "session.sensor").range for each in named if each]
     return (max(low for low, _ in ranges), min(high for _, high in ranges)) if ranges else None
 
 
 def _within(dataset: Dataset, span: tuple[Metres, Metres] | None) -> tuple[Dataset, tuple[Metres, ...]]:
-    """Return a dataset without position and force outside a range, and where the touches are that lack them.
+    """Return a dataset without labels outside a range, and the positions of the touches that lose them.
 
     Raises
     ------

@@ -131,9 +131,9 @@ def training_data(
 def _sensing_range(
     design: tuple[Metres, Metres], dataset: Dataset, split: Split
 ) -> tuple[Metres, Metres] | None:
-    """Return where a model can tell places: in the design's range, and where training touched.
+    """Return the range of positions that a model can estimate: the overlap of the design and the training.
 
-    None where training touched at no known place within it.
+    None if no training touch in the design's range has a position.
     """
     if POSITION not in dataset.labels:
         return None

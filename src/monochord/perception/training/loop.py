@@ -150,7 +150,7 @@ def _is_over(state: Checkpoint, options: OptimiserSettings) -> bool:
 
 
 def _refuse_other(file: Path, state: Checkpoint, weights: Mapping[str, Any], order: list[str]) -> None:
-    """Refuse a checkpoint whose arrays are not those of this network, and of its optimiser in this order."""
+    """Refuse a checkpoint whose arrays do not match this network and its optimiser's order."""
     expected = {name: tuple(tensor.shape) for name, tensor in weights.items()}
     moments = {
         f"{number}/{kind}": () if kind == "step" else expected[name]

@@ -145,7 +145,7 @@ class TrainingTensors:
         return row
 
     def _beside(self, name: str, task: Task, copies: Any, batch: Any) -> Any:
-        """Return what a head sees beside the columns: reference and rise over it; None for neither."""
+        """Return a head's inputs besides the feature: reference and rise; None if it has neither."""
         parts: list[Any] = []
         if task.context and self.context is not None:
             context, columns = self.context[copies, batch], self.reference[name]

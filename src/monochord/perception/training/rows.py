@@ -1,9 +1,10 @@
 """Features of a dataset's windows, computed once and cached on disk.
 
 Several processes share the work on a large dataset: each computes a part and stores it in the cache. The
-cache key consists of the feature's name and options, the window, the dataset's checksum, the added noise, the
-requested rows, and a fingerprint, the feature of three probe windows. A feature whose code changed is
-computed again. So is a damaged file: each file ends with the SHA-256 of its array.
+cache key consists of the feature's name and options, the window, the dataset's checksum, the added noise and
+the requested rows. It also contains a fingerprint: the features of three probe windows. So a feature whose
+code changed is computed again. A damaged file is computed again too: each file ends with the SHA-256 of its
+array.
 """
 
 import hashlib

@@ -5,16 +5,16 @@ fits a string too. Any one of three kinds of evidence shows that a string sounds
 
 - **its series**: the fundamental, the next two partials and one more;
 - **free partials**: three or more partials that are not a sum, difference or multiple of stronger lines; or
-  three partials of which one dies away, as after a pluck or a touch, or is faint;
+  three partials with at least one that is faint or dies away, as after a pluck or a touch;
 - **two ends**: a multiple of the driven line whose ratio of power between the microphones differs from the
   line's. The two ends of a string and their pickups differ with frequency. A tone played into both inputs has
   the same ratio at all of its multiples.
 
-Measured on the twin (five presets, 171 builds and days, both worlds, 3 s each): the evidence suffices for all
-335 sounds that the tuner reads from a pluck on or 0.35 s after a touch, and for 313 of 322 sounds that it
-reads 2 s or 12 s after the last touch. In the other 9, one partial and its multiples remain. Two sounds pass
-for a string: a wave with the string's fundamental and next partials, and a tone that the microphones pick up
-differently.
+The evidence was measured on the twin (five presets, 171 builds and days, both worlds, 3 s each). It suffices
+for all 335 sounds that the tuner reads from a pluck on or 0.35 s after a touch. It suffices for 313 of 322
+sounds that the tuner reads 2 s or 12 s after the last touch; in the other 9, one partial and its multiples
+remain. Two other sounds pass for a string: a wave with the string's fundamental and next partials, and a tone
+that the microphones pick up differently.
 """
 
 from math import gcd

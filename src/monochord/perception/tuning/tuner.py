@@ -295,7 +295,7 @@ def _is_near(reading: TuningReading) -> bool:
 
 
 def _no_partials_reason(lines: Floats) -> tuple[str, int]:
-    """Return why lines are not those of an untouched string, and which microphone is dead."""
+    """Return why lines do not fit an untouched string (empty if they do), and the dead microphone or 0."""
     if not len(lines):
         return f"no line stands out: {NOT_DRIVEN}", 0
     power = lines[:, [POWER_1, POWER_2]]
@@ -313,7 +313,7 @@ def _no_partials_reason(lines: Floats) -> tuple[str, int]:
 
 
 def _ambiguous_reason(numbers: list[int], *, one_microphone: bool) -> str:
-    """Return why partials of these numbers may be those of something shorter than the string.
+    """Return why partials of these numbers may come from something shorter than the string.
 
     Partials with a common divisor are a series of their own, as of a segment, or of another string of a
     multiple of the pitch. A single one is taken for a partial if both microphones pick it up.

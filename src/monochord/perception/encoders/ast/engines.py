@@ -1,7 +1,7 @@
 """Engines of the transformer: PyTorch, ONNX Runtime in float32 or int8, or OpenVINO in int8.
 
-All but PyTorch run an ONNX file that is exported once, which takes PyTorch, transformers and up to minutes,
-and is kept in the user's cache folder: after that the engine alone is needed.
+All engines except PyTorch run an ONNX file. It is exported once, which requires PyTorch and transformers and
+takes minutes, and kept in the user's cache folder. After that, only the engine is required.
 """
 
 import json
@@ -31,35 +31,36 @@ from monochord.perception.encoders.ast.network import (
 
 Backend: TypeAlias = Literal["onnx", "int8", "openvino", "torch", "cuda"]
 Embed: TypeAlias = Callable[[Audio], Audio]
-"""From log-mel energies (channels, frames, 128) to embeddings (channels, 2 width), of one or two channels."""
+"""Function from log-mel energies (channels, frames, 128) of 1 or 2 channels to embeddings (channels, 2
+width)."""
 Precision: TypeAlias = Literal["float32", "dynamic", "static"]
-"""Of an ONNX file: float32, or int8 with activation scales computed at run time or fixed."""
+"""Precision of an ONNX file: float32, or int8 with activation scales computed at run time or fixed."""
 PRECISIONS: dict[str, Precision] = {"onnx": "float32", "int8": "dynamic", "openvino": "static"}
 EXPORT_VERSION = 2
-"""Part of the cache key; raised when exported files change."""
+"""Part of the cache key; increased when the exported files change."""
 CALIBRATION_SPECTROGRAMS = 6
-"""Synthetic spectrograms that the fixed scales are taken from."""
+"""Number of synthetic spectrograms that determine the fixed scales."""
 
 
 def build_engine(weights: Weights, *, frames: int, backend: Backend, threads: int = 1) -> Embed:
-    """Return the function that embeds spectrograms of so many frames.
+    """Return the function that embeds spectrograms of `frames` frames.
 
     Parameters
     ----------
     weights
-        Those of `find_ast`, or random ones.
+        Weights from `find_ast`, or random weights.
     frames
-        Of a spectrogram.
+        Frames of a spectrogram.
     backend
-        ``onnx`` (float32) or ``int8`` by ONNX Runtime, ``openvino`` (int8), ``torch`` on the processor,
-        ``cuda``.
+        ``onnx`` (float32) or ``int8`` with ONNX Runtime, ``openvino`` (int8), ``torch`` (PyTorch on the CPU)
+        or ``cuda`` (PyTorch on a GPU).
     threads
-        Of ONNX Runtime and OpenVINO.
+        Threads of ONNX Runtime or OpenVINO.
 
     Raises
     ------
     InputError
-        If a library is not installed, the weights cannot be used, or they do not suit the length.
+        If a library is not installed, the weights cannot be used, or `frames` does not fit the weights.
     DeviceError
         If there is no GPU for ``cuda``.
     """
@@ -75,20 +76,20 @@ def build_engine(weights: Weights, *, frames: int, backend: Backend, threads: in
 
 
 def export(given: str, file: Path, *, frames: int = 100, int8: bool = False) -> None:
-    """Write the network of weights as an ONNX file, from ``energies`` (2, frames, 128) to ``embedding``.
+    """Write the network as an ONNX file, from ``energies`` (2, frames, 128) to ``embedding``.
 
-    The file's properties name the weights.
+    The file's metadata name the weights.
 
     Raises
     ------
     InputError
-        If the weights cannot be used, they do not suit the length, or a library is not installed.
+        If the weights cannot be used, `frames` does not fit the weights, or a library is not installed.
     """
     shutil.copyfile(onnx_file(find_ast(given), frames, "dynamic" if int8 else "float32"), file)
 
 
 def onnx_file(weights: Weights, frames: int, precision: Precision) -> Path:
-    """Return the network as an ONNX file in the cache folder, exported if it is absent or damaged."""
+    """Return the network's ONNX file in the cache folder; exports it if it is absent or damaged."""
     patch_columns(frames)  # refuses a length before any library is loaded
     key = [EXPORT_VERSION, weights.label, weights.sha256, str(weights.sizes), frames, precision]
     cache = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"

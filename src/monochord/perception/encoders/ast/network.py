@@ -1,4 +1,4 @@
-"""The network of Hugging Face's transformers with the weights of a file, for spectrograms of any length."""
+"""The network of Hugging Face's transformers, with weights from a file, for spectrograms of any length."""
 
 import logging
 import warnings
@@ -18,14 +18,14 @@ from monochord.perception.encoders.weights import checked_sum, find_weights, loa
 BANDS = 128
 """Mel bands of a spectrogram."""
 PATCH, STRIDE = 16, 10
-"""Bands and frames of a patch, and from patch to patch."""
+"""Size of a patch, and step from one patch to the next, in bands and in frames."""
 PATCH_ROWS = (BANDS - PATCH) // STRIDE + 1
 MEAN, DEVIATION = -4.2677393, 4.5689974
 """Mean and standard deviation of log-mel energies in AudioSet."""
 PREFIX = "audio_spectrogram_transformer."
-"""Of tensor names in the published file."""
+"""Prefix of tensor names in the published file."""
 HEAD_WIDTH = 64
-"""Width of an attention head, where no configuration says otherwise."""
+"""Default width of an attention head."""
 RANDOM_STD = 0.02
 """Standard deviation of random weights, as at the start of training."""
 _REMEDY = "give the file or the folder of an Audio Spectrogram Transformer in safetensors form"
@@ -33,7 +33,7 @@ _REMEDY = "give the file or the folder of an Audio Spectrogram Transformer in sa
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sizes:
-    """Layers, width of a token, width between the two products of a layer, and columns of patches."""
+    """Number of layers, width of a token, inner width of a layer's MLP, and number of patch columns."""
 
     depth: int = 12
     width: int = 768
@@ -43,7 +43,7 @@ class Sizes:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Weights:
-    """The weights of the file `path` with their SHA-256, or random ones by `seed` where there is no path."""
+    """The weights in the file `path` with their SHA-256; without a path, random weights from `seed`."""
 
     sizes: Sizes = Sizes()
     path: Path | None = None
@@ -52,7 +52,7 @@ class Weights:
 
     @property
     def label(self) -> str:
-        """Prefix of the columns of a feature with these weights.
+        """Prefix of a feature's column names with these weights.
 
         Examples
         --------
@@ -73,7 +73,7 @@ class _Config:
 
 
 def patch_columns(frames: int) -> int:
-    """Return the columns of patches in a spectrogram; raises `InputError` where there is not one.
+    """Return the number of patch columns in a spectrogram; raises `InputError` if there is none.
 
     Examples
     --------
@@ -86,13 +86,13 @@ def patch_columns(frames: int) -> int:
 
 
 def find_ast(given: str = "") -> Weights:
-    """Return the weights of a file, of a Hugging Face folder, or from where they are kept.
+    """Return the weights from a file or a Hugging Face folder; by default from their usual place.
 
     Raises
     ------
     InputError
-        If there are none, with the way to get them; if their checksum is not the known one; or if the file
-        is damaged or holds something else.
+        If the weights are missing (the message says how to get them), have an unexpected checksum, are
+        damaged, or belong to another network.
     """
     known = load_known("ast")
     path = find_weights(known, given)
@@ -100,7 +100,7 @@ def find_ast(given: str = "") -> Weights:
 
 
 def describe(path: Path) -> str:
-    """Return a few words on the contents of a file; raises `InputError` if it is not of this network."""
+    """Return a short description of a file; raises `InputError` if it belongs to another network."""
     sizes = _sizes(path)
     return (
         f"Audio Spectrogram Transformer, depth {sizes.depth}, width {sizes.width}, "
@@ -109,25 +109,27 @@ def describe(path: Path) -> str:
 
 
 def network_of(weights: Weights, frames: int) -> Any:
-    """Return the network as a PyTorch module, for spectrograms of so many frames.
+    """Return the network as a PyTorch module, for spectrograms of `frames` frames.
 
-    Its input are log-mel energies (channels, frames, 128), natural logarithms, normalised as in training, (e
-    - mean) / (2 deviation). Its output is (channels, 2 width): mean and maximum over all patches of the last
-    layer. Training learned a position for each patch in 12 rows (frequency) and up to 101 columns (time); a
-    shorter sound has those of the middle columns, as with the original authors. The positions of the two
-    first tokens stay.
+    The input is log-mel energies e (channels, frames, 128), as natural logarithms; the module normalises them
+    to (e - mean) / (2 deviation), as in training. The output (channels, 2 width) is the mean and the maximum
+    over all patches of the last layer.
+
+    The weights contain a position for each patch, in 12 rows (frequency) and up to 101 columns (time). A
+    shorter sound uses the positions of the middle columns, as the original authors do. The positions of the
+    first two tokens do not change.
 
     Raises
     ------
     InputError
-        If PyTorch or transformers is not installed, the weights are not those of such a network, or the
-        sound is longer than in training.
+        If PyTorch or transformers is not installed, the weights belong to another network, or the sound is
+        longer than in training.
     """
     torch, _ = _libraries()
     trained, columns = weights.sizes.columns, patch_columns(frames)
     if columns > trained:
         longest = PATCH + STRIDE * trained - 1
-        raise InputError(f"a spectrogram of {frames} frames", f"{longest} frames or fewer with these weights")
+        raise InputError(f"a spectrogram of {frames} frames", f"at most {longest} frames with these weights")
     with quiet_libraries(), torch.no_grad():
         model = _load_model(weights.path, weights.sizes) if weights.path else _random_model(weights)
         positions = model.embeddings.position_embeddings
@@ -155,7 +157,7 @@ def network_of(weights: Weights, frames: int) -> Any:
 
 @contextmanager
 def quiet_libraries() -> Generator[None]:
-    """Keep messages and warnings of the libraries from the terminal."""
+    """Suppress the libraries' messages and warnings on the terminal."""
     before = logging.root.manager.disable
     logging.disable(logging.WARNING)
     try:
@@ -190,7 +192,8 @@ def _load_model(path: Path, sizes: Sizes) -> Any:
         with torch.device("meta"):
             expected = _count(dict(transformers.ASTModel(config).named_parameters()))
     except (KeyError, ValueError) as error:
-        raise InputError(f"weights {path} (configuration: {error})", "a known one", _REMEDY) from error
+        given = f"weights {path} (configuration: {error})"
+        raise InputError(given, "a supported configuration", _REMEDY) from error
     tensors = {name: one for name, one in load_file(path).items() if not name.startswith("classifier")}
     if (count := _count(tensors)) < expected:
         raise InputError(f"weights {path} ({count} numbers)", f"the whole network of {expected}", _REMEDY)
@@ -207,7 +210,7 @@ def _load_model(path: Path, sizes: Sizes) -> Any:
         )
     except (RuntimeError, ValueError, KeyError) as error:
         given = f"weights {path} (a tensor of another shape)"
-        raise InputError(given, f"those of {asdict(sizes)}", _REMEDY) from error
+        raise InputError(given, f"shapes for {asdict(sizes)}", _REMEDY) from error
     finally:
         logs.set_verbosity(verbosity)
         if bar:
@@ -235,8 +238,8 @@ def _read_config(path: Path, sizes: Sizes) -> _Config:
     names = [field.name for field in fields(_Config)]
     config = from_tree(_Config, {name: tree[name] for name in names if name in tree}, str(file))
     if config.num_attention_heads < 0 or sizes.width % (config.num_attention_heads or HEAD_WIDTH):
-        given = f"{file} ({config.num_attention_heads} heads of a width of {sizes.width})"
-        raise InputError(given, "a number of heads that divides it", _REMEDY)
+        given = f"{file} ({config.num_attention_heads} heads for a width of {sizes.width})"
+        raise InputError(given, "a number of heads that divides the width", _REMEDY)
     return config
 
 
@@ -280,7 +283,7 @@ def _sizes(path: Path) -> Sizes:
     columns = (positions // width - 2) // PATCH_ROWS if width else 0
     if min(depth, inner, columns) < 1 or width % HEAD_WIDTH:
         given = f"weights {path} ({depth} layers of width {width}, {columns} patch columns)"
-        raise InputError(given, f"layers of a multiple of {HEAD_WIDTH}", _REMEDY)
+        raise InputError(given, f"layers whose width is a multiple of {HEAD_WIDTH}", _REMEDY)
     return Sizes(depth=depth, width=width, inner=inner, columns=columns)
 
 

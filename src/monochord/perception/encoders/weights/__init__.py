@@ -1,8 +1,8 @@
-"""Weights trained by others, described by one TOML file each; none of them is part of Monochord.
+"""Published weights of encoders, each described by a TOML file. Monochord does not ship the weights.
 
-They are looked for at the given path, then at the path in their environment variable (MONOCHORD_AST), then
-where `monochord weights get` puts them: below the folder in MONOCHORD_WEIGHTS, else in the user's data
-folder. Packages with encoders of their own add descriptions by entry points of the group
+Weights are searched for in this order: the given path; the path in their environment variable, such as
+MONOCHORD_AST; the place where `monochord weights get` stores them, which is the folder in MONOCHORD_WEIGHTS,
+or else the user's data folder. Other packages can add descriptions with entry points of the group
 ``monochord.weights``.
 """
 
@@ -23,18 +23,18 @@ from monochord.perception import MOVED
 __all__ = ["KnownWeights", "checked_sum", "find_weights", "load_known", "weight_names"]
 
 CHECKSUM_SUFFIX = ".sha256"
-"""Of the file beside the weights with their SHA-256 when fetched, or one pinned by hand."""
+"""Suffix of the file next to the weights with their SHA-256, from the download or pinned by the user."""
 _LOG = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KnownWeights(Checked):
-    """Weights that Monochord can use.
+    """The description of weights that Monochord can use.
 
-    `url` is where they are published, an address of https or of a local file, and `file` their name there.
-    They have `max_bytes` at most. `sha256` is their checksum, empty where it is not known in advance.
-    `reader` is the module whose ``describe`` checks and describes their contents, empty where the checksum is
-    enough; `exporter` the one whose ``export`` writes their network as an ONNX file, empty if there is none.
+    `url` is the https or file address of the published weights, and `file` the name of the file. The file has
+    at most `max_bytes` bytes. `sha256` is its checksum; empty if unknown in advance. `reader` is a module
+    whose ``describe`` checks and describes a file; empty if the checksum suffices. `exporter` is a module
+    whose ``export`` writes the network as an ONNX file; empty if there is none.
     """
 
     name: str
@@ -56,12 +56,12 @@ class KnownWeights(Checked):
 
     @property
     def variable(self) -> str:
-        """The environment variable with the path of their file or of its folder."""
+        """The environment variable for the path of the file or its folder."""
         return f"MONOCHORD_{self.name.upper()}"
 
     @property
     def usual_path(self) -> Path:
-        """Where `monochord weights get` puts them."""
+        """The path where `monochord weights get` stores the file."""
         return weights_folder() / self.name / self.file
 
 
@@ -82,12 +82,12 @@ def weight_names() -> list[str]:
 
 
 def load_known(name: str) -> KnownWeights:
-    """Return the description of weights by their name.
+    """Return the description of weights by name.
 
     Raises
     ------
     InputError
-        If there are none of this name.
+        If the name is unknown.
 
     Examples
     --------
@@ -100,7 +100,7 @@ def load_known(name: str) -> KnownWeights:
 
 
 def weights_folder() -> Path:
-    """Return the folder below which weights are stored, which need not exist."""
+    """Return the folder in which weights are stored; it may not exist."""
     if folder := os.environ.get("MONOCHORD_WEIGHTS"):
         return Path(folder)
     data = os.environ.get("XDG_DATA_HOME")
@@ -108,19 +108,19 @@ def weights_folder() -> Path:
 
 
 def find_weights(known: KnownWeights, given: str = "") -> Path:
-    """Return the file of weights on this machine.
+    """Return the path of a weights file on this machine.
 
     Parameters
     ----------
     known
-        Which weights.
+        Description of the weights.
     given
-        Their file or its folder; empty to look in the places that this module's docstring lists.
+        The file or its folder; empty to search the places in this module's docstring.
 
     Raises
     ------
     InputError
-        If they are not there, with the way to get them.
+        If the file is missing; the message says how to get it.
     """
     chosen = given or os.environ.get(known.variable, "")
     path = Path(chosen) if chosen else known.usual_path
@@ -132,14 +132,15 @@ def find_weights(known: KnownWeights, given: str = "") -> Path:
 
 
 def checked_sum(known: KnownWeights, path: Path) -> str:
-    """Return the SHA-256 of weights after comparing it with the known one and the one beside them.
+    """Return the SHA-256 of a weights file after checking it.
 
-    Where there is neither, a warning on stderr says so, with their checksum and the way to pin it.
+    It must match the checksum in the description and the one in the file next to the weights. Without either,
+    a warning on stderr states the checksum and how to pin it.
 
     Raises
     ------
     InputError
-        If they differ, or cannot be read.
+        If a checksum differs or a file cannot be read.
     """
     try:
         with path.open("rb") as file:
@@ -147,13 +148,13 @@ def checked_sum(known: KnownWeights, path: Path) -> str:
         beside = path.with_name(path.name + CHECKSUM_SUFFIX)
         pinned = beside.read_text(encoding="ascii").strip() if beside.is_file() else ""
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"weights {path} ({error})", "files that can be read") from error
+        raise InputError(f"weights {path} ({error})", "readable files") from error
     for expected in (known.sha256, pinned):
         if expected and expected != actual:
             remedy = f"fetch them again with 'monochord weights get {known.name}'"
             raise InputError(f"weights {path} with SHA-256 {actual[:12]}...", f"{expected[:12]}...", remedy)
     if not (known.sha256 or pinned):
         pin = f"echo {actual} > {shlex.quote(str(beside))}"
-        line = f"weights {path} are not pinned: their SHA-256 {actual} is compared with nothing"
-        _LOG.warning("monochord: %s; if that is the right one, pin it: %s", line, pin)
+        line = f"weights {path} are not pinned: no checksum to compare their SHA-256 {actual} with"
+        _LOG.warning("monochord: %s; if it is correct, pin it: %s", line, pin)
     return actual

@@ -1,4 +1,4 @@
-"""Download of published weights, on request: complete and checked, or absent."""
+"""Download of published weights on request; a downloaded file is complete and checked."""
 
 import http.client
 import logging
@@ -37,29 +37,29 @@ HANDLERS = (
     HTTPErrorProcessor,
 )
 Progress = Callable[[int, int], None]
-"""Called with the bytes so far and in all; 0 in all where the server does not say."""
+"""Called with the bytes so far and the total; the total is 0 if the server does not state it."""
 
 
 def describe(known: KnownWeights, path: Path) -> str:
-    """Return a few words on the contents of weights; raises `InputError` for another kind of file."""
+    """Return a short description of a weights file; raises `InputError` for another kind of file."""
     if not known.reader:
         return known.title
     return str(import_module(known.reader).describe(path))
 
 
 def fetch(known: KnownWeights, path: Path, progress: Progress) -> str:
-    """Download weights to `path`, check them, write their SHA-256 beside them and return it.
+    """Download weights to `path`, check them, store their SHA-256 next to them, and return it.
 
-    Where no checksum is known in advance, a warning on stderr says so. Only https and local files are read,
-    also after a redirection, and at most `max_bytes`. Nothing has the final name before it is complete and
-    checked.
+    If no checksum is known in advance, a warning on stderr says so. Only https addresses and local files are
+    read, also after a redirection, and at most `max_bytes` bytes. The file gets its final name once it is
+    complete and checked.
 
     Raises
     ------
     DeviceError
-        If the server does not answer, answers with an error, or breaks off.
+        If the server does not answer, returns an error, or breaks off.
     InputError
-        If the file is another one, or cannot be written.
+        If the file has another checksum or content, or cannot be written.
     """
     part = path.with_name(path.name + ".part")
     try:
@@ -72,15 +72,13 @@ def fetch(known: KnownWeights, path: Path, progress: Progress) -> str:
             line = f"weights {known.name} are not pinned: this file has {actual}"
             pin = f"monochord weights get {known.name} --sha256 {actual}"
             _LOG.warning(
-                "monochord: %s; it is required of %s from now on, elsewhere with: %s", line, path, pin
+                "monochord: %s; %s must match it from now on; pin it elsewhere with: %s", line, path, pin
             )
         path.with_name(path.name + CHECKSUM_SUFFIX).write_text(f"{actual}\n", encoding="ascii")
         part.replace(path)
     except OSError as error:
         given = f"{error.filename or path} ({error.strerror})"
-        raise InputError(
-            given, "a folder that can be written to", "name another one with --folder"
-        ) from error
+        raise InputError(given, "a writable folder", "name another folder with --folder") from error
     finally:
         with suppress(OSError):
             part.unlink()
@@ -105,7 +103,7 @@ def _download(known: KnownWeights, part: Path, progress: Progress) -> str:
 def _chunks(known: KnownWeights) -> Iterator[tuple[bytes, int]]:
     """Yield the chunks of the download, with the bytes in all."""
     if not known.url.startswith(("https://", "file:///")):
-        raise InputError(f"address {known.url}", "one of https, or of a local file (file:///)")
+        raise InputError(f"address {known.url}", "an https address, or a local file (file:///)")
     opener = OpenerDirector()  # without a handler of http, so that no redirection can lead there
     for handler in HANDLERS:
         opener.add_handler(handler())

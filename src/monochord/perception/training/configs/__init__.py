@@ -1,11 +1,11 @@
-"""Training presets: what is learned and how, one TOML file each, found by its name."""
+"""Training presets: settings of a training run, one TOML file each, found by name."""
 
 from pathlib import Path
 
 from monochord.core.presets import preset_names, preset_path
 
 DEFAULT = "tones"
-"""The preset of `monochord train` without a name: that of the published results."""
+"""The default preset of `monochord train`, which gives the published results."""
 BUNDLED = "builds"
 """The preset of the bundled model."""
 
