@@ -21,7 +21,7 @@ MIN_LEAD = 2.0
 MAX_DEVIATIONS = 5.0
 """Number of standard errors from the estimate within which the lines agree with it."""
 MIN_DISAGREEMENT: Metres = 2e-3
-"""Smallest distance of two positions that disagree."""
+"""Smallest distance of two positions that counts as a contradiction."""
 EDGE_DEVIATIONS = 2.0
 """Number of standard errors by which the estimate of a touch at an end of the range may lie outside."""
 MAX_EDGE: Metres = 1e-3
