@@ -78,9 +78,9 @@ class FftHarmonic(Feature):
     modes chosen by networks trained on simulated builds (`monochord.perception.closed_form`).
 
     Three series of harmonics follow, n = 1 to 8 each: the segment at microphone 1, the segment at microphone
-    2, and the whole string. Harmonics are expected at the stiff partials, or at multiples of the driven line
-    where n is such a multiple. A harmonic is the strongest bin within 1.5 bins and 0.4 % of its expected
-    frequency. Its measures are:
+    2, and the whole string. Harmonics are expected at the stiff partials; if n is a multiple of the mode of a
+    segment's driven line, at the corresponding multiple of this line. A harmonic is the strongest bin within
+    1.5 bins and 0.4 % of its expected frequency. Its measures are:
 
     - level: log10 of its power, at least 1e-7 of the channel's power;
     - offset: deviation from the expected frequency in thousandths, limited to 5;
@@ -93,10 +93,10 @@ class FftHarmonic(Feature):
     - **mic 1**, **mic 2** (75 each). Level, offset, side and growth of 16 harmonics: 8 of the segment at this
       microphone and 8 partials of the string. Then 11 measures of the channel: log10 of its mean square;
       log10 of its power from 20 to 150 Hz and from 150 to 500 Hz, where only sliding and handling sound; mean
-      log10 of the power above 0.5, 2, 6 and 12 kHz, which measures the gaps between the lines; spectral
-      flatness from 4 to 15 kHz; rise from the first half of the window to the second; unrest, the standard
-      deviation over ten parts of the window; the fundamental of this microphone's segment, in octaves above
-      the string's.
+      log10 of the power in the bands between 0.5, 2, 6, 12 and 20 kHz, which measures the gaps between the
+      lines; spectral flatness from 4 to 15 kHz; rise, the change of log10 of the mean square from the first
+      half of the window to the second; unrest, the standard deviation of this level over ten parts of the
+      window; the fundamental of this microphone's segment, in octaves above the string's.
     - **difference** (75). Microphone 1 minus microphone 2, in logarithms: level and side of the 24 harmonics
       of all series, growth of the 16 harmonics of the segments, and the 11 measures of the channel.
     - **ratio** (75). Amplitudes: the likeness of each of the 24 harmonics at both microphones, 2 Re(A B*) /

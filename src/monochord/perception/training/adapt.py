@@ -217,8 +217,8 @@ def _trust(
 def desensitised(model: Model, odds: Sequence[Floats]) -> tuple[Model, dict[str, float]]:
     """Return a model whose anomaly detector is desensitised to the sound of a healthy sensor.
 
-    The log odds of each reason are lowered until at most `MAX_ALARM_SHARE` of the windows exceed the limit,
-    but by no more than `MAX_ODDS`.
+    The log odds of each reason are lowered until they exceed the reason's part of the limit in at most
+    `MAX_ALARM_SHARE` of the windows, but by no more than `MAX_ODDS`.
 
     Parameters
     ----------

@@ -46,8 +46,8 @@ def spread_factor(error: Floats, std: Floats, touch: Indices | None = None) -> f
     The factor is the quantile of ``|error| / std`` at 68.3 % (m + 1) / m (split conformal prediction for
     finite samples), times Student's t at one sigma with m - 1 degrees of freedom. m is the number of touches,
     because the windows of one touch have nearly the same error. So few touches give a large factor. A factor
-    below 1 would state less than the residuals of the training; it counts with the weight m / (m +
-    `PRIOR_TOUCHES`).
+    below 1 would state less than the residuals of the training; therefore it is raised to the power
+    m / (m + `PRIOR_TOUCHES`).
 
     Parameters
     ----------
