@@ -1,4 +1,4 @@
-"""Opens a wav or flac file for reading, or says in one line why it cannot be used."""
+"""Opens a wav or flac file for reading, or explains in one line why it cannot be used."""
 
 import os
 from dataclasses import dataclass
@@ -16,24 +16,24 @@ FORMATS = ("WAV", "WAVEX", "RF64", "FLAC")
 MAX_CHANNELS = 2
 UNKNOWN_LENGTH = 0xFFFFFFFF  # what a program that writes to a pipe, or RF64, puts for a length
 
-READ_ANYWAY = "read what is there: locate --allow-truncated, live --set source.allow_truncated=true"
+READ_ANYWAY = "read the rest: locate --allow-truncated, live --set source.allow_truncated=true"
 ENDLESS = 2**63 - 1  # frames, as libsndfile puts it, of a flac stream that does not say how many
 
 
 def open_audio(path: Path, *, allow_truncated: bool, most: int = MAX_CHANNELS) -> soundfile.SoundFile:
-    """Return the open file, seen to be whole, of `most` channels at most and a rate in the allowed range.
+    """Open a complete file with at most `most` channels and a rate in the allowed range.
 
     Raises
     ------
     InputError
-        If the file is missing, empty, not wav or flac, truncated (unless allowed), or of another shape.
+        If the file is missing, empty, not wav or flac, truncated (unless allowed), or has too many channels.
     """
     if path.is_dir():
         raise InputError(f"folder {path}", "a wav or flac file", "name one of its files")
     refuse_endless(path)
     if not path.exists():
         remedy = similar_name(path) or "check its name"
-        raise InputError(f"file {path} (not there)", "an existing wav or flac file", remedy)
+        raise InputError(f"file {path} (does not exist)", "an existing wav or flac file", remedy)
     if not path.stat().st_size:
         raise InputError(f"file {path} (empty)", "a wav or flac file with sound in it")
     file = _open(path, allow_truncated=allow_truncated)
@@ -59,7 +59,7 @@ def _open(path: Path, *, allow_truncated: bool) -> soundfile.SoundFile:
             if samples is None or not _is_unfinished(file, samples):
                 return soundfile.SoundFile(name)
             if not allow_truncated:
-                given = f"file {path} (its recorder ended before it wrote how long it is)"
+                given = f"file {path} (its recorder ended before it wrote the length)"
                 raise InputError(given, "a whole file", READ_ANYWAY)
             content: Any = _finished(file, samples)  # which soundfile takes, as it has what a file has
             return soundfile.SoundFile(content)
@@ -83,7 +83,7 @@ def _refuse(file: soundfile.SoundFile, path: Path, most: int) -> None:
 def _refuse_truncated(file: soundfile.SoundFile, path: Path) -> None:
     if file.frames == ENDLESS:
         raise InputError(
-            f"file {path} (does not say how long it is)",
+            f"file {path} (does not state its length)",
             "a file that states its length",
             f"convert it, or {READ_ANYWAY}",
         )
@@ -108,9 +108,9 @@ def _last_frame_reads(file: soundfile.SoundFile) -> bool:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Samples:
-    """Where the samples of a RIFF file begin, and how many bytes of them it promises.
+    """Where the samples of a RIFF file begin, and their size in bytes by its header.
 
-    `order` is that of its numbers, `wide` the place of the 64-bit lengths of an RF64 file, else 0.
+    `order` is the byte order of its numbers; `wide` is the offset of an RF64 file's 64-bit lengths, else 0.
     """
 
     begin: int
@@ -144,7 +144,7 @@ def _size(file: BinaryIO) -> int:
 
 
 def _is_unfinished(file: BinaryIO, samples: _Samples) -> bool:
-    """Return whether a file promises no samples, and what follows is not chunks to its end either."""
+    """Return whether a file's header states no samples, yet the data after it are not valid chunks."""
     size, at = _size(file), samples.begin
     if samples.promised:
         return False
@@ -159,7 +159,7 @@ def _is_unfinished(file: BinaryIO, samples: _Samples) -> bool:
 
 
 def _finished(file: BinaryIO, samples: _Samples) -> mmap:
-    """Return the bytes of a file with its lengths corrected. The file itself is not changed."""
+    """Return the file's bytes with corrected lengths. The file itself is not changed."""
     content = mmap(file.fileno(), 0, access=ACCESS_COPY)
     size = len(content)
     room = size - samples.begin
@@ -174,7 +174,7 @@ def _finished(file: BinaryIO, samples: _Samples) -> mmap:
 
 
 def _holds_what_it_promises(file: BinaryIO) -> bool:
-    """Return whether a RIFF file reaches to the end of its samples."""
+    """Return whether a RIFF file has all the samples that its header states."""
     samples = _samples_in(file)
     if samples is None:
         return False
