@@ -44,7 +44,8 @@ STAMP = np.dtype(
 class Datagrams:
     """Datagrams from a socket: `payload` (n, size) uint8, with `length` (n,) valid bytes each.
 
-    Longer datagrams are truncated. `stamp` (n,) is the kernel's time of arrival in seconds of the wall clock; NaN where it gave none.
+    Longer datagrams are truncated. `stamp` (n,) is the kernel's time of arrival in s of the wall clock, NaN
+    where it gave none.
     """
 
     payload: NDArray[np.uint8]

@@ -30,7 +30,7 @@ _copy = ExternalFunction("memcpy", types.intp(types.intp, types.intp, types.intp
 _fill = ExternalFunction("memset", types.intp(types.intp, types.int32, types.intp))
 
 WORD, SAMPLE = 8, 4  # bytes
-NEVER = 1 << 62  # frames
+FAR_AHEAD = 1 << 62  # frames
 HALF_SPAN = 1 << 31  # frames; JACK counts modulo twice as many
 
 
@@ -83,7 +83,7 @@ def _frames_ahead(words: Any) -> int:
     if scheduled == 0:
         return 0
     if scheduled == 1:
-        return NEVER
+        return FAR_AHEAD
     now = np.int64(_last_frame_time(words[at.CLIENT]))
     return (words[at.BEGIN] - now + HALF_SPAN) % (2 * HALF_SPAN) - HALF_SPAN
 

@@ -11,7 +11,7 @@ from monochord.core.types import Floats
 from monochord.core.units import Metres, Newtons, Seconds
 
 MAX_TAP: Seconds = 0.04
-QUIET: Seconds = 0.06
+MIN_PAUSE: Seconds = 0.06
 BLOCK: Seconds = 0.1
 BOUNCE: Seconds = 0.008
 """A dropout of force no longer than this belongs to the same tap, in s."""
@@ -252,6 +252,6 @@ def _alone(time: Floats, runs: list[tuple[int, int]], longest: Seconds) -> list[
     for k, (i, j) in enumerate(runs):
         before = time[runs[k - 1][1]] if k else time[0]
         after = time[runs[k + 1][0]] if k + 1 < len(runs) else time[-1]
-        if time[j] - time[i] < longest and time[i] - before >= QUIET and after - time[j] >= QUIET:
+        if time[j] - time[i] < longest and time[i] - before >= MIN_PAUSE and after - time[j] >= MIN_PAUSE:
             alone.append((i, j))
     return alone

@@ -184,9 +184,9 @@ def audio_offset(
 
     shifts = shifts_of_group(taps.begin, when, news, reach)
     onsets = [(*onset_offsets(shift), share) for shift, share in shifts]
-    return _most_agreed(
+    return _best_agreeing(
         [
-            offset_of(each[:, _hearing(loudness)].mean(axis=1), spacing=spacing, rival=share)
+            offset_of(each[:, _picking_up(loudness)].mean(axis=1), spacing=spacing, rival=share)
             for each, loudness, share in onsets
         ]
     )
@@ -253,7 +253,7 @@ def travel_time(length: Metres, wave_speed: float, position: Metres | None = Non
     return position / wave_speed, (length - position) / wave_speed
 
 
-def _hearing(loudness: Floats) -> Flags:
+def _picking_up(loudness: Floats) -> Flags:
     """Return which microphones (channels,) pick up the taps, from loudness (taps, channels).
 
     All microphones count, unless one stands out and the other is deaf: the deaf one's onsets are noise, which
@@ -264,14 +264,14 @@ def _hearing(loudness: Floats) -> Flags:
     return ~deaf if (usual >= MIN_LOUDNESS).any() else np.ones(usual.size, bool)
 
 
-def _most_agreed(candidates: list[Offset]) -> Offset:
+def _best_agreeing(candidates: list[Offset]) -> Offset:
     """Return the candidate whose taps agree best, among those with a share (`rival`) near the best.
 
     Its `rival` becomes the largest share among the other candidates whose taps agree or that are clearly
     weaker. With fewer than three taps, agreement is undefined, and the largest share wins.
     """
     near = [offset for offset in candidates if offset.rival >= MAX_RIVAL]
-    agreed = [o for o in near if _has_most(o)]
+    agreed = [o for o in near if _has_majority(o)]
     chosen = min(agreed, key=lambda offset: offset.std) if agreed else candidates[0]
     sure = bool(agreed) and chosen.std < AGREEMENT_STD
     beaten = [o for o in near if sure and (o.taps < 3 or o.std > RIVAL_STD_RATIO * chosen.std)]
@@ -279,7 +279,7 @@ def _most_agreed(candidates: list[Offset]) -> Offset:
     return replace(chosen, rival=max(others, default=0.0) / chosen.rival)
 
 
-def _has_most(offset: Offset) -> bool:
+def _has_majority(offset: Offset) -> bool:
     return offset.taps >= max(3, offset.each.size - offset.each.size // 5)
 
 
