@@ -34,7 +34,7 @@ from monochord.evaluation import (
     regression_rows,
     score_of,
 )
-from monochord.metrics import LIMITS, known, normal_coverage
+from monochord.metrics import LIMITS, finite_rows, normal_coverage
 
 SummaryRow: TypeAlias = dict[str, Any]
 KEYS = (
@@ -77,7 +77,7 @@ class _Scored:
 
     @property
     def answered(self) -> Flags:
-        return known(self.error)
+        return finite_rows(self.error)
 
     def where(self, rows: Flags) -> "_Scored":
         return _Scored(error=self.error[rows], std=self.std[rows], block=self.block[rows])
@@ -227,7 +227,7 @@ def _scored(results: Results, name: str, block: Indices) -> _Scored:
 
 def _stated(own: Mapping[str, _Scored]) -> _Scored:
     """Return the errors of all estimates with a standard error as one, in units of these."""
-    parts = [each.where(known(each.error) & known(each.std)) for each in own.values()]
+    parts = [each.where(finite_rows(each.error) & finite_rows(each.std)) for each in own.values()]
     return _Scored(
         error=np.concatenate([part.error for part in parts]),
         std=np.concatenate([part.std for part in parts]),
@@ -239,7 +239,7 @@ def _gross(by: Mapping[str, _Scored], scored: Flags) -> tuple[Flags, Indices]:
     """Return whether each answered window (n,) is grossly wrong, and its block."""
     stated, wrong = np.zeros(len(scored), bool), np.zeros(len(scored), bool)
     for each in by.values():
-        has_std = scored & known(each.error) & known(each.std)
+        has_std = scored & finite_rows(each.error) & finite_rows(each.std)
         stated |= has_std
         wrong[has_std] |= np.abs(each.error[has_std]) > GROSS * each.std[has_std]
     return wrong[stated], next(iter(by.values())).block[stated]

@@ -40,7 +40,7 @@ from monochord.evaluation import (
     load,
     refuse_trained_on,
     regression_rows,
-    replay_together,
+    replay_estimators,
     training_of,
 )
 from monochord.figures import COLOURS, style
@@ -256,7 +256,7 @@ def _curves(group: Group, *, rivals: _Rivals, touches: tuple[int, ...], labels: 
         for session in whole.sessions:
             left = [number for number, own in enumerate(by_session) if session in own]
             own = [by_session[number][session] for number in left]
-            results = replay_together(own, [estimators[n] for n in left], name=rivals.name) if left else []
+            results = replay_estimators(own, [estimators[n] for n in left], name=rivals.name) if left else []
             for number, each in zip(left, results, strict=True):
                 replayed[number].append(each)
         baselines = _Ridges(rivals, whole) if rivals.ridge is not None or any(counts) else None

@@ -317,7 +317,7 @@ def _each(files: tuple[Path, ...], result: Result, *, as_json: bool) -> int:
 
 def _known(late: Lateness) -> list[float]:
     """Return by how many seconds a stream is late at the start and the end, as far as that is known."""
-    return [offset.value for offset in late.offsets if offset.known]
+    return [offset.value for offset in late.offsets if offset.is_determined]
 
 
 def _counted(number: int, noun: str) -> str:

@@ -132,7 +132,7 @@ ONE_DRIVER = _finding(
 CLIPPING = _finding(
     "warning",
     "The sound is clipped.",
-    "Turn down the preamplifier's gain until no peak reaches 0 dB.",
+    "Turn down the preamplifier gain until no peak reaches 0 dB.",
 )
 HUMMING = _finding(
     "error",

@@ -69,7 +69,7 @@ class Lateness:
     @property
     def drift(self) -> Seconds:
         """Increase of the delay from start to end, in s; NaN where unknown."""
-        if not (self.times[1] > self.times[0] and all(offset.known for offset in self.offsets)):
+        if not (self.times[1] > self.times[0] and all(offset.is_determined for offset in self.offsets)):
             return math.nan
         return self.offsets[1].value - self.offsets[0].value
 
@@ -86,7 +86,7 @@ class Lateness:
 
     def at(self, time: Floats) -> Floats:
         """Return the delay at the stream's own times: linear between both ends, 0 where unknown."""
-        known = [offset.known for offset in self.offsets]
+        known = [offset.is_determined for offset in self.offsets]
         if not any(known):
             return np.zeros_like(time)
         if not all(known) or not self.times[1] > self.times[0]:
@@ -293,7 +293,7 @@ def _flags_of(stream: str, late: Lateness, spacing: Seconds, limits: Limits) -> 
     std = limits.std if stream == AUDIO else limits.intervals * spacing
     ends = 2 if late.times[1] > late.times[0] else 1
     for place, offset in zip(("start", "end")[:ends], late.offsets[:ends], strict=True):
-        if not offset.known:
+        if not offset.is_determined:
             flags.append(f"{stream} shows no taps within {limits.offset:g} s at the {place}")
             continue
         if offset.taps < limits.taps:

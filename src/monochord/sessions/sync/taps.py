@@ -54,10 +54,10 @@ class Offset:
     each: Floats
 
     @property
-    def known(self) -> bool:
+    def is_determined(self) -> bool:
         """Whether there is a value and no competing one of similar quality.
 
-        >>> offset_of(np.array([0.01, 0.0102]), spacing=1e-3).known
+        >>> offset_of(np.array([0.01, 0.0102]), spacing=1e-3).is_determined
         True
         """
         return self.taps > 0 and self.rival < MAX_RIVAL
