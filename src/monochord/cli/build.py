@@ -1,4 +1,4 @@
-"""The command `build`: sessions into a dataset with labels, split and audited."""
+"""The command `build`: builds a dataset with labels from sessions, split and audited."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The command `evaluate`: scores of an estimator on test sessions."""
+"""The command `evaluate`: scores an estimator on test sessions."""
 
 import json
 from pathlib import Path
@@ -116,7 +116,7 @@ def evaluate(
     monochord evaluate --estimator closed_form --dataset dataset --sensor prototype
     """  # noqa: D301
     if model is not None and estimator is not None:
-        raise InputError(f"model {model} beside --estimator {estimator}", "only one of them")
+        raise InputError(f"model {model} beside --estimator {estimator}", "use only one of them")
     if options["sessions"]:
         refuse_without("--split or --part beside --sessions", "all of the sessions", "split", "part")
     if rows is None:
@@ -148,7 +148,7 @@ def evaluate(
 
 
 def _note_missing_figures() -> None:
-    """Say on standard error how to have figures, where what draws them is not installed."""
+    """Print to standard error how to get figures, where the plotting library is missing."""
     try:
         require_matplotlib()
     except MissingLibraryError as error:

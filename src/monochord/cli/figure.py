@@ -1,4 +1,4 @@
-"""The command `figure`: draw one of the figures into a file."""
+"""The command `figure`: draws a figure into a file."""
 
 import json
 from pathlib import Path

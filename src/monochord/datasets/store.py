@@ -107,7 +107,7 @@ class Dataset:
         return tracks[session]
 
     def mapped(self, session: int) -> Audio:
-        """Return all samples (2, n) of a session, unmapped with the array: for a single pass over sessions."""
+        """Return all samples (2, n) of a session in a new mapping, for a single pass over the sessions."""
         part = self.manifest.parts[session]
         return _mapped(self.path, part.audio, (np.float32, (self.manifest.channels, part.frames)))
 

@@ -20,8 +20,8 @@ READ_ANYWAY = "read the rest: locate --allow-truncated, live --set source.allow_
 ENDLESS = 2**63 - 1  # frames, as libsndfile puts it, of a flac stream that does not say how many
 
 
-def open_audio(path: Path, *, allow_truncated: bool, most: int = MAX_CHANNELS) -> soundfile.SoundFile:
-    """Open a complete file with at most `most` channels and a rate in the allowed range.
+def open_audio(path: Path, *, allow_truncated: bool, max_channels: int = MAX_CHANNELS) -> soundfile.SoundFile:
+    """Open a complete file with at most `max_channels` channels and a rate in the allowed range.
 
     Raises
     ------
@@ -38,7 +38,7 @@ def open_audio(path: Path, *, allow_truncated: bool, most: int = MAX_CHANNELS) -
         raise InputError(f"file {path} (empty)", "a wav or flac file with sound in it")
     file = _open(path, allow_truncated=allow_truncated)
     try:
-        _refuse(file, path, most)
+        _refuse(file, path, max_channels)
         if not allow_truncated:
             _refuse_truncated(file, path)
     except BaseException:
@@ -69,11 +69,11 @@ def _open(path: Path, *, allow_truncated: bool) -> soundfile.SoundFile:
         raise InputError(f"file {path} ({error.strerror})", "a readable wav or flac file") from error
 
 
-def _refuse(file: soundfile.SoundFile, path: Path, most: int) -> None:
+def _refuse(file: soundfile.SoundFile, path: Path, max_channels: int) -> None:
     if file.format not in FORMATS:
         raise InputError(f"file {path} of format {file.format}", "wav or flac", "convert it")
-    if file.channels > most:
-        allowed = "1 or 2" if most == MAX_CHANNELS else f"{most} at most"
+    if file.channels > max_channels:
+        allowed = "1 or 2" if max_channels == MAX_CHANNELS else f"{max_channels} at most"
         raise InputError(f"file {path} with {file.channels} channels", allowed, "keep the pickups' channels")
     refuse_other_rates(file.samplerate, f"file {path}", "resample it first")
     if not file.frames:

@@ -51,7 +51,7 @@ class Wav(Source):
     def open(self) -> Generator["_FileStream"]:
         """Open the file; raises `InputError` where the file or an option cannot be used."""
         refuse_other_channels(self.channels)
-        file = open_audio(Path(self.path), allow_truncated=self.allow_truncated, most=self.channels)
+        file = open_audio(Path(self.path), allow_truncated=self.allow_truncated, max_channels=self.channels)
         stream = _FileStream(file, self)
         try:
             yield stream

@@ -34,14 +34,14 @@ RETRY: Seconds = 0.2
 Protocol: TypeAlias = Callable[[dict[str, Any]], asyncio.BaseProtocol]
 
 
-def share_of_descriptors(part: int, most: int) -> int:
-    """Return 1/`part` of the file descriptors that this process may open, at most `most`.
+def share_of_descriptors(part: int, limit: int) -> int:
+    """Return 1/`part` of the file descriptors that this process may open, at most `limit`.
 
     >>> share_of_descriptors(1, 2)
     2
     """
-    limit, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
-    return most if limit == resource.RLIM_INFINITY else max(1, min(most, limit // part))
+    allowed, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    return limit if allowed == resource.RLIM_INFINITY else max(1, min(limit, allowed // part))
 
 
 @dataclass(eq=False, slots=True)
@@ -94,7 +94,7 @@ class Connections:
     def __post_init__(self) -> None:
         self._waiting: dict[Connection, None] = {}  # the one that waits longest first
         self._resume: Seconds = 0.0
-        self._most = share_of_descriptors(16, MAX_WAITING)
+        self._max_waiting = share_of_descriptors(16, MAX_WAITING)
 
     async def take(self) -> None:
         """Accept connections until cancelled."""
@@ -159,7 +159,7 @@ class Connections:
 
     async def _make_room(self) -> None:
         loop = asyncio.get_running_loop()
-        while len(self._waiting) >= self._most:
+        while len(self._waiting) >= self._max_waiting:
             if ended := next((each for each in self._waiting if each.done), None):
                 self._forget(ended)
                 continue
