@@ -45,7 +45,7 @@ from monochord.front.calibrate import calibrate as adapted
 def calibrate(
     model: str, *, sessions: tuple[str, ...], out: Path | None, as_json: bool, **options: Any
 ) -> None:
-    """Adapt a model to your sensor with a few touches of known position and force.
+    """Adapt a model to your sensor with a few known touches.
 
     Touch the string at a few places with a few forces. Record the touches, or import a sound file with a
     table of positions and forces, as read from a ruler and a kitchen scale ('monochord sessions import').

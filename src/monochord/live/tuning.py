@@ -100,7 +100,7 @@ class SensorAsTuned:
         ]
         if measured.decay is not None:
             lines.append(
-                f"  losses         free partials die away at {tuning.decay:.1f} 1/s +- {tuning.decay_std:.1f}"
+                f"  losses         free partials decay at {tuning.decay:.1f} 1/s +- {tuning.decay_std:.1f}"
             )
         lines.append(f"  measured       partials {partials} in {self.seconds:.1f} s of untouched sound")
         if self.refused:
