@@ -15,7 +15,7 @@ from monochord.perception.model import load
 
 SHORTEST: Seconds = 0.2
 """Shortest touch listed, in s: shorter ones are knocks."""
-DYING: Seconds = 0.1
+DECAY: Seconds = 0.1
 """How long the sound still resembles a touch after release, in s; twice the value on the twin."""
 HEADER = "begin,end,position,force"
 
@@ -26,7 +26,7 @@ def touch_spans(
     """Return start and end of each touch in a recording, in s from its first frame, in order.
 
     The touches are those of the live loop. A span lies within its touch: it begins at the end of the first
-    window that shows the touch, and ends `DYING` before the first window without it.
+    window that shows the touch, and ends `DECAY` before the first window without it.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def touch_spans(
             end = update.prediction.time + length
     # Of a touch that lasts to the end of the recording the end is that one.
     begins = [event.time for event in changes if event.on]
-    ends = [event.time - length - DYING for event in changes if not event.on]
+    ends = [event.time - length - DECAY for event in changes if not event.on]
     spans = list(zip(begins, [*ends, end], strict=False))
     spans = [(first, last) for first, last in spans if last - first >= SHORTEST]
     if not spans:

@@ -326,11 +326,11 @@ def _steps_of_the_wall_clock(session: SessionReader, limits: Limits) -> list[str
     """Return a sentence for each step of the wall clock against the monotonic clock."""
     track = session.clocks
     offsets = track.offsets.get("realtime", np.zeros(0))
-    leaps = np.diff(offsets)
+    steps = np.diff(offsets)
     return [
-        f"the wall clock was set by {leaps[k]:+.3f} s"
+        f"the wall clock was set by {steps[k]:+.3f} s"
         f" between {track.time[k]:.1f} s and {track.time[k + 1]:.1f} s"
-        for k in np.flatnonzero(np.abs(leaps) > limits.step)
+        for k in np.flatnonzero(np.abs(steps) > limits.step)
     ]
 
 

@@ -91,7 +91,7 @@ def _refuse_truncated(file: soundfile.SoundFile, path: Path) -> None:
         whole = _last_frame_reads(file)
     else:
         with path.open("rb") as raw:
-            whole = _holds_what_it_promises(raw)
+            whole = _is_complete(raw)
     if not whole:
         raise InputError(f"file {path} (truncated)", "a whole file", f"copy it again, or {READ_ANYWAY}")
 
@@ -114,7 +114,7 @@ class _Samples:
     """
 
     begin: int
-    promised: int
+    stated: int
     order: Literal["big", "little"]
     wide: int
 
@@ -134,7 +134,7 @@ def _samples_in(file: BinaryIO) -> _Samples | None:
             if length == UNKNOWN_LENGTH and wide:
                 file.seek(wide + 8)
                 length = int.from_bytes(file.read(8), order)
-            return _Samples(begin=begin, promised=length, order=order, wide=wide)
+            return _Samples(begin=begin, stated=length, order=order, wide=wide)
         file.seek(begin + length + length % 2)
     return None
 
@@ -146,7 +146,7 @@ def _size(file: BinaryIO) -> int:
 def _is_unfinished(file: BinaryIO, samples: _Samples) -> bool:
     """Return whether a file's header states no samples, yet the data after it are not valid chunks."""
     size, at = _size(file), samples.begin
-    if samples.promised:
+    if samples.stated:
         return False
     while at < size:
         file.seek(at)
@@ -173,10 +173,10 @@ def _finished(file: BinaryIO, samples: _Samples) -> mmap:
     return content
 
 
-def _holds_what_it_promises(file: BinaryIO) -> bool:
+def _is_complete(file: BinaryIO) -> bool:
     """Return whether a RIFF file has all the samples that its header states."""
     samples = _samples_in(file)
     if samples is None:
         return False
-    unknown = samples.promised == UNKNOWN_LENGTH  # a program that writes to a pipe puts it
-    return unknown or samples.begin + samples.promised <= _size(file)
+    unknown = samples.stated == UNKNOWN_LENGTH  # a program that writes to a pipe puts it
+    return unknown or samples.begin + samples.stated <= _size(file)

@@ -31,7 +31,7 @@ NAMED_COLUMNS = 72
 FLOOR = -60.0  # decibels at the left end of a level meter
 EIGHTHS = " ▏▎▍▌▋▊▉"
 ORDER = ("contact", "position", "force", "slip", "frequency")  # what a person looks for first
-NO_TROUBLE = ("no contact", "not estimated")
+NORMAL_REASONS = ("no contact", "not estimated")
 """Abstention reasons that are not problems."""
 TRACK_COLUMN = 37
 """Columns before a track."""
@@ -252,7 +252,7 @@ def _estimates(update: Update, length: Metres, columns: int) -> Iterator[Text]:
         line = Text.assemble((f"  {name.replace('_', ' '):<12}", LABEL))
         if not estimate.valid:
             line.append(f"{'--':>10}", DIM)
-            line.append(f"  {estimate.reason}", WARN if estimate.reason not in NO_TROUBLE else DIM)
+            line.append(f"  {estimate.reason}", WARN if estimate.reason not in NORMAL_REASONS else DIM)
         elif name in WORDS:
             word, share = probability_in_words(name, estimate.value)
             line.append(f"{word:>10}", "bold").append(f"  {share:<11}", LABEL)

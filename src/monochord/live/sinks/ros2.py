@@ -16,7 +16,7 @@ from monochord.live.sinks.base import NEWEST, NotDeliveredError, Run, Sink, Upda
 if TYPE_CHECKING:
     from monochord.capture.dds.participant import Participant
 
-DIAGNOSIS: Seconds = 1.0
+DIAGNOSTICS_INTERVAL: Seconds = 1.0
 """Time between diagnostics messages, in s."""
 LEVELS = {"info": 0, "warning": 1, "error": 2}
 """Diagnostic level of a note: OK, WARN, ERROR."""
@@ -126,8 +126,8 @@ class _Topics(Writer):
                 message = self._event(event, update, stamp)
                 self._writers["events"].write(message, ros.nanoseconds(message.header.stamp))
             if time.monotonic() >= self._next:
-                self._next = time.monotonic() + DIAGNOSIS
-                self._diagnostics.write(self._diagnosis(update, stamp), stamp)
+                self._next = time.monotonic() + DIAGNOSTICS_INTERVAL
+                self._diagnostics.write(self._diagnostics_message(update, stamp), stamp)
         except DDSException as error:  # a subscriber that takes none for too long
             raise NotDeliveredError from error
 
@@ -166,7 +166,7 @@ class _Topics(Writer):
             data=json.dumps({"delay": event.delay, "confidence": event.confidence}),
         )
 
-    def _diagnosis(self, update: Update, stamp: int) -> Any:
+    def _diagnostics_message(self, update: Update, stamp: int) -> Any:
         from monochord.capture.dds import messages as ros  # noqa: PLC0415
 
         ordered, health = sorted(self._latencies), update.health

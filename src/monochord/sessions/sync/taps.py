@@ -271,7 +271,7 @@ def _best_agreeing(candidates: list[Offset]) -> Offset:
     weaker. With fewer than three taps, agreement is undefined, and the largest share wins.
     """
     near = [offset for offset in candidates if offset.rival >= MAX_RIVAL]
-    agreed = [o for o in near if _has_majority(o)]
+    agreed = [o for o in near if _has_enough_taps(o)]
     chosen = min(agreed, key=lambda offset: offset.std) if agreed else candidates[0]
     sure = bool(agreed) and chosen.std < AGREEMENT_STD
     beaten = [o for o in near if sure and (o.taps < 3 or o.std > RIVAL_STD_RATIO * chosen.std)]
@@ -279,7 +279,7 @@ def _best_agreeing(candidates: list[Offset]) -> Offset:
     return replace(chosen, rival=max(others, default=0.0) / chosen.rival)
 
 
-def _has_majority(offset: Offset) -> bool:
+def _has_enough_taps(offset: Offset) -> bool:
     return offset.taps >= max(3, offset.each.size - offset.each.size // 5)
 
 
