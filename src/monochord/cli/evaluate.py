@@ -120,13 +120,15 @@ def evaluate(
     if options["sessions"]:
         refuse_without("--split or --part beside --sessions", "all of the sessions", "split", "part")
     if rows is None:
-        refuse_without("--feature without --rows", "beside --rows, whose name it is", "feature")
+        refuse_without("--feature without --rows", "together with --rows, since it names the rows", "feature")
     refuse_moved("suite", suite, [SUITE])
     if suite not in (None, SUITE):
         given = f"--suite {suite}" if suite else "--suite without a name"
-        raise InputError(given, SUITE, "write --suite noise for every kind of noise")
+        raise InputError(given, SUITE, "use --suite noise for every kind of noise")
     if not (noises or suite):
-        refuse_without("--seed without noise", "beside --noise or --suite, whose it is", "seed")
+        refuse_without(
+            "--seed without noise", "together with --noise or --suite, since it seeds the noise", "seed"
+        )
     if out is not None:
         refuse_unwritable(out)
     report = evaluated(

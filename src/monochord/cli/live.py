@@ -80,10 +80,10 @@ LINES = "jsonl"
 def live(inputs: tuple[str, ...], **options: Any) -> int:
     """Estimate touches live, from a sensor or a recording.
 
-    MODEL is the folder of a trained model, or a bundled one such as demo; without it, a closed-form
-    estimator is used. INPUT is a recording (.wav, .flac, or a session's .mcap), a device or JACK ports.
-    Options override --config, and --set overrides both. Control-C or SIGTERM ends the run and prints a
-    summary. If a sink fails, it is closed, the others go on, and the exit status is 1.
+    MODEL is the folder of a trained model, or a bundled one such as demo; without it, a closed-form estimator
+    is used. INPUT is a recording (.wav, .flac, or a session's .mcap), a device or JACK ports. Options
+    override --config, and --set overrides both. Control-C or SIGTERM ends the run and prints a summary. If a
+    sink fails, it is closed, the others continue, and the exit status is 1.
 
     \b
     monochord live demo --source twin

@@ -52,9 +52,9 @@ def locate(inputs: tuple[str, ...], *, allow_truncated: bool, as_json: bool, **o
     130.
 
     With --length and --open-frequency, position follows from pitch alone, so the sound must be of that
-    string: another instrument in its range gets a position too. Two channels are used as a sensor's two
-    microphones if each carries a segment of its own, and as one recording if both carry the same note; a
-    line says which.
+    string: another instrument in its range gets a position too. Two channels count as a sensor's two
+    microphones if each carries a different segment, and as one recording if both carry the same note; a line
+    of the output states which.
 
     \b
     monochord locate take.wav --length 0.65 --open-frequency 110

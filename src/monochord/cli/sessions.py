@@ -98,7 +98,7 @@ def check(files: tuple[Path, ...], *, strict: bool, as_json: bool) -> int:
 def show(file: Path, *, figure: Path | None, as_json: bool) -> None:
     """Show what a session contains.
 
-    The lines say what was recorded, with which instruments, for how long, and how much is missing.
+    The lines list the recorded streams and instruments, their duration, and missing data.
 
     \b
     monochord sessions show session.mcap
@@ -138,7 +138,7 @@ def recover(files: tuple[Path, ...], *, as_json: bool) -> int:
                 if done.lost_bytes
                 else "nothing lost"
             )
-            beside = f"; what was changed is saved in {done.cut}" if done.cut else ""
+            beside = f"; the changed bytes are saved in {done.cut}" if done.cut else ""
             line = f"{file}: repaired; {done.seconds:.1f} s in {done.messages} messages, {lost}{beside}"
         cut = str(done.cut) if done.cut else None
         return True, {**dataclasses.asdict(done), "path": str(file), "cut": cut}, line

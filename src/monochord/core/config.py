@@ -1,7 +1,7 @@
 """Configuration: TOML text and ``a.b=c`` overrides, strictly converted to frozen dataclasses.
 
-A dataclass is the schema of its own configuration, and stands beside the code that it configures. An unknown
-key is an error with "did you mean"; a value of the wrong type is an error that names the option by its path.
+Each configuration has a dataclass as its schema, beside the code that it configures. An unknown key is an
+error with "did you mean"; a value of the wrong type is an error that names the option by its path.
 """
 
 import dataclasses

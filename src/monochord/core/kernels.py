@@ -127,8 +127,8 @@ def callback(signature: Any) -> Callable[[Any], Any]:
 class _Compiler(Compiler):
     """Shares numba's internal compilations, such as ``np.zeros``, between all functions.
 
-    numba compiles these anew wherever an option of the caller is another, even one that says only which
-    entries the caller has. They see the entries of a function of numba's here.
+    numba would compile these again for every different option of the caller, even one that only selects the
+    caller's entries. They see the entries of a function of numba's here.
     """
 
     def define_pipelines(self) -> Any:

@@ -1,25 +1,26 @@
 """The label rules: from labels at times to the labels of a window.
 
-A label holds from its time until the next one's, but `Rules.hold` at most; after that nothing is known. All
-shares are of time, so labels at any rate, even or not, give the same answer. For a window [begin, end):
+A label holds from its time until the next one's, at most for `Rules.hold`; after that, values are unknown.
+All shares are of time, so labels at any rate, regular or not, give the same result. For a window [begin,
+end):
 
 - **known**: labels must cover `known` of it, or every label of it is NaN.
 - **contact** is 1 if it is touched for `touched` of its known time or more, 0 for `untouched` or less, and
-  NaN between. Such a window holds the onset or the end of a touch: calling it either would teach a
-  threshold of our choosing.
+  NaN between. Such a window holds the onset or the end of a touch: either label would teach an arbitrary
+  threshold.
 - **transition** is 1 where contact is NaN for that reason, else 0. Transitions stay in the dataset, for
   events and latency.
 - **position**, **force** and the parts of the sliding velocity (**slip_across**, **slip_along**) are means
-  over the touched time, where contact is 1. A touch that covers 90 % has at most a tenth of the window
-  beside it, and that tenth has no position. **force_std** is the deviation of the force within: how far one
-  number can stand for the window.
+  over the touched time, where contact is 1. If the touch covers 90 %, at most a tenth of the window has no
+  contact, and so no position. **force_std** is the deviation of the force within: how far one number can
+  stand for the window.
 - **slip** is 1 where contact is 1 and the touch slides for `sliding` of the touched time or more, 0 for
   `still` or less, and NaN between. Sliding is audible even in part of a window, so 50 % counts; a shorter
-  slide is neither. Without contact slip is NaN: nothing is there to slide.
+  slide is neither. Without contact, slip is undefined and NaN.
 - **any other column** is its mean over the known time.
 
-While the taps that align the clocks are played, the drivers are off: windows that reach into that have
-every label NaN and **calibrating** 1 (see `monochord.datasets.build`).
+During the alignment taps, the drivers are off: windows that overlap this time have NaN in every label and
+**calibrating** 1 (see `monochord.datasets.build`).
 """
 
 from dataclasses import dataclass

@@ -1,8 +1,8 @@
 """Ranges of numbers, declared in a field's annotation and checked however the dataclass is built.
 
 A range is `msgspec.Meta` beside the type: ``hop: Annotated[Seconds, Meta(ge=1e-3, le=60.0)]``, or a name of
-this module: ``rate: Positive[Hertz]``. `monochord.core.config.from_tree` refuses what a file or ``--set``
-gives outside it. A dataclass that is a `Checked` refuses the same where it is built in Python.
+this module: ``rate: Positive[Hertz]``. `monochord.core.config.from_tree` rejects values outside it from a
+file or ``--set``. A `Checked` dataclass also rejects them when built in Python.
 """
 
 from collections.abc import Sequence

@@ -37,7 +37,7 @@ def refuse_both(workers: int | None, cluster: str) -> None:
     """Raise `InputError` for a number of workers together with a cluster, which has its own workers."""
     if workers and cluster:
         raise InputError(
-            "workers beside a cluster", "one of both", "leave workers out: a cluster has its own"
+            "workers beside a cluster", "one of both", "leave workers out: a cluster has its own workers"
         )
 
 

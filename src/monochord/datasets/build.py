@@ -235,9 +235,7 @@ def named_sessions(sessions: Sequence[Path]) -> dict[str, Path]:
     names = [name for name, _ in named]
     for name, path in named:
         if names.count(name) > 1:
-            raise InputError(
-                f"two sessions called {name}, one of them {path}", "names of their own", "rename one"
-            )
+            raise InputError(f"two sessions called {name}, one of them {path}", "unique names", "rename one")
     return dict(sorted(named))
 
 
@@ -388,7 +386,7 @@ def _refuse_damaged(session: SessionReader) -> None:
 
 
 def _flags(audio: AudioTrack, starts: Indices, size: Samples) -> dict[str, Flags]:
-    """Return what is wrong with each window's samples."""
+    """Return the fault flags of each window's samples."""
     lost = np.zeros(audio.samples.shape[1], bool)
     for begin, end in audio.gaps:
         lost[begin:end] = True

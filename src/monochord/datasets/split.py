@@ -4,16 +4,15 @@ Neighbouring windows contain the same touch, and overlapping windows the same sa
 assigned:
 
 - **session**: whole sessions, each kind (object; mostly static, sliding or untouched) by the same shares.
-  What is held out, objects or patterns of sessions' names, is in the test alone, beside other sessions.
-- **object**: objects that are held out are in the test alone. With `held_out` those, else as many as come to
-  the requested share. The sessions of the other objects are assigned to training and validation.
-- **day**, **build**: whole days, or whole builds of a sensor. With `held_out`, patterns of sessions'
-  names, the days or builds of these are the test, and the others are assigned to training and validation.
-- **time**: each session is cut in three stretches, in an order drawn for each, with a guard gap between
-  them. A cut is moved to where nothing touches, if that is within reach, so that a touch is not on both
-  sides.
+  Held-out objects or sessions (by name patterns) belong to the test only, beside other sessions.
+- **object**: held-out objects belong to the test only: those in `held_out`, else enough to reach the
+requested share. The sessions of the other objects are assigned to training and validation. - **day**,
+**build**: whole days, or whole builds of a sensor. With `held_out` (patterns of session names), the days or
+builds of these sessions form the test, and the others are assigned to training and validation. - **time**:
+each session is cut into three stretches, in random order, with a guard gap between them. A cut is moved to a
+time without contact, if one is close, so that no touch is on both sides.
 
-Shuffled single windows are refused: such a test asks for touches that were trained on.
+Shuffled single windows are refused: the test would contain touches used for training.
 """
 
 import json

@@ -2,7 +2,7 @@
 
 The file has the form of a real-time recording: blocks with the converter's time, batches of readings with
 arrival times, counts and gaps, clock offsets once a second. Its clock begins at zero, at the time stated in
-the plan, so that nothing depends on when, where or by whom it was made.
+the plan, so that nothing depends on the time, place or user.
 """
 
 import hashlib

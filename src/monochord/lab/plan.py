@@ -62,13 +62,12 @@ class Group(Checked):
         plan's sensor.
     second
         Distance in m at which a second object of the same kind touches the string at the same time, towards
-        the further end; 0 for none. There is no one position then, and no label of it.
+        the further end; 0 for none. There is then no single position and no position label.
     rolls
         Whether objects roll where they move along the string; the strokes of "slide" are then all along it.
         By default they slide.
     oblique
-        Range of how far a press goes on across the string, as a share of its depth: it loads the touch
-        sideways.
+        Range of a press's sideways motion, as a share of its depth: it loads the touch sideways.
     world
         "ideal" or "plausible", see `monochord.physics.twin.world`; by default the plan's.
     deviation
@@ -76,8 +75,8 @@ class Group(Checked):
     builds
         Seeds of the builds of the sessions, in turn; by default the plan's.
     first_build
-        Seed of the build of the first session, where each session is of a build of its own: those that
-        follow have the seeds that follow. Instead of `builds`.
+        Seed of the first session's build, where each session has a different build: later sessions have
+        consecutive seeds. Instead of `builds`.
     days
         Seeds of the days of the sessions, in turn, once through all builds; day 0 is the day on which the
         sensor was tuned.
@@ -93,7 +92,7 @@ class Group(Checked):
         Range in m of the height of "hover" above the string at rest.
     like
         Name of a group whose motions are repeated, `sessions` of them in total, evenly chosen; its grid and
-        protocol then apply, and its strokes' direction. Whether its own objects roll, a group says itself.
+        protocol then apply, and its strokes' direction. Whether objects roll is set by each group.
     music
         Ambient sound while the drivers are on: "synthetic" for the loop of `monochord.dsp.music`, or a sound
         file. It pauses for the taps.

@@ -206,7 +206,7 @@ class _Outlet:
             key=f"{self.name}_closed".replace(" ", "_"),
             level="error",
             sentence=f"Output {self.name} is closed: {self.failure}.",
-            remedy="The other outputs go on. Remove the cause, then start again.",
+            remedy="The other outputs continue. Remove the cause, then start again.",
             since=self._closed_at,
         )
 

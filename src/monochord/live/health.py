@@ -336,7 +336,7 @@ def _add_reasons(findings: dict[str, Finding], estimates: Estimates) -> None:
     if finding is None:
         text = f"No estimates: {reason.partition(': ')[0]}."
         finding = Finding(
-            level="error", sentence=text, remedy="See what is said, and monochord doctor.", clear=0.2
+            level="error", sentence=text, remedy="Fix the stated cause, or run monochord doctor.", clear=0.2
         )
     findings[key] = finding
 
@@ -362,7 +362,7 @@ def _add_deviation(findings: dict[str, Finding], condition: Condition) -> None:
 def _add_counted(
     findings: dict[str, Finding], state: HealthState, stream: StreamHealth, skipped: int
 ) -> None:
-    """Add what the counters have counted since the window before."""
+    """Add findings from the counters' changes since the previous window."""
     before = state.stream
     if stream.away:
         findings["no_sound"] = Finding(
@@ -383,7 +383,7 @@ def _add_counted(
         late = f"The audio system was late, {_counted(stream.xruns, 'xrun')} so far"
         findings["xruns"] = _reported(
             f"{late}; no frame is counted as lost at the last one.",
-            "If they go on, close other programs, or use longer periods; run monochord doctor.",
+            "If they continue, close other programs, or use longer periods; run monochord doctor.",
             level="info",
         )
     if stream.reconnects > before.reconnects:
@@ -395,7 +395,7 @@ def _add_counted(
     if before.clock_offsets and abs(set_by) > MIN_CLOCK_STEP:
         findings["clock_set"] = _reported(
             f"The clock of this computer was set by {set_by:+.3f} s.",
-            "Stamps jump by that; let one service keep the clock. Times of the stream go on.",
+            "Stamps jump by that; let one service keep the clock. The stream's times are not affected.",
         )
     if skipped > state.skipped:
         findings["windows_skipped"] = _reported(

@@ -2,16 +2,16 @@
 
 - **A touch moves continuously.** Position is a Kalman filter with a nearly constant velocity (Bar-Shalom, Li
   and Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, ch. 6) that changes freely
-  while the touch slides and hardly at rest. An abstention leaves a prediction whose uncertainty grows.
+  while the touch slides and hardly at rest. During an abstention, the prediction's uncertainty grows.
 - **The driven string may lock to another mode, and an estimate then jumps.** An estimate outside the gate
-  does not move the track. It founds a rival, which later estimates support or oppose; the track changes to
-  it once the support has lasted. Until then the standard error covers both.
-- **Most of an error stays as long as the touch.** Of the variance that an estimate states, a share is an
-  offset of this object on this sensor, which no averaging removes; the rest fluctuates. Windows of length
-  T that begin dt apart overlap: averaging them is worth that of independent ones of the variance times T / dt
-  (the integral of their triangular autocorrelation), and so much noise is what the filter assumes. For
-  force the offset at rest and that while sliding are two unknowns with one force below them. So what was
-  learned at rest still holds when the object slides, where an estimate alone may be far off.
+does not move the track. It starts a rival, which later estimates support or oppose; the track switches to it
+after lasting support. Until then, the standard error covers both.
+- **Most of an error stays as long as the touch.** A share of an estimate's stated variance is an offset of
+this object on this sensor, which averaging cannot remove; the rest fluctuates. Windows of length T
+  that begin dt apart overlap: averaging them equals averaging independent ones with the variance times T / dt
+  (the integral of their triangular autocorrelation), and the filter assumes that noise. For force, the
+  offsets at rest and while sliding are two unknowns of one force. So information gained at rest still counts
+  when the object slides, where a single estimate may be far off.
 """
 
 import math

@@ -38,7 +38,7 @@ class Patch(NamedTuple):
 
 @dataclass(slots=True)
 class Contents:
-    """What a file holds, where its intact part ends, and what is damaged before that.
+    """A file's content: where its intact part ends, and the damage before that.
 
     `ended` means that an intact summary and footer follow, `closed` that traces of them do, `torn` that the
     file ends in an interrupted write with nothing usable. `damage` lists ranges that can only be left out;

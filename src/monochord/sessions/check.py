@@ -81,7 +81,7 @@ def check(path: Path) -> CheckReport:
         faults.append("its description differs from the recorded one")
     remarks = _remarks(session)
     if contents.ended and not (session.ending or session.recovered):
-        remarks.insert(0, "its checksums are missing: it cannot be compared with what was recorded")
+        remarks.insert(0, "its checksums are missing: it cannot be compared with the recording")
     faults += _malformed(session)
     if recording:
         faults.append("being recorded, or repaired by another program")

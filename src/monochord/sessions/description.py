@@ -48,7 +48,7 @@ def versions() -> dict[str, str]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Description(Checked):
-    """What a session records, and how it was recorded.
+    """Metadata of a session: its subject, and how it was recorded.
 
     Parameters
     ----------
@@ -104,13 +104,13 @@ class Description(Checked):
         _refuse_streams(len(self.feeds))
         for feed in self.feeds:
             if not re.fullmatch("[a-z][a-z0-9_]*", feed.stream) or feed.stream in RESERVED_STREAMS:
-                allowed = f"small letters, digits and underscores, and not {', '.join(RESERVED_STREAMS)}"
+                allowed = f"lower-case letters, digits and underscores, and not {', '.join(RESERVED_STREAMS)}"
                 raise InputError(f"stream '{feed.stream}'", allowed, "set its option stream")
             _refuse_feed(feed)
         streams = [feed.stream for feed in self.feeds]
         if len(set(streams)) < len(streams):
             twice = next(name for name in streams if streams.count(name) > 1)
-            raise InputError(f"two streams called '{twice}'", "names of their own", "set its option stream")
+            raise InputError(f"two streams called '{twice}'", "unique names", "set its option stream")
 
     def feed(self, stream: str) -> Feed:
         """Return the feed of a stream; raises `InputError` for an unknown stream."""
@@ -153,7 +153,7 @@ def _refuse_feed(feed: Feed) -> None:
     """Raise `InputError` for a feed with ambiguous or too many columns."""
     what, count = f"stream '{feed.stream}'", len(feed.columns)
     if not 1 <= count <= MAX_COLUMNS or len(set(feed.columns)) < count:
-        raise InputError(f"{what} with {count} columns", f"1 to {MAX_COLUMNS}, each with a name of its own")
+        raise InputError(f"{what} with {count} columns", f"1 to {MAX_COLUMNS}, with unique names")
     if len(feed.units) != count:
         raise InputError(f"{what} with {len(feed.units)} units", f"{count}, one for each column")
     if not (0.0 <= feed.rate < math.inf and 0.0 <= feed.ticks < math.inf):

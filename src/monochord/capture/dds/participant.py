@@ -62,7 +62,7 @@ class Participant(Closing):
     InputError
         If the domain is invalid, or the DDS library is missing.
     DeviceError
-        If there is no such interface.
+        If the interface does not exist.
 
     Examples
     --------
@@ -94,7 +94,9 @@ class Participant(Closing):
                 if own and interface:
                     _keep_to(interface, self.domain, _sockets() - others)
         except (DDSException, OSError) as error:
-            question = "is there such a network?" if not os.environ.get(URI) else f"is ${URI} right?"
+            question = (
+                "check the interface name and the network" if not os.environ.get(URI) else f"is ${URI} right?"
+            )
             line = f"DDS over '{interface}': the domain {self.domain} cannot be joined; {question}"
             raise DeviceError(line) from error
         self._parts: list[TopicWriter | TopicReader] = []

@@ -13,7 +13,7 @@ Counts: TypeAlias = NDArray[np.int64]
 Mask: TypeAlias = NDArray[np.bool_]
 
 MAX_STEP = 1 << 30
-"""A count that jumps on by more did not lose so many readings: it began again."""
+"""Largest jump of the count that counts as lost readings; a larger jump is a restart."""
 
 
 @dataclass(slots=True, kw_only=True)

@@ -19,7 +19,7 @@ START_JACK = (
     " Scarlett on USB, 'arecord -l' lists other cards); where PipeWire runs, put pw-jack before the command"
     " instead"
 )
-"""The one hint shown wherever JACK or its server is missing."""
+"""Remedy where JACK or its server is missing."""
 NO_START_SERVER, SERVER_NAME = 0x01, 0x04  # jack_options_t
 IS_INPUT, IS_OUTPUT, IS_PHYSICAL = 0x1, 0x2, 0x4  # enum JackPortFlags
 CAPTURE_LATENCY = 0  # jack_latency_callback_mode_t

@@ -176,7 +176,7 @@ class Ending:
             limit = size_limit()
             size = "of its file system" if limit == sys.maxsize else f"of {1e-6 * limit:.1f} MB (ulimit -f)"
             given = (
-                f"file '{self._job.path}' (at the limit {size} on a file's size; what was recorded is saved)"
+                f"file '{self._job.path}' (at the limit {size} on file size; the recording so far is saved)"
             )
             allowed, remedy = (
                 "a shorter recording",
@@ -185,7 +185,7 @@ class Ending:
         else:
             self.reason = self.reason or "the disk is full"
             why = error.strerror if error else f"less than {1e-6 * self._job.disk.stop:.0f} MB free"
-            given = f"disk of '{self._job.path}' ({why}; what was recorded is saved)"
+            given = f"disk of '{self._job.path}' ({why}; the recording so far is saved)"
             allowed, remedy = "a disk with free space", "free some space, or record elsewhere"
         self.failure = self.failure or str(InputError(given, allowed, remedy))
 

@@ -26,7 +26,7 @@ class NamedInstrument(Instrument):
             columns = COLUMNS.get(self.stream, connection.feed.columns)
             if connection.feed.columns != columns:
                 given = f"stream '{self.stream}' of {', '.join(connection.feed.columns)}"
-                raise InputError(given, ", ".join(columns), "give it another name")
+                raise InputError(given, ", ".join(columns), "choose another stream name")
             yield _NamedConnection(connection, self.stream)
 
 

@@ -173,7 +173,7 @@ class Connections:
     def _refused(self, error: OSError) -> None:
         """Log once that the system refuses new connections, and close idle ones."""
         if not self.errors:
-            sys.stderr.write(f"page: new connections are not taken for the time being: {error.strerror}\n")
+            sys.stderr.write(f"page: new connections are paused: {error.strerror}\n")
         self.errors += 1
         for connection in [*self._waiting]:
             self._close(connection)

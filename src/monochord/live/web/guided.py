@@ -209,7 +209,7 @@ class Bench:
                 self._later(lambda: self._open(begun, make))
                 return True
             if step is not None and step.name != name:
-                self._answer = f"{VERBS[name]} did not begin: a {step.name} goes on. Cancel it first."
+                self._answer = f"{VERBS[name]} did not start: a {step.name} is in progress. Cancel it first."
             return False
 
     def _open(self, step: _Step, make: Callable[[], Guided]) -> None:

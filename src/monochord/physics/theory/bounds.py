@@ -227,9 +227,9 @@ def contact_bound(
     """Return the smallest standard errors of position and force, from both segments and the untouched pitch.
 
     Both fundamentals are estimated from their partials up to `highest`, each partial at the same ratio to the
-    noise, its amplitude and phase unknown. By default everything else is known exactly, so that noise alone
-    counts. What is not known enters as normal errors: of the untouched tension T0, of where each end is (e1,
-    e2), and of how much the contact and its mount lengthen each segment (d1, d2):
+    noise, its amplitude and phase unknown. By default everything else is known exactly, so that only noise
+    counts. Uncertainties enter as normal errors: of the untouched tension T0, of where each end is (e1, e2),
+    and of how much the contact and its mount lengthen each segment (d1, d2):
 
         f1 = v / (2 (x + e1 + d1)),  f2 = v / (2 (L - x + e2 + d2)),  f0 = v0 / (2 (L + e1 + e2)).
 

@@ -167,7 +167,7 @@ def _table_of(pa: Any, pq: Any, path: Path, name: str, description: Description)
         names, rows = file.schema_arrow.names, file.metadata.num_rows
         if len(set(names)) < len(names) or len(names) > MAX_TABLE_COLUMNS:
             given = f"file {path} with {len(names)} columns"
-            raise InputError(given, f"{MAX_TABLE_COLUMNS} at most, each with a name of its own")
+            raise InputError(given, f"{MAX_TABLE_COLUMNS} at most, with unique names")
         claimed = 8 * max(rows, 0) * len(names)
         refuse_unpacking(f"file {path}", path.stat().st_size, claimed, "export the session again")
         _refuse_groups(pa, path, file.metadata)

@@ -198,7 +198,7 @@ def read_csv(path: Path, kinds: Mapping[str, type]) -> Columns:
         raise InputError(f"file {path} ({error})", "CSV in UTF-8") from error
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
-        raise InputError(f"file {path} with two columns '{twice}'", "a name of its own for each")
+        raise InputError(f"file {path} with two columns '{twice}'", "unique names")
     for number, row in enumerate(rows, start=2):
         if len(row) != len(names):
             raise InputError(f"file {path} row {number} of {len(row)} cells", f"{len(names)}, as its header")
