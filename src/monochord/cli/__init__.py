@@ -202,7 +202,7 @@ def _verdict(error: click.ClickException | MonochordError | OSError, arguments: 
             return str(error), 2
         case OSError() if error.errno in _NOT_WRITTEN:
             given = f"{error.filename or 'output'} ({error.strerror})"
-            return str(InputError(given, "a place with enough space", _REMEDY_FULL)), 2
+            return str(InputError(given, "a disk with enough free space", _REMEDY_FULL)), 2
         case OSError(filename=None):
             raise error
         case OSError():

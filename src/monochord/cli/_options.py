@@ -202,7 +202,7 @@ def _one_of_both(context: click.Context, parameter: click.Parameter, value: Any)
     workers, cluster = given.get("workers"), given.get("cluster")
     if workers and cluster:
         raise InputError(
-            "--workers beside --cluster", "only one of them", "omit --workers; a cluster has its own workers"
+            "--workers with --cluster", "only one of them", "omit --workers; a cluster has its own workers"
         )
     return value
 
@@ -221,10 +221,10 @@ def refuse_string_twice(options: dict[str, Any]) -> None:
     """Refuse a string preset together with a sensor, or with both numbers that replace it."""
     string, length, open_frequency = (options[key] for key in ("string", "length", "open_frequency"))
     if string and options["sensor"]:
-        given = f"--string {string} beside --sensor {options['sensor']}"
+        given = f"--string {string} with --sensor {options['sensor']}"
         raise InputError(given, "only one of them", "omit --string; a sensor has its own string")
     if string and length is not None and open_frequency is not None:
-        given = f"--string {string} beside --length and --open-frequency"
+        given = f"--string {string} with --length and --open-frequency"
         raise InputError(given, "a preset, or both numbers", "leave one or the other out")
 
 
@@ -258,7 +258,7 @@ def put_source(
     `models` holds model names, for which INPUT may have been meant.
     """
     if opened is not None and options["device"] is not None:
-        raise InputError(f"{opened} beside --device {options['device']}", "only one of them")
+        raise InputError(f"{opened} with --device {options['device']}", "only one of them")
     before = table(tree, "source")
     inferred = recording_source(opened) if opened is not None else None
     if options["device"] is not None and "name" not in before:
@@ -301,7 +301,7 @@ def _refuse_nothing(opened: str, models: Iterable[str]) -> None:
 def put_estimator(tree: Tree, options: dict[str, Any], model: str | None) -> None:
     """Put the estimator and the window into the tree: `model` is MODEL, `options` the string options."""
     if model is not None and options["estimator"]:
-        raise InputError(f"model {model} beside --estimator {options['estimator']}", "only one of them")
+        raise InputError(f"model {model} with --estimator {options['estimator']}", "only one of them")
     if model is not None:
         definition = load(model).definition
         tree["estimator"] = {"name": MODEL, first_field(ESTIMATORS, MODEL): model}
@@ -356,7 +356,7 @@ def refuse_unwritable(path: Path, suffixes: Iterable[str]) -> None:
         allowed = f"a name that ends in {', '.join(known)}"
         raise InputError(f"file '{path}'", allowed, did_you_mean(path.suffix, known))
     if not path.parent.is_dir():
-        raise InputError(f"file '{path}'", "a file in an existing folder", f"make '{path.parent}' first")
+        raise InputError(f"file '{path}'", "a file in an existing folder", f"create '{path.parent}' first")
 
 
 def refuse_short(given: str, setup: LiveRun, summary: Summary) -> None:

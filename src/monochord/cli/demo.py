@@ -124,7 +124,7 @@ def demo(sensor: str, **options: Any) -> None:
     quiet, score = options["as_json"], Scorer()
     seconds = options["seconds"] or (UNWATCHED if quiet else math.inf)
     if quiet:
-        refuse_without("--allow-host beside --json", "it where the page is served", "allow_host")
+        refuse_without("--allow-host with --json", "a run that serves the page", "allow_host")
     page = {
         "at": str(options["port"]),
         "browser": not options["no_browser"],

@@ -145,7 +145,7 @@ def _sinks(configured: Tree | None, named: tuple[str, ...], *, as_json: bool) ->
             raise InputError(f"--sink {kind} twice", "one of each kind")
         sinks[kind] = {**table(known, kind), **({first_field(SINKS, kind): where} if equals else {})}
     if as_json and sinks.get(LINES):
-        raise InputError(f"--json beside --sink {LINES}", "only one of them", "both write the same lines")
+        raise InputError(f"--json with --sink {LINES}", "only one of them", "both write the same lines")
     if as_json:
         sinks[LINES] = {**table(known, LINES), first_field(SINKS, LINES): "-"}
     if sinks or configured is not None:
@@ -157,7 +157,7 @@ def _allow(sinks: Tree, names: list[str]) -> None:
     """Add further host names of the page to its sink's table."""
     if PAGE not in sinks:
         given = " ".join(f"--allow-host {name}" for name in names)
-        raise InputError(f"{given} without a page", f"it beside --sink {PAGE}", "name the sink")
+        raise InputError(f"{given} without a page", f"--sink {PAGE}", "add that sink")
     sinks[PAGE] = {**table(sinks, PAGE), "allow_host": names}
 
 

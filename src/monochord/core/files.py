@@ -113,5 +113,5 @@ def sound_written(path: Path) -> Generator[None]:
     except soundfile.LibsndfileError as error:
         given = f"file {path} ({error.error_string.rstrip('.')})"
         raise InputError(
-            given, "a place with enough space", "free space there, or write elsewhere"
+            given, "a disk with enough free space", "free space there, or write elsewhere"
         ) from error

@@ -120,4 +120,4 @@ def refuse_unordered(where: str, **pairs: tuple[float, float] | None) -> None:
     """
     for name, pair in pairs.items():
         if pair is not None and not pair[0] <= pair[1]:
-            raise InputError(f"{where}: {name} {pair[0]:g} to {pair[1]:g}", "the least first")
+            raise InputError(f"{where}: {name} {pair[0]:g} to {pair[1]:g}", "the smaller first")

@@ -128,7 +128,9 @@ class Registry(Generic[T]):
             value = self._class_in(value) if isinstance(value, ModuleType) else value
         except (Exception, SystemExit) as error:  # whatever the package does as it is imported
             raise InputError(
-                f"{given} ({type(error).__name__}: {error})", f"a {self.base.__name__} that loads", remedy
+                f"{given} ({type(error).__name__}: {error})",
+                f"a {self.base.__name__} that can be imported",
+                remedy,
             ) from error
         if not (inspect.isclass(value) and issubclass(value, self.base)):
             raise InputError(f"{given} ({entry.value})", f"a subclass of {self.base.__name__}", remedy)

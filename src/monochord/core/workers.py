@@ -37,7 +37,7 @@ def refuse_both(workers: int | None, cluster: str) -> None:
     """Raise `InputError` for a number of workers together with a cluster, which has its own workers."""
     if workers and cluster:
         raise InputError(
-            "workers beside a cluster", "one of both", "leave workers out: a cluster has its own workers"
+            "workers with a cluster", "one of both", "leave workers out: a cluster has its own workers"
         )
 
 
@@ -82,7 +82,7 @@ def run_all(
     [1.0, 2.0, 3.0]
     """
     if workers is not None and workers < 1:
-        raise InputError(f"{workers} workers", "1 or more; by default one a core")
+        raise InputError(f"{workers} workers", "1 or more; by default one per core")
     if cluster:
         _require_dask(f"Cluster {cluster}")
         return _on_cluster(jobs, work, cluster)

@@ -87,7 +87,7 @@ class Audit:
             raise InputError(
                 f"split with a leak: {self.leaks[0]}{more}",
                 "no leak",
-                "split by session, and leave copies out",
+                "split by session, and remove copies",
             )
 
 

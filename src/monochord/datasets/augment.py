@@ -137,5 +137,5 @@ def _read(path: Path, sample_rate: int) -> Audio:
         raise InputError(f"recording {path} ({error})", "a wav or flac file") from error
     sound = np.asarray(soxr.resample(samples.mean(axis=1), own, sample_rate), np.float32)
     if not np.isfinite(sound).all() or not sound.any():
-        raise InputError(f"recording {path}", "finite samples that are not silent")
+        raise InputError(f"recording {path}", "finite samples with a level above zero")
     return sound

@@ -194,7 +194,7 @@ def build_dataset(
         raise InputError("no sessions", "one or more")
     if not out.absolute().parent.is_dir():
         raise InputError(
-            f"folder {out.absolute().parent}, which does not exist", "an existing folder", "make it first"
+            f"folder {out.absolute().parent}, which does not exist", "an existing folder", "create it first"
         )
     files = named_sessions(sessions)
     names = [*files, ""]

@@ -50,7 +50,7 @@ class Thresholds(Checked):
     def __post_init__(self) -> None:
         Checked.__post_init__(self)
         if self.off > self.on:
-            raise InputError(f"contact on {self.on:g} N, off {self.off:g} N", "off not above on")
+            raise InputError(f"contact on {self.on:g} N, off {self.off:g} N", "off no larger than on")
 
 
 THRESHOLDS = Thresholds()

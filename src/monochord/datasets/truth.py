@@ -62,7 +62,7 @@ def truth_of(
         raise InputError(f"labels '{source}'", f"{RECORDED}, {MEASURED}")
     recorded = bool(session.labels.time.size) and source != MEASURED
     if source == RECORDED and not recorded:
-        raise InputError(f"session {name} without labels", "recorded labels", "take --labels measured")
+        raise InputError(f"session {name} without labels", "recorded labels", "use --labels measured")
     missing = [stream for stream in (WRENCH, POSE) if stream not in session.streams]
     if not recorded and missing:
         given = f"session {name} without {' and '.join(missing)}, and without labels"

@@ -258,7 +258,7 @@ def mixed(signal: Floats, noise: Floats, ratio: float) -> Floats:
     """
     power = np.vdot(noise, noise) / noise.size
     if power == 0.0:
-        raise InputError("noise that is silent", "noise that is not silent")
+        raise InputError("silent noise", "a level above zero")
     gain = float(np.sqrt(np.vdot(signal, signal) / signal.size / power)) * 10.0 ** (-ratio / 20.0)
     return signal + gain * noise
 

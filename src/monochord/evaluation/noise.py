@@ -89,7 +89,7 @@ class Disturbance(Checked):
         sound = self.recordings.get(self.kind)
         if sound is not None and not (np.isfinite(sound).all() and np.any(sound)):
             raise InputError(
-                f"recording of {self.kind} (silent, or not finite)", "a recording that is not silent"
+                f"recording of {self.kind} (silent, or not finite)", "finite samples with a level above zero"
             )
 
     def apply(self, audio: Audio, power: float, sample_rate: int, session: str) -> Audio:

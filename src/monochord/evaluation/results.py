@@ -160,7 +160,7 @@ def join(parts: Sequence[Results]) -> Results:
     first = parts[0]
     for part in parts:
         if (part.estimator, part.window, part.hop) != (first.estimator, first.window, first.hop):
-            given = f"results of {part.estimator}, window {part.window:g} s, beside {first.estimator}"
+            given = f"results of {part.estimator}, window {part.window:g} s, with {first.estimator}"
             raise InputError(given, "one estimator, window and hop")
     reasons = tuple(dict.fromkeys(reason for part in parts for reason in part.reasons))
     number = {reason: at for at, reason in enumerate(reasons)}

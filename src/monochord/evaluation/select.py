@@ -197,7 +197,7 @@ def select(
     split: Split | None = None
     if settings.sessions:
         if settings.dataset is not None:
-            raise InputError("--sessions beside --dataset", "only one of them")
+            raise InputError("--sessions with --dataset", "only one of them")
         files, window, dataset = _dataset_of_sessions(
             settings.sessions, definition, scratch, progress, workers=workers, cluster=cluster
         )

@@ -164,7 +164,7 @@ def evaluate(
     ('plastic', 'model', True)
     """
     if model is not None and estimator is not None:
-        raise InputError(f"model {_named(model)} beside --estimator {estimator}", "one of both")
+        raise InputError(f"model {_named(model)} with --estimator {estimator}", "one of both")
     refuse_both(workers, cluster)
     dataset = data.path if isinstance(data, LabelledData | Dataset) else Path(data) if data else None
     if split is None and isinstance(data, LabelledData):

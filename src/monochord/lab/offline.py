@@ -379,7 +379,7 @@ def existing(path: Path, description: Description) -> CollectedSession | None:
     session = read_session(path)
     if not session.complete or replace(session.description, feeds=()) != replace(description, feeds=()):
         raise InputError(
-            f"file {path} (not this session of this plan, or of other versions)",
+            f"file {path} (another session, plan or version)",
             "a folder with sessions of this plan only",
             "collect into another folder, or delete the file",
         )
@@ -392,7 +392,7 @@ def summarise(path: Path, *, kept: bool = False) -> CollectedSession:
     switched = {event.text: event.time for event in session.events if event.kind == "drivers"}
     if set(switched) != {"on", "off"}:
         raise InputError(
-            f"session {path} (ends too early)", "a whole session", "delete it, and collect it again"
+            f"session {path} (incomplete)", "a complete session", "delete it, and collect it again"
         )
     counts = count_windows(session.labels.time, session.labels.columns, switched["on"], switched["off"])
     with path.open("rb") as file:

@@ -219,7 +219,7 @@ def _first_words(name: str, process: "subprocess.Popen[str]") -> dict[str, Any]:
     assert process.stderr is not None
     ready, _, _ = select.select([process.stdout], [], [], START_TIMEOUT)
     if not ready:
-        raise DeviceError(f"{name}: did not start within {START_TIMEOUT:g} s; is the machine that busy?")
+        raise DeviceError(f"{name}: did not start within {START_TIMEOUT:g} s; is the machine too busy?")
     line = process.stdout.readline()
     if line:
         return json.loads(line)

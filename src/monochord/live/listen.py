@@ -174,7 +174,7 @@ def source_of(
     if isinstance(source, (Source, VirtualSensor)):
         if options:
             what = "a source object" if isinstance(source, Source) else "a virtual sensor"
-            given = f"options {', '.join(options)} beside {what}"
+            given = f"options {', '.join(options)} with {what}"
             raise InputError(given, "none", "pass them to the source")
         if isinstance(source, Source):
             return source
@@ -191,9 +191,9 @@ def _array_source(
     samples: NDArray[Any], window: WindowSettings, *, sample_rate: float = math.nan, **others: Any
 ) -> Source:
     if others:
-        raise InputError(f"options {', '.join(others)} beside an array", "sample_rate alone")
+        raise InputError(f"options {', '.join(others)} with an array", "sample_rate alone")
     if not sample_rate > 0.0:
-        raise InputError(f"an array at {sample_rate:g} Hz", "its sample_rate", "say sample_rate=44100")
+        raise InputError(f"an array at {sample_rate:g} Hz", "its sample_rate", "set sample_rate=44100")
     _, hop = window.frames(round(sample_rate))
     return ArraySource(samples=samples, sample_rate=sample_rate, block=max(hop, 1))
 

@@ -106,7 +106,10 @@ def channels_of(strings: Mapping[str, StringSettings]) -> dict[str, tuple[int, .
             raise InputError(given, f"one or two different channels from 1 to {MAX_CHANNELS}")
         for channel in own:
             if channel in used:
-                raise InputError(f"channel {channel} of the strings {used[channel]} and {name}", "one string")
+                raise InputError(
+                    f"channel {channel} of the strings {used[channel]} and {name}",
+                    "each channel in one string only",
+                )
             used[channel] = name
         channels[name], end = own, max(own)
     return channels

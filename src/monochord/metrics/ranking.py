@@ -37,7 +37,7 @@ def area_under_curve(positive: Floats, negative: Floats) -> float:
     """
     values = np.concatenate([positive, negative]).astype(np.float64)
     if positive.size == 0 or negative.size == 0 or np.isnan(values).any():
-        raise InputError(f"{positive.size} positive and {negative.size} negative values", "numbers of both")
+        raise InputError(f"{positive.size} positive and {negative.size} negative values", "values of both")
     _, where, counts = np.unique(values, return_inverse=True, return_counts=True)
     ranks = np.cumsum(counts) - 0.5 * (counts - 1)
     above = ranks[where[: positive.size]].sum() - 0.5 * positive.size * (positive.size + 1)

@@ -119,7 +119,7 @@ def _refuse_counts(name: str, counts: Mapping[str, int], allowed: Mapping[str, i
     """Raise `InputError` for a message whose array lengths disagree."""
     for part, count in counts.items():
         if count != allowed[part]:
-            raise InputError(f"{name} with {count} {part}", f"{allowed[part]}, as its other fields say")
+            raise InputError(f"{name} with {count} {part}", f"{allowed[part]}, to match its other fields")
 
 
 def _refuse_names(name: str, names: list[str]) -> None:
@@ -130,7 +130,7 @@ def _refuse_names(name: str, names: list[str]) -> None:
 def _refuse_audio(m: Any) -> None:
     if not m.channels or len(m.samples) % m.channels:
         given = f"audio of {len(m.samples)} samples in {m.channels} channels"
-        raise InputError(given, "as many samples in each of 1 or more")
+        raise InputError(given, "the same number of samples in each channel")
 
 
 def _refuse_readings(m: Any) -> None:

@@ -46,7 +46,7 @@ class SessionFile:
         except FileExistsError as error:
             raise InputError(f"file {path} (exists)", "a new file", "choose another name") from error
         except OSError as error:
-            raise InputError(f"file {path} ({error.strerror})", "a file that can be written") from error
+            raise InputError(f"file {path} ({error.strerror})", "a writable file") from error
         lock(self._handle)  # nobody else can have one that is new
         _sync_name(path)
         self.reserve()

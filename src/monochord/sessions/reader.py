@@ -244,7 +244,7 @@ class SessionReader:
             samples = np.zeros((channels, end), dtype=np.float32)
         except MemoryError as error:
             given = f"{what} ({4e-9 * channels * end:.1f} GB)"
-            raise InputError(given, "what fits into memory", remedy) from error
+            raise InputError(given, "a session that fits into memory", remedy) from error
         gaps: list[tuple[int, int]] = []
         timed: list[tuple[int, float]] = []
         counted: list[int] = []

@@ -68,7 +68,7 @@ def recover(path: Path) -> Recovery:
             repair.plan()
             repair.carry_out()
     except OSError as error:
-        raise InputError(f"file {path} ({error.strerror})", "a file that can be written") from error
+        raise InputError(f"file {path} ({error.strerror})", "a writable file") from error
     session = read_session(path)
     audio = session.audio
     return Recovery(

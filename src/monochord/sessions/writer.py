@@ -288,7 +288,7 @@ class SessionWriter(Closing):
 
     def _refuse_closed(self) -> None:
         if self._closed:
-            raise InputError(f"session {self.path} (closed)", "an open session", "begin another")
+            raise InputError(f"session {self.path} (closed)", "an open session", "open a new one")
 
 
 def _refuse_too_many(what: str, count: int) -> None:

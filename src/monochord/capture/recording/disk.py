@@ -53,7 +53,7 @@ def refuse_place(path: Path, min_free: float) -> None:
             "choose another name; existing files are never overwritten",
         )
     if not path.parent.is_dir():
-        raise InputError(f"file '{path}'", "a file in an existing folder", f"make '{path.parent}' first")
+        raise InputError(f"file '{path}'", "a file in an existing folder", f"create '{path.parent}' first")
     free = free_bytes(path.parent)
     if free < min_free:
         given = f"disk of '{path}' with {1e-6 * free:.0f} MB free"

@@ -231,7 +231,7 @@ def _rows(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
     lines = [(number, line) for (number, _), line in zip(lines, cells, strict=True)]
     names = [name.strip() for name in lines[0][1]]
     if "time" not in names and not {*TOUCH} <= {*names}:
-        remedy = "name the time column time"
+        remedy = "name the time column 'time'"
         raise InputError(f"file {path} with columns {', '.join(names)}", "time and others", remedy)
     if len(set(names)) < len(names) or not all(names):
         raise InputError(f"file {path} with columns {', '.join(names)}", "a different name for each")

@@ -119,7 +119,7 @@ class Connections:
                 self._forget(connection)
 
     def around(self, app: App) -> App:
-        """Return an application like `app` during which a connection does not count as waiting."""
+        """Return `app` wrapped so that its connection does not count as waiting during a request."""
 
         async def served(scope: Scope, receive: Receive, send: Send) -> None:
             """Answer a request."""

@@ -133,7 +133,7 @@ def _tuned(tree: dict[str, Any], where: str) -> Sensor:
         raise InputError(f"{where}: design = {design!r}", allowed)
     tuning = _tuning(tree, where)
     for key in tree.keys() - {"name", "tuning"}:
-        raise InputError(f"{where}: {key} beside a design", "design and [tuning] only", "leave it out")
+        raise InputError(f"{where}: {key} with a design", "design and [tuning] only", "leave it out")
     sensor = load_sensor(design)
     off = tuning.open_frequency / open_frequency(sensor.string) - 1.0
     if not abs(off) <= MAX_RETUNING:

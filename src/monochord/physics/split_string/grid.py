@@ -103,7 +103,7 @@ def time_step(setup: SplitString) -> Seconds:
         if parts <= MAX_DIVISOR:
             return APPENDIX_STEP / parts
         given = f"a grid that needs steps below {limit:.4g} s"
-        remedy = "set fewer nodes, or take --route modal"
+        remedy = "set fewer nodes, or use --route modal"
         raise InputError(given, f"steps of {APPENDIX_STEP / MAX_DIVISOR:g} s or more", remedy)
     if setup.time_step >= limit:
         coarsest = int(1 + setup.alpha * segment.length / (segment.speed * setup.time_step))

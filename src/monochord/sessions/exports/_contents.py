@@ -69,7 +69,7 @@ def tables(session: SessionReader) -> dict[str, Columns]:
     labels, events, clocks = session.labels, session.events, session.clocks
     if "time" in labels.columns or "time" in clocks.offsets:
         given = f"session {session.path} with a label or a clock called 'time'"
-        raise InputError(given, "other names beside the times of a table")
+        raise InputError(given, "names other than 'time'")
     by_name["labels"] = {"time": labels.time, **labels.columns}
     by_name["events"] = {
         "time": np.array([event.time for event in events], dtype=np.float64),

@@ -45,7 +45,7 @@ def new_folder(out: Path) -> Path:
     try:
         out.mkdir(parents=True, exist_ok=True)
         if any(out.iterdir()):
-            raise InputError(f"folder {out} (not empty)", "a new folder", "name another one")
+            raise InputError(f"folder {out} (not empty)", "a new folder", "choose another name")
     except OSError as error:
         raise InputError(f"folder {out} ({error.strerror})", "a folder that can be created") from error
     return out
@@ -56,6 +56,6 @@ def folder_each(sessions: Sequence[SessionReader], out: Path) -> list[tuple[Sess
     names = [session.path.stem for session in sessions]
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
-        raise InputError(f"two sessions called {twice}", "files of different names", "export them apart")
+        raise InputError(f"two sessions called {twice}", "files of different names", "export them separately")
     new_folder(out)
     return [(session, new_folder(out / name)) for session, name in zip(sessions, names, strict=True)]

@@ -216,7 +216,7 @@ def refuse_unlike(sessions: Sequence[SessionReader]) -> None:
         for what, (ours, first) in {k: (form[k], forms[0][k]) for k in form}.items():
             if ours != first:
                 given = f"session {session.path} with {what} {ours}"
-                raise InputError(given, f"{first}, as {sessions[0].path} has", "export them apart")
+                raise InputError(given, f"{first}, as {sessions[0].path} has", "export them separately")
 
 
 def _form(session: SessionReader) -> dict[str, Any]:

@@ -227,7 +227,7 @@ def _refuse_deadly(paths: Sequence[Path]) -> None:
     ended = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603  (this interpreter)  # nosec B603
     if -ended.returncode in (signal.SIGABRT, signal.SIGSEGV):
         given = f"file {paths[int(ended.stdout.split()[-1])]} (its columns are described wrongly)"
-        raise InputError(given, "the Parquet file that was exported")
+        raise InputError(given, "the exported Parquet file")
 
 
 @contextmanager
@@ -236,4 +236,4 @@ def _readable(pa: Any, path: Path) -> Generator[None]:
     try:
         yield
     except (OSError, pa.ArrowException, UnicodeDecodeError) as error:
-        raise InputError(f"file {path} ({error})", "the Parquet file that was exported") from error
+        raise InputError(f"file {path} ({error})", "the exported Parquet file") from error

@@ -109,7 +109,7 @@ def _write_sound(session: SessionReader, folder: Path) -> Path:
 
 
 def _opened(path: Path) -> soundfile.SoundFile:
-    allowed = "the WAV file that was exported"
+    allowed = "the exported WAV file"
     refuse_endless(path)
     try:
         file = soundfile.SoundFile(path)
@@ -133,7 +133,7 @@ def _stretches(folder: Path, sound: soundfile.SoundFile) -> Iterator[Stretch]:
     ):
         if not (reached <= start <= start + frames <= sound.frames and frames <= MAX_STRETCH):
             given = f"file {path} row {row}, frames {start} to {start + frames}"
-            allowed = f"those of {SOUND}, {reached} to {sound.frames}, {MAX_STRETCH} at most"
+            allowed = f"frames of {SOUND}, {reached} to {sound.frames}, {MAX_STRETCH} at most"
             raise InputError(given, allowed, "order the rows, without overlap")
         reached = start + frames
         yield Stretch(
@@ -152,7 +152,7 @@ def _samples(path: Path, sound: soundfile.SoundFile, start: Samples, frames: Sam
         sound.seek(start)
         samples: Any = sound.read(frames, dtype="float32", always_2d=True)
     except soundfile.LibsndfileError as error:
-        raise InputError(f"file {path} ({error})", "the WAV file that was exported") from error
+        raise InputError(f"file {path} ({error})", "the exported WAV file") from error
     if len(samples) < frames:
         given = f"file {path} (ends after frame {start + len(samples)})"
         raise InputError(given, f"{sound.frames} frames, as its header states")
@@ -201,7 +201,9 @@ def read_csv(path: Path, kinds: Mapping[str, type]) -> Columns:
         raise InputError(f"file {path} with two columns '{twice}'", "unique names")
     for number, row in enumerate(rows, start=2):
         if len(row) != len(names):
-            raise InputError(f"file {path} row {number} of {len(row)} cells", f"{len(names)}, as its header")
+            raise InputError(
+                f"file {path} row {number} of {len(row)} cells", f"{len(names)}, as in its header"
+            )
     return {
         name: _column(path, name, [row[place] for row in rows], kinds.get(name, float))
         for place, name in enumerate(names)

@@ -185,7 +185,7 @@ def groups_of(taps: Taps, *, apart: Seconds = 2.0, min_taps: int = 2) -> tuple[T
 def _refuse_unordered(time: Floats, values: Floats) -> Seconds:
     """Return the median time between readings; raises `InputError` where times do not rise."""
     if time.ndim != 1 or time.shape != values.shape:
-        raise InputError(f"times {time.shape} and values {values.shape}", "equally many of both")
+        raise InputError(f"times {time.shape} and values {values.shape}", "one value for each time")
     steps = np.diff(time)
     if (steps <= 0.0).any():
         raise InputError("times that do not rise", "readings in order")

@@ -224,7 +224,7 @@ def height_offset(taps: Taps, time: Floats, height: Floats, *, reach: Seconds = 
     (True, 3)
     """
     if time.ndim != 1 or time.shape != height.shape:
-        raise InputError(f"times {time.shape} and heights {height.shape}", "equally many of both")
+        raise InputError(f"times {time.shape} and heights {height.shape}", "one value for each time")
     if not len(taps) or time.size < 8:
         return offset_of(np.full(len(taps), np.nan), spacing=taps.spacing)
     spacing = float(np.median(np.diff(time)))
