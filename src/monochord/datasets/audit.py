@@ -99,11 +99,12 @@ def audit(dataset: Dataset, split: Split, *, duplicates: bool = True) -> Audit:
     - **shared samples**: windows of two parts overlap.
     - **guard gap**: windows of two parts are closer than a window and a hop, or than the split's guard.
     - **shared session**, **shared day**, **shared build**, **shared object**: where the split should separate
-    them. A split by session, day or build separates sessions; a split by object separates the test's objects
-    and all sessions. - **held out**: a session held out by its object or name is also in another part than
-    the test. - **same checksum**: two sessions with the same bytes, or the same samples, in different parts.
+      them. A split by session, day or build separates sessions; a split by object separates the test's
+      objects and all sessions.
+    - **held out**: a session held out by its object or name is also in another part than the test.
+    - **same checksum**: two sessions with the same bytes, or the same samples, in different parts.
     - **near duplicate**: two sessions with the same sound, cut or with other channels; see
-    `monochord.datasets.duplicates` for the limits of detection.
+      `monochord.datasets.duplicates` for the limits of detection.
 
     A touch on both sides of a cut in time is noted, not a leak. Every byte of the dataset is first compared
     with its checksum.

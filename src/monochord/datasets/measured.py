@@ -1,7 +1,7 @@
 """Ground truth from a laboratory's wrench and pose: contact, position, force and sliding.
 
 - **contact** from the normal force, smoothed over `smooth` and freed of the sensor's slow drift: it begins
-above `on` and ends below `off`, so that noise around a threshold does not split a touch.
+  above `on` and ends below `off`, so that noise around a threshold does not split a touch.
 - **force** is that smoothed normal force: the string's vibration and the sensor's noise are averaged away.
 - **position** is the tool's x, read between the pose's times.
 - **slip_along** and **slip_across** are the tool's speed in x and y, the slope of a line through its places

@@ -6,11 +6,12 @@ assigned:
 - **session**: whole sessions, each kind (object; mostly static, sliding or untouched) by the same shares.
   Held-out objects or sessions (by name patterns) belong to the test only, beside other sessions.
 - **object**: held-out objects belong to the test only: those in `held_out`, else enough to reach the
-requested share. The sessions of the other objects are assigned to training and validation. - **day**,
-**build**: whole days, or whole builds of a sensor. With `held_out` (patterns of session names), the days or
-builds of these sessions form the test, and the others are assigned to training and validation. - **time**:
-each session is cut into three stretches, in random order, with a guard gap between them. A cut is moved to a
-time without contact, if one is close, so that no touch is on both sides.
+  requested share. The sessions of the other objects are assigned to training and validation.
+- **day**, **build**: whole days, or whole builds of a sensor. With `held_out` (patterns of session names),
+  the days or builds of these sessions form the test, and the others are assigned to training and
+  validation.
+- **time**: each session is cut into three stretches, in random order, with a guard gap between them. A cut
+  is moved to a time without contact, if one is close, so that no touch is on both sides.
 
 Shuffled single windows are refused: the test would contain touches used for training.
 """

@@ -2,10 +2,11 @@
 
 ::
 
-    manifest.json description, label rules, and checksums of all other files audio/SESSION.npy (2, n) float32:
-    all of a session; lost frames are zeros windows/COLUMN.npy (windows,): session, start, has_gap, clipped,
-    not_finite labels/COLUMN.npy (windows,) float64: contact, position, force ...; NaN where not valid
-    valid/COLUMN.npy (windows,) bool: where the label is valid
+    manifest.json            description, label rules, and checksums of all other files
+    audio/SESSION.npy        (2, n) float32: all of a session; lost frames are zeros
+    windows/COLUMN.npy       (windows,): session, start, has_gap, clipped, not_finite
+    labels/COLUMN.npy        (windows,) float64: contact, position, force ...; NaN where not valid
+    valid/COLUMN.npy         (windows,) bool: where the label is valid
 
 Everything is plain NumPy, readable by any program. Audio is stored once, and windows are cut when they are
 read, so that a smaller hop needs no extra space.

@@ -4,11 +4,11 @@
   and Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, ch. 6) that changes freely
   while the touch slides and hardly at rest. During an abstention, the prediction's uncertainty grows.
 - **The driven string may lock to another mode, and an estimate then jumps.** An estimate outside the gate
-does not move the track. It starts a rival, which later estimates support or oppose; the track switches to it
-after lasting support. Until then, the standard error covers both.
+  does not move the track. It starts a rival, which later estimates support or oppose; the track switches to
+  it after lasting support. Until then, the standard error covers both.
 - **Most of an error stays as long as the touch.** A share of an estimate's stated variance is an offset of
-this object on this sensor, which averaging cannot remove; the rest fluctuates. Windows of length T
-  that begin dt apart overlap: averaging them equals averaging independent ones with the variance times T / dt
+  this object on this sensor, which averaging cannot remove; the rest fluctuates. Windows of length T that
+  begin dt apart overlap: averaging them equals averaging independent ones with the variance times T / dt
   (the integral of their triangular autocorrelation), and the filter assumes that noise. For force, the
   offsets at rest and while sliding are two unknowns of one force. So information gained at rest still counts
   when the object slides, where a single estimate may be far off.

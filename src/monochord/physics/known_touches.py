@@ -64,8 +64,7 @@ def why_impossible(
 
     - **On the string**: 0 <= x <= L. Without a string up to `MAX_POSITION`.
     - **Below breaking**: 0 < F <= the force that breaks the wire there, `physics.theory.breaking_force`, 40 N
-    at
-      the middle of the prototype; at most `MAX_FORCE`, also for an unknown wire.
+      at the middle of the prototype; at most `MAX_FORCE`, also for an unknown wire.
     - **Consistent with a model**: where a model has read `MIN_TOUCHES` or more of them, the median error
       of position is at most `MAX_POSITION_ERROR` or `MAX_DEVIATIONS` stated errors, or less than with a
       single position for all touches; and the median ratio of force and estimate is within `MAX_RATIO`.
