@@ -268,7 +268,7 @@ def refuse_too_few(
     for kind, numbers in (("day", days), ("build", builds)):
         if by == kind and None in numbers:
             given = f"sessions without a {kind} in a split by {kind}"
-            raise InputError(given, "sessions that state their {kind}", "split by session")
+            raise InputError(given, f"sessions that state their {kind}", "split by session")
     known = [body for body, name in zip(objects, names, strict=True) if not is_held_out(body, name, held_out)]
     enough = {
         "session": len(known) >= (2 if held_out else 3),

@@ -26,12 +26,12 @@ def hertz_stiffness(
 ) -> float:
     """Return the contact stiffness of a string pressed against a cylinder across it.
 
-    f = k delta^(3/2) with k = (2 pi E* / (3 K))^(3/2) sqrt(3 D / (2 pi E* A)): Hertz's elliptic contact. A is
-    half of the smaller of the curvatures 1/R and 2/d; K and E are the complete elliptic integrals and
-    D = (K - E)/m, all of the parameter m, one less the squared ratio of the ellipse's axes, which follows
-    from the ratio of the curvatures. 1/E* = (1 - nu_1^2)/E_1 + (1 - nu_2^2)/E_2. Holds for smooth elastic bodies, an
-    ellipse small beside d and R, and no friction. A flat object touches along a line, for which no such law
-    exists, and raises; towards it k grows slowly without limit.
+    f = k delta^(3/2) with k = (2 pi E* / (3 K))^(3/2) sqrt(3 D / (2 pi E* A)): Hertz's elliptic contact.
+    A is half of the smaller of the curvatures 1/R and 2/d; K and E are the complete elliptic integrals
+    and D = (K - E)/m, all of the parameter m, one less the squared ratio of the ellipse's axes, which
+    follows from the ratio of the curvatures. 1/E* = (1 - nu_1^2)/E_1 + (1 - nu_2^2)/E_2. Holds for smooth
+    elastic bodies, an ellipse small beside d and R, and no friction. A flat object touches along a line,
+    for which no such law exists, and raises; towards it k grows slowly without limit.
 
     Parameters
     ----------
