@@ -14,7 +14,7 @@ from monochord.evaluation.replay import Selection, replay
 from monochord.lab.offline import make
 from monochord.lab.plan import assignments
 from monochord.lab.plans import load_plan
-from monochord.metrics import known, mean_absolute_error
+from monochord.metrics import finite_rows, mean_absolute_error
 from monochord.perception.estimators.closed_form import ClosedForm
 from monochord.physics.sensors import load_sensor
 
@@ -33,7 +33,7 @@ def main() -> None:
             results = replay(selection, estimator, name="closed_form", disturbance=noise)
             touched = results.where(results.label("contact") == 1.0)
             truth, estimate = touched.label("position"), touched.estimate("position")
-            answered = known(truth, estimate)
+            answered = finite_rows(truth, estimate)
             error = 1e3 * mean_absolute_error(truth[answered], estimate[answered])
             print(f"{results.trials[0].condition:<12}{answered.mean():>10.1%}{error:>9.2f} mm")
 

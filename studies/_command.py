@@ -1,4 +1,4 @@
-"""What the commands of studies share: errors as one line, a progress bar, and tables."""
+"""Shared by the commands of studies: errors as one line, a progress bar, and tables."""
 
 import json
 import sys
@@ -17,7 +17,7 @@ from monochord.figures.base import Measured
 
 
 def main(command: click.Command) -> None:
-    """Run a command and exit: 0 done, 2 for an error that it names in one line."""
+    """Run a command and exit: 0 for success, 2 for an error reported in one line."""
     try:
         command.main(standalone_mode=False)
     except (MonochordError, click.ClickException) as error:
@@ -28,7 +28,7 @@ def main(command: click.Command) -> None:
 
 @contextmanager
 def progress_bar(title: str) -> Generator[Callable[[str, int, int], None]]:
-    """Show a bar, moved by what is yielded: what is done, how much is done, and how much there is."""
+    """Show a bar, moved by what is yielded: current work, amount done, total."""
     with Progress(console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(title)
         yield lambda name, done, of: bar.update(task, description=name or title, completed=done, total=of)

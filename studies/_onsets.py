@@ -1,7 +1,7 @@
-"""What following estimates over time changes: how soon touch and slip are decided, and how large errors are.
+"""The effect of estimates over time: detection delays of touch and slip, and error sizes.
 
-The estimates of a source's windows are recorded once, with what is true; the filter of `monochord.live` is
-then folded over them with any settings. The same windows judged one by one are the baseline.
+The estimates of a source's windows are recorded once, with the truth; the filter of `monochord.live` is then
+applied to them with any settings. The baseline judges the same windows one by one.
 """
 
 import dataclasses
@@ -22,26 +22,26 @@ from monochord.live import FilterSettings, FilterState, LiveRun, LiveStream, Swi
 from monochord.metrics import detection_delays, false_alarms, stretches
 
 PARTS = 5
-"""Parts of a hop in which truth is looked up, so that onsets are known to 2 ms."""
+"""Steps per hop at which the truth is sampled, so that onsets are known to 2 ms."""
 PAUSE: Seconds = 0.2
-"""A pause in a slide that is shorter, two windows, belongs to it: a window covers all of it."""
+"""A shorter pause in a slide, in s (two windows), belongs to the slide."""
 SHORTEST: Seconds = 0.1
-"""Shortest touch or slide that counts as an event, a window long."""
+"""Shortest touch or slide that counts as an event, in s: a window long."""
 EARLY: Seconds = 0.02
-"""By how much an alarm may come before its event, which is known no better."""
+"""How long before its event an alarm may begin, in s: the accuracy of the truth."""
 CLEARANCE = 0.75
-"""Threshold to clear, as a share of that to set."""
+"""Threshold for switching off, relative to that for switching on."""
 OUTLIER_STD = 5.0
-"""Standard errors from which an answer is confidently wrong."""
+"""Standard errors beyond which an estimate is confidently wrong."""
 TIME_TOLERANCE: Seconds = 1e-6
-"""Times that differ by less are the same."""
+"""Times closer than this are equal, in s."""
 MIN_SPEED = 5.0e-3
-"""Least speed along the string, in m/s, of windows that tell the lag."""
+"""Smallest speed along the string, in m/s, of windows used to measure the lag."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WithNoise(Source):
-    """Another source with noise on all its channels: `sound` (n,), repeated without end, times `gain`."""
+    """Another source with noise added to all channels: `sound` (n,), repeated without end, times `gain`."""
 
     source: Source
     sound: Audio
@@ -49,7 +49,7 @@ class WithNoise(Source):
 
     @contextmanager
     def open(self) -> Generator[Stream]:
-        """Open the other source; raises what that raises, and `InputError` for a sound without frames."""
+        """Open the other source; raises as it does, and `InputError` for an empty sound."""
         if not len(self.sound):
             raise InputError("noise of 0 frames", "1 frame or more")
         with self.source.open() as stream:
@@ -82,10 +82,10 @@ class _NoisyStream(Stream):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recorded:
-    """The predictions of a source's windows, and what is true.
+    """The predictions of a source's windows, with the truth.
 
-    `window` and `hop` are in s. `truth` is of each window, by the rules of labels; `touched` and `slides`
-    (m,) are what is true in the parts of time that end at `time` (m,), in s since the stream began.
+    `window` and `hop` are in s. `truth` is that of each window, by the label rules; `touched` and `slides`
+    (m,) are the truth in the steps of time that end at `time` (m,), in s since the stream began.
     """
 
     predictions: tuple[Prediction, ...]
@@ -103,14 +103,14 @@ class Recorded:
 
     @property
     def minutes(self) -> float:
-        """Time in which the truth is known, in minutes."""
+        """Time with known truth, in minutes."""
         return float(self.known.sum()) * self.hop / 60.0
 
     @property
     def known(self) -> NDArray[np.bool_]:
-        """Whether the truth of each window (n,), and of those that it overlaps, is known.
+        """Whether the truth of each window (n,), and of overlapping windows, is known.
 
-        It is not while taps align the clocks of a session, which sound like touches.
+        It is unknown during a session's alignment taps, which sound like touches.
         """
         unknown = np.array([not each for each in self.truth], np.float64)
         near = np.convolve(unknown, np.ones(2 * math.ceil(self.window / self.hop) + 1), mode="same")
@@ -118,12 +118,12 @@ class Recorded:
 
 
 def record(setup: LiveRun) -> Recorded:
-    """Return the predictions of a run's windows with what is true; its sinks are left alone.
+    """Return the predictions of a run's windows with the truth, without its sinks.
 
     Raises
     ------
     InputError
-        If a part of the run refuses its options or the signal, or nothing is known to be true.
+        If a part of the run rejects its options or the signal, or there is no truth.
     """
     predictions, truths, times, parts = list[Prediction](), list[Truth](), list[float](), list[Truth]()
     with setup.source.open() as stream:
@@ -153,7 +153,7 @@ def record(setup: LiveRun) -> Recorded:
 
 
 def followed(take: Recorded, settings: FilterSettings) -> list[Tracked]:
-    """Return what the filter says after each window."""
+    """Return the filter's output after each window."""
     state, result = FilterState(), list[Tracked]()
     for prediction in take.predictions:
         state, tracked = step(state, prediction, take.window, settings)
@@ -163,11 +163,11 @@ def followed(take: Recorded, settings: FilterSettings) -> list[Tracked]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Onsets:
-    """How soon onsets are detected at a threshold.
+    """Onset detection at one threshold.
 
-    `median` and `p95` are the delays in s from the true onset to the end of the window that decides, of those
-    `events` that are detected, NaN for none; `missed` is the share that is not, and `false_alarms` are those
-    a minute.
+    `median` and `p95` are the delays in s from the true onset to the end of the deciding window, over the
+    detected `events`, NaN for none; `missed` is the share of undetected events, and `false_alarms` the number
+    per minute.
     """
 
     threshold: float
@@ -179,7 +179,7 @@ class Onsets:
 
 
 def onsets(takes: Sequence[Recorded], name: str, threshold: float, settings: FilterSettings | None) -> Onsets:
-    """Return how soon and how falsely ``contact`` or ``slip`` is detected.
+    """Return the detection delay and false alarms of ``contact`` or ``slip``.
 
     Parameters
     ----------
@@ -188,9 +188,9 @@ def onsets(takes: Sequence[Recorded], name: str, threshold: float, settings: Fil
     name
         ``contact`` or ``slip``.
     threshold
-        Probability from which it is on. With a filter it is off again below three quarters of that.
+        Probability for switching on. With a filter, it switches off below three quarters of that.
     settings
-        Those of the filter; None judges each window by itself.
+        Settings of the filter; None judges each window separately.
     """
     delays, alarms, minutes = list[float](), 0, 0.0
     for take in takes:
@@ -215,7 +215,7 @@ def onsets(takes: Sequence[Recorded], name: str, threshold: float, settings: Fil
 def _decided(
     take: Recorded, name: str, threshold: float, settings: FilterSettings | None
 ) -> NDArray[np.bool_]:
-    """Return whether each window (n,) has it on."""
+    """Return whether the decision is on in each window (n,)."""
     if settings is None:
         values = (each.estimate(name) for each in take.predictions)
         return np.array([each.valid and each.value >= threshold for each in values], bool)
@@ -226,7 +226,7 @@ def _decided(
 
 
 def _events(take: Recorded, name: str) -> Floats:
-    """Return begin and end (k, 2) of the true events, with short pauses bridged and short ones left out."""
+    """Return begin and end (k, 2) of the true events, with short pauses bridged and short events left out."""
     on = take.touched if name == "contact" else take.slides
     if not on.any():
         return np.zeros((0, 2))
@@ -251,11 +251,11 @@ def _with_tails(events: Floats, window: Seconds) -> Floats:
 class Errors:
     """Errors of a quantity in touched windows, against its mean over the window's touched time.
 
-    `raw` and `tracked` are mean absolute errors where both answer, in the quantity's unit; `raw_answered` and
-    `tracked_answered` are the shares of the touched `windows` with an answer. `within_1` and `within_2` are
-    the shares of tracked answers within one and two of their standard errors, `raw_far` and `tracked_far`
-    those that are off by more than five. `lag` is by how much the tracked quantity is behind that of single
-    windows, in s, NaN where nothing moved.
+    `raw` and `tracked` are mean absolute errors where both have an estimate, in the quantity's unit;
+    `raw_answered` and `tracked_answered` are the shares of the touched `windows` with an estimate. `within_1`
+    and `within_2` are the shares of tracked estimates within one and two of their standard errors, `raw_far`
+    and `tracked_far` the shares off by more than five. `lag` is the delay of the tracked quantity relative to
+    single windows, in s, NaN without motion.
     """
 
     raw: float
@@ -273,13 +273,13 @@ class Errors:
 def errors(takes: Sequence[Recorded], name: str, settings: FilterSettings) -> Errors:
     """Return the errors of ``position`` or ``force`` with and without the filter.
 
-    The lag is the least-squares one: an estimate that is late by t is off by -v t, where v is the rate at
-    which the truth changes.
+    The lag is a least-squares estimate: a quantity that is late by t has an error of -v t, where v is the
+    rate of change of the truth.
 
     Raises
     ------
     InputError
-        If nothing touches in any take.
+        If no take contains a touch.
     """
     parts = [_errors(take, name, settings) for take in takes]
     raw, raw_std, own, std, speed = (np.concatenate(each) for each in zip(*parts, strict=True))

@@ -1,7 +1,7 @@
-"""The network of places in torch, and its training: how probable each place of a touch is by its spectra.
+"""The position network in torch, and its training: the probability of each position, from spectra.
 
-It learns builds by heart: what it is shown is varied, so that what it learns holds on others. Microphones get
-another response, bands of the spectrum are left out, ends are swapped, and the own pitch is never exact.
+The network memorises builds, so its inputs are varied to make it general: microphones get different
+responses, bands of the spectrum are dropped, ends are swapped, and the string's pitch is never exact.
 """
 
 from typing import Any, TypeAlias
@@ -24,32 +24,32 @@ CHANNELS_OUT, TAPS, HIDDEN = (16, 24, 32, 40, 8), (9, 5, 5, 3, 1), 96
 """Outputs and taps of each convolution, and units of the layer after them."""
 EPOCHS, BATCH, RATE, DECAY, DROPPED = 14, 128, 3.0e-3, 0.1, 0.3
 WIDTH = 0.008
-"""Standard deviation of a label, over the length: neighbouring places are nearly right."""
+"""Standard deviation of a label, relative to the length: neighbouring positions are nearly correct."""
 SHIFTS = (-1, 0, 0, 0, 1)
-"""Cells by which a batch is shifted, of which one is drawn: the own pitch is never exact."""
+"""Range of random shifts of a batch, in cells: the string's pitch is never exact."""
 SWAPPED = [1, 0, 3, 2]
 """Channels of the same touch with both ends of the string swapped."""
 RESPONSE, KNOTS = 0.08, 6
-"""Deviation of a microphone's response, in levels, at so many points along the axis: 6 dB."""
+"""Standard deviation of a microphone's response, in levels, at this many points along the axis: 6 dB."""
 MASKS, WIDEST = 3, 60
-"""Bands that are left out of each window, and cells of the widest."""
+"""Number of dropped bands per window, and cells of the widest."""
 
 
 Cells: TypeAlias = NDArray[np.float16]
-"""What the network sees of windows, (windows, `CHANNELS`, `CELLS`)."""
+"""The network's input, (windows, `CHANNELS`, `CELLS`)."""
 
 
 def train_places(cells: Cells, truth: Floats, *, seed: int = 0, name: str = "places") -> Any:
-    """Return the network, in torch, that gives the places of touches most probability.
+    """Return the network, in torch, trained to maximise the probability of the true positions.
 
     Parameters
     ----------
     cells
-        What it sees of each window.
+        The network's input for each window.
     truth
-        Places of the touches over the length, (windows,).
+        Touch positions relative to the length, (windows,).
     seed
-        Of weights and order.
+        Random seed of weights and order.
     name
         Printed with the loss of each epoch.
     """
@@ -82,7 +82,7 @@ def train_places(cells: Cells, truth: Floats, *, seed: int = 0, name: str = "pla
 
 
 def probabilities_of(network: Any, cells: Cells, *, swapped: bool) -> Floats:
-    """Return the probabilities (windows, places) by a network in torch, of cells or of those `swapped`."""
+    """Return a torch network's probabilities (windows, places), for cells as they are or `swapped`."""
     torch: Any = torch_library()
     parts: list[Any] = []
     with torch.no_grad():
@@ -94,7 +94,7 @@ def probabilities_of(network: Any, cells: Cells, *, swapped: bool) -> Floats:
 
 
 def exported(network: Any) -> PlaceNetwork:
-    """Return the network as the package reads it: what it sees is never swapped."""
+    """Return the network in the package's format, which never swaps its input."""
     arrays: list[Audio] = []
     for layer in network:
         weight = getattr(layer, "weight", None)
@@ -121,7 +121,7 @@ def _layers(torch: Any) -> Any:
 
 
 def _varied(torch: Any, inputs: Any) -> Any:
-    """Return inputs (windows, channels, cells) with other responses, and with bands left out."""
+    """Return inputs (windows, channels, cells) with random responses and dropped bands."""
     count, cells = len(inputs), torch.arange(CELLS)
     response = torch.nn.functional.interpolate(
         RESPONSE * torch.randn(count, 2, KNOTS), size=CELLS, mode="linear", align_corners=True

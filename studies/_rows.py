@@ -1,4 +1,4 @@
-"""Results as one row of figures: what a table over conditions, builds or known touches says of an estimator.
+"""Evaluation results as rows of figures, for tables over conditions, builds or known touches.
 
 A row has the keys of `KEYS`, and beside them the coverage of two standard errors, both by quantity, and
 intervals. Errors in mm and N are of touched windows with an estimate; shares within the tolerance and the
@@ -34,20 +34,20 @@ from monochord.evaluation import (
     regression_rows,
     score_of,
 )
-from monochord.metrics import LIMITS, known, normal_coverage
+from monochord.metrics import LIMITS, finite_rows, normal_coverage
 
 SummaryRow: TypeAlias = dict[str, Any]
 KEYS = (
     "model", "world", "touches", "object", "condition", "position_mae_mm", "position_within_5mm",
     "force_mae_n", "contact_accuracy", "slip_auc", "coverage_1se", "gross_share", "answered", "builds", "n",
 )  # fmt: skip
-"""Keys of a row that every table of figures shares."""
+"""Keys of a row, shared by all tables."""
 LABELS = KEYS[:5]
-"""Of these, what the row is of."""
+"""Keys that identify a row."""
 FACTORS: Mapping[str, float] = {"position": 1e3, "force": 1.0}
-"""From the SI unit of a quantity to that of its error's column."""
+"""Factor from a quantity's SI unit to its error column's unit."""
 COLUMNS: Mapping[str, str] = {"position": "position_mae_mm", "force": "force_mae_n"}
-"""Column of the error of each quantity."""
+"""Error column of each quantity."""
 GROSS = 5.0
 """Standard errors beyond which an error is gross."""
 
@@ -55,9 +55,9 @@ GROSS = 5.0
 HEADS = (
     "answered", "position", "<= 5 mm", "force", "contact", "slip area", "1 se", "2 se", f"> {GROSS:g} se",
 )  # fmt: skip
-"""Heads of the columns of `cells`."""
+"""Column headers of `cells`."""
 INTERVALS = {"position_mae_mm": 1, "force_mae_n": 3}
-"""Places among these of figures whose interval a page shows."""
+"""Columns for which a page shows an interval."""
 BLANK = "-"
 EXPLAINED = (
     "Errors are mean absolute ones over touched windows with an estimate; shares are over all touched "
@@ -69,7 +69,7 @@ EXPLAINED = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Scored:
-    """Windows of known truth of a quantity: error, standard error and block, (n,); NaN for abstentions."""
+    """Windows with known truth of a quantity: error, standard error and block, (n,); NaN for abstentions."""
 
     error: Floats
     std: Floats
@@ -77,7 +77,7 @@ class _Scored:
 
     @property
     def answered(self) -> Flags:
-        return known(self.error)
+        return finite_rows(self.error)
 
     def where(self, rows: Flags) -> "_Scored":
         return _Scored(error=self.error[rows], std=self.std[rows], block=self.block[rows])
@@ -93,15 +93,15 @@ def summary_row(
     condition: str = CLEAN,
     draws: int = DRAWS,
 ) -> SummaryRow:
-    """Return the row of results, all of which count.
+    """Return one row of figures from results.
 
     Parameters
     ----------
     results
         Estimates beside the truth.
     model, world, touches, body, condition
-        What the row is of: the estimator, the simulated world ("" for real sound), how many touches it knows
-        of each build, the object, and the condition.
+        Identity of the row: the estimator, the simulated world ("" for real sound), the number of known
+        touches per build, the object, and the condition.
     draws
         Bootstrap draws of the intervals, over builds where there are `MIN_SESSIONS`, else over sessions; 0
         for none.
@@ -168,12 +168,12 @@ def cells(row: SummaryRow) -> tuple[str, ...]:
 
 
 def keep_summary(file: Path, rows: Sequence[SummaryRow], page: Callable[[Sequence[SummaryRow]], str]) -> None:
-    """Put rows into FILE.json in place of those of the same `LABELS`, and print all in it to FILE.md.
+    """Replace the rows with the same `LABELS` in FILE.json, and print all its rows to FILE.md.
 
     Raises
     ------
     InputError
-        If the file holds something else.
+        If the file has other content.
     """
     every = {tuple(row[key] for key in LABELS): row for row in (read_summary(file) if file.exists() else [])}
     every |= {tuple(row[key] for key in LABELS): row for row in rows}
@@ -188,13 +188,13 @@ def read_summary(file: Path) -> list[SummaryRow]:
     Raises
     ------
     InputError
-        If the file is absent, or holds something else.
+        If the file is missing, or has other content.
     """
     try:
         rows: list[SummaryRow] = json.loads(file.read_text(encoding="utf-8"))
         complete = all(key in row for row in rows for key in KEYS)
     except (OSError, ValueError, TypeError) as error:
-        raise InputError(f"rows {file} (absent or damaged)", "a file that a study wrote") from error
+        raise InputError(f"rows {file} (missing or damaged)", "a file from a study") from error
     if not complete:
         raise InputError(f"rows {file} of other keys", ", ".join(KEYS))
     return rows
@@ -210,7 +210,7 @@ def write_summary_csv(file: Path, rows: Sequence[SummaryRow]) -> None:
 
 
 def _blocks(results: Results) -> tuple[Indices, str]:
-    """Return the block (n,) of each window for the bootstrap, and what the blocks are."""
+    """Return each window's bootstrap block (n,), and the kind of block."""
     names, number = np.unique(_builds(results)[results.trial], return_inverse=True)
     return (number.astype(np.int64), "builds") if len(names) >= MIN_SESSIONS else blocks_of(results)
 
@@ -226,8 +226,8 @@ def _scored(results: Results, name: str, block: Indices) -> _Scored:
 
 
 def _stated(own: Mapping[str, _Scored]) -> _Scored:
-    """Return the errors of all estimates with a standard error as one, in units of these."""
-    parts = [each.where(known(each.error) & known(each.std)) for each in own.values()]
+    """Return the errors of all estimates with a standard error, in units of it."""
+    parts = [each.where(finite_rows(each.error) & finite_rows(each.std)) for each in own.values()]
     return _Scored(
         error=np.concatenate([part.error for part in parts]),
         std=np.concatenate([part.std for part in parts]),
@@ -236,10 +236,10 @@ def _stated(own: Mapping[str, _Scored]) -> _Scored:
 
 
 def _gross(by: Mapping[str, _Scored], scored: Flags) -> tuple[Flags, Indices]:
-    """Return whether each answered window (n,) is grossly wrong, and its block."""
+    """Return whether each answered window (n,) has a gross error, and its block."""
     stated, wrong = np.zeros(len(scored), bool), np.zeros(len(scored), bool)
     for each in by.values():
-        has_std = scored & known(each.error) & known(each.std)
+        has_std = scored & finite_rows(each.error) & finite_rows(each.std)
         stated |= has_std
         wrong[has_std] |= np.abs(each.error[has_std]) > GROSS * each.std[has_std]
     return wrong[stated], next(iter(by.values())).block[stated]

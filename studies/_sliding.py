@@ -1,4 +1,4 @@
-"""How well sliding is distinguished from rest in the sound of the twin, by speed. All of it is simulated.
+"""How well sliding is separated from rest in the twin's sound, by speed. Everything is simulated.
 
 Two plain features of a window, each from the physics. A string and its two segments have no partial below the
 open string's fundamental, and a touch at rest exerts no force on it slower than that. Sliding does: friction
@@ -26,13 +26,13 @@ from monochord.physics.twin import Scene, Sensor, advance, begin, hold
 RATE = 44100
 FEATURES = ("rumble", "filled gaps")
 MIN_SLIP_SHARE = 0.5
-"""Share of a window that must slip for the window to count as slipping."""
+"""Smallest share of slip in a window that counts as slipping."""
 RUMBLE_START: Hertz = 30.0
-"""Lower limit of the rumble; a preamplifier passes little below it."""
+"""Lower frequency limit of the rumble in Hz; a preamplifier passes little below it."""
 GAP_BAND: tuple[Hertz, Hertz] = (4000.0, 15000.0)
-"""Band in which gaps are measured: it holds many partials, all of them weak."""
+"""Frequency band of the gaps in Hz: it holds many partials, all weak."""
 MIN_POWER = 1e-20
-"""Power added before a logarithm is taken."""
+"""Power added before taking a logarithm."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,7 +71,7 @@ class Sliding:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Separation:
-    """How well one feature separates one speed from rest: area under the curve and its 95 % interval."""
+    """Separation of one speed from rest by one feature: area under the curve and its 95 % interval."""
 
     feature: str
     speed: MetresPerSecond
@@ -83,7 +83,7 @@ class Separation:
 
 
 def separations(study: Sliding, speeds: tuple[MetresPerSecond, ...]) -> list[Separation]:
-    """Return how well each feature separates each speed from rest, feature by feature, speed by speed.
+    """Return how well each feature separates each speed from rest, by feature, then speed.
 
     Raises
     ------

@@ -3,9 +3,8 @@
 Makes `docs/results/paper.json` from the plan `paper`, in some five hours on two cores (half an hour
 without the transformer):
 
-    monochord collect paper --out sessions
-    monochord build sessions --out dataset --split object
-    python -m studies.ablation --dataset dataset --sessions sessions --rows docs/results/paper.json
+`features.toml` lists the variations. Those with YAMNet need its package and weights
+(`studies/monochord-yamnet/README.md`). Existing runs in the folder of `--out` are kept.
 
 `features.toml` lists the variations. Those of YAMNet need its package and its weights
 (`studies/monochord-yamnet/README.md`). What a folder of `--out` already has is not trained again.
@@ -33,18 +32,18 @@ SENSOR, NOISE = "prototype", ("music:10",)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Variation:
-    """What is trained, or evaluated as it is.
+    """A variation to train, or an estimator to evaluate unchanged.
 
     Parameters
     ----------
     feature
-        Name of its rows; by default that of the feature.
+        Name of its rows; by default the feature's name.
     config, set
         Training preset, and overrides of it.
     hop
-        Of windows of its own, in s; None for those of the dataset.
+        Hop in s of a separate dataset; None for the original dataset.
     estimator, estimator_set
-        An estimator that learns nothing from the dataset, and its options, in place of a training.
+        An estimator without training, and its options, instead of a training.
     """
 
     feature: str = ""
@@ -56,13 +55,13 @@ class Variation:
 
 
 def variations(file: Path = VARIATIONS) -> dict[str, Variation]:
-    """Return the variations of a file, by name."""
+    """Return a file's variations by name."""
     tree = tomllib.loads(file.read_text(encoding="utf-8"))
     return {name: from_tree(Variation, own, name) for name, own in tree.items()}
 
 
 def split_like(dataset: Dataset, base: Dataset, split: Split) -> Split:
-    """Return the split of a dataset that puts sessions into the same parts as that of another dataset.
+    """Return a dataset's split with sessions in the same parts as in another dataset's split.
 
     Raises
     ------
@@ -90,7 +89,7 @@ def split_like(dataset: Dataset, base: Dataset, split: Split) -> Split:
 
 
 def data_of(variation: Variation, base: Dataset, sessions: Sequence[str], folder: Path) -> tuple[Path, Path]:
-    """Return the dataset of a variation and its split, which are made where its windows are others."""
+    """Return a variation's dataset and split, building them where its hop differs."""
     split = base.path / "split.json"
     if variation.hop is None:
         return base.path, split
@@ -103,7 +102,7 @@ def data_of(variation: Variation, base: Dataset, sessions: Sequence[str], folder
 
 
 def settings_of(variation: Variation, dataset: Path, split: Path, run: Path) -> EvaluationSettings:
-    """Return what is evaluated, once it is trained, where it has to be."""
+    """Return the settings of a variation's evaluation, training it first if needed."""
     common = EvaluationSettings(dataset=dataset, split=split, noises=NOISE)
     if variation.estimator:
         options = override({}, variation.estimator_set)
@@ -114,21 +113,28 @@ def settings_of(variation: Variation, dataset: Path, split: Path, run: Path) -> 
 
 
 def training_of(variation: Variation, **values: str) -> TrainingSettings:
-    """Return how a variation is trained, with values of its own: paths, and the sensor."""
+    """Return a variation's training settings, with its paths and sensor."""
     tree = tomllib.loads(config_path(variation.config).read_text(encoding="utf-8"))
     return TrainingSettings.read(override({**tree, **values}, variation.set))
 
 
 @click.command()
-@click.option("--dataset", type=click.Path(path_type=Path), required=True, help="Of monochord build, split.")
-@click.option("--sessions", multiple=True, required=True, help="That it was built from; repeatable.")
+@click.option(
+    "--dataset",
+    type=click.Path(path_type=Path),
+    required=True,
+    help="Dataset of 'monochord build', with its split.",
+)
+@click.option("--sessions", multiple=True, required=True, help="Sessions of the dataset; repeatable.")
 @click.option("--only", multiple=True, metavar="NAME", help="Only this variation; repeatable.")
 @click.option("--out", type=click.Path(path_type=Path), default=Path("ablation"), show_default=True)
-@click.option("--rows", type=click.Path(path_type=Path), help="Keep rows in this file, and its page.")
+@click.option(
+    "--rows", type=click.Path(path_type=Path), help="Save the rows in this file, and a page beside it."
+)
 def ablation(
     *, dataset: Path, sessions: tuple[str, ...], only: tuple[str, ...], out: Path, rows: Path | None
 ) -> None:
-    """Train and evaluate every variation, and keep its rows of the paper's tables."""
+    """Train and evaluate every variation, and save its rows of the paper's tables."""
     base, known = open_dataset(dataset), variations()
     for name in only:
         if name not in known:

@@ -1,4 +1,4 @@
-"""The time of a frozen encoder for a window, with each backend that is installed.
+"""The time per window of a frozen encoder, with each installed back end.
 
 Makes what `docs/design/features.md` says of their cost, in some two minutes: ``python -m
 studies.encoder_speed``.
@@ -22,7 +22,7 @@ from monochord.perception.features.base import Extractor
 
 RATE = 44100
 WARM_UP = 3
-"""Windows before the clock starts."""
+"""Warm-up windows before the timing."""
 BASELINE = "log_mel"
 VARIANTS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
     BASELINE: ("log_mel", {}),
@@ -33,25 +33,25 @@ VARIANTS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
     "ast_cuda": ("ast", {"random": True, "backend": "cuda"}),
     "yamnet": ("yamnet", {}),
 }
-"""Features and their options. Weights at random take as long as any."""
+"""Features and their options. Random weights take as long as trained ones."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Encoders(Benchmark):
     """Time from a window of two microphones to a feature's row, on one core.
 
-    All variants process each window in turn, so that they share the state of the machine. The baseline is the
-    log-mel spectrogram, pooled, without a network. The transformer has random weights, which take as long as
-    learned ones. Variants that are not installed are left out.
+    All variants process each window in turn, under the same machine load. The baseline is the log-mel
+    spectrogram, pooled, without a network. The transformer has random weights, which take as long as learned
+    ones. Variants that are not installed are left out.
 
     Parameters
     ----------
     windows
-        How many are timed.
+        Number of timed windows.
     window
-        Their length in s.
+        Length of a window in s.
     variants
-        Which of log_mel, ast_torch, ast_onnx, ast_int8, ast_openvino, ast_cuda (a GPU) and yamnet, where its
+        Any of log_mel, ast_torch, ast_onnx, ast_int8, ast_openvino, ast_cuda (a GPU) and yamnet, where its
         package is installed; all, if empty.
     """
 
@@ -69,7 +69,7 @@ class Encoders(Benchmark):
                 raise InputError(f"variant '{name}'", ", ".join(VARIANTS), did_you_mean(name, VARIANTS))
 
     def run(self) -> Iterator[Row]:
-        """Make every variant ready, time them, and yield the rows of each."""
+        """Prepare every variant, time them, and yield the rows of each."""
         size = round(self.window * RATE)
         rng = np.random.default_rng(0)
         sounds = 0.1 * rng.standard_normal((WARM_UP + self.windows, 1, 2, size), np.float32)

@@ -1,11 +1,11 @@
-"""Accuracy and stated errors of the far form on real strings, in quiet and under music and speech.
+"""Accuracy and stated errors of the far form on real strings, without noise and with music and speech.
 
 Makes the tables of `docs/how-to/strings.md` from the recordings that MONOCHORD_REALSTRINGS names, in some ten
 minutes: ``python -m studies.far_form``.
 
-Positions are known where the fret is. Where only the pitch is, a string is assumed that is open a number of
-frets below it: the recording is the same, the range of notes that it may be of is wider, and the error is
-that of the pitch alone.
+Fretted positions are known. Where only the pitch is known, the study assumes a string whose open note is a
+number of frets lower: the recording is the same, the range of possible notes is wider, and the error comes
+from the pitch alone.
 """
 
 import re
@@ -40,12 +40,12 @@ BOWED_STRINGS = (24, 31, 38, 45)
 GROSS_ERROR: Metres = 0.05
 MANY_STDS = 5.0
 LOUD = 4410
-"""Frames of the stretches of which `loud_half` keeps the louder ones."""
+"""Length of the stretches from which `loud_half` keeps the louder ones, in frames."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """A take whose position is known, with the open note that the estimator is given."""
+    """A take of known position, with the open note given to the estimator."""
 
     group: str
     take: RealTake
@@ -65,14 +65,14 @@ def fretted_cases(protocol: Protocol) -> Iterator[Case]:
 
 
 def assumed_cases(fret: int) -> Iterator[Case]:
-    """Yield all plucked takes of known pitch as stopped at a fret of an assumed lower string."""
+    """Yield all plucked takes of known pitch, treated as stopped at a fret of an assumed lower string."""
     for take in takes(kind="plucked"):
         if np.isfinite(take.frequency):
             yield _assumed(f"{take.instrument} as fret {fret}", take, fret)
 
 
 def bowed_cases() -> Iterator[Case]:
-    """Yield the bowed takes as stopped on the nearest lower string of their instrument."""
+    """Yield the bowed takes, treated as stopped on the nearest lower string of their instrument."""
     for take in takes(kind="bowed"):
         note = int(re.findall(r"_m(\d+)_", take.path.stem)[0])
         frets = [note - string for string in BOWED_STRINGS if string < note]
@@ -96,10 +96,11 @@ def fret_position(fret: int) -> Metres:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
-    """What came of windows, each array (n,).
+    """Results of windows, each array (n,).
 
-    `error` in m, NaN for an abstention; the stated error `std` in m, and the part `noise` of it in m that the
-    pitch's has; the error of `plain` autocorrelation in m, and its `clarity`; the number of the `take`.
+    `error` is in m, NaN for an abstention; `std` is the stated error in m, and `noise` its part from the
+    pitch in m; `plain` is the error of autocorrelation in m, `clarity` its confidence; `take` is the number
+    of the take.
     """
 
     error: Floats
@@ -118,18 +119,18 @@ class Outcome:
 def outcome(
     cases: Iterable[Case], protocol: Protocol, interferer: Interferer | None = None, seed: int = 0
 ) -> Outcome:
-    """Return what the closed form and plain autocorrelation make of the windows of takes.
+    """Return the errors of the closed form and of autocorrelation on the windows of takes.
 
     Parameters
     ----------
     cases
         The takes.
     protocol
-        Which windows.
+        The windows to use.
     interferer
-        What is mixed in.
+        The interference to add.
     seed
-        Of where in the recording of interference each take's begins.
+        Random seed of where in its recording each take's interference begins.
     """
     rng = np.random.default_rng(seed)
     columns: list[list[float]] = []
@@ -165,30 +166,30 @@ def answered(result: Outcome) -> float:
 
 
 def right(result: Outcome) -> float:
-    """Return the share of all windows that are answered within `POSITION_TOLERANCE`."""
+    """Return the share of all windows with an estimate within `POSITION_TOLERANCE`."""
     return float((np.abs(result.error) <= POSITION_TOLERANCE).mean())
 
 
 def plain_right(result: Outcome) -> float:
-    """Return that share of autocorrelation, which answers as many windows, the clearest ones."""
+    """Return that share for autocorrelation, which answers as many windows, the clearest ones."""
     clearest = np.argsort(-result.clarity, kind="stable")[: np.isfinite(result.error).sum()]
     return float((np.abs(result.plain[clearest]) <= POSITION_TOLERANCE).sum() / result.plain.size)
 
 
 def beyond(result: Outcome, stds: float) -> float:
-    """Return the share of the answers that are off by more than so many stated errors."""
+    """Return the share of the estimates off by more than this many stated errors."""
     known = np.isfinite(result.error)
     return float((np.abs(result.error) > stds * result.std)[known].mean()) if known.any() else np.nan
 
 
 def gross(result: Outcome) -> float:
-    """Return the share of the answers that are off by more than `GROSS_ERROR`."""
+    """Return the share of the estimates off by more than `GROSS_ERROR`."""
     known = np.isfinite(result.error)
     return float((np.abs(result.error[known]) > GROSS_ERROR).mean()) if known.any() else np.nan
 
 
 def right_interval(result: Outcome, seed: int = 0) -> tuple[float, float]:
-    """Return the 95 % interval of `right`, of takes drawn anew."""
+    """Return the 95 % interval of `right`, resampling takes."""
     return bootstrap_interval(lambda rows: right(result.rows(rows)), result.take, seed=seed)
 
 
@@ -205,23 +206,23 @@ def loud_half(sound: Audio) -> Audio:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FarForm(Benchmark):
-    """Position of stopped strings, in quiet and with the louder halves of music and speech mixed in.
+    """Position of stopped strings, without noise and with the louder halves of music and speech added.
 
-    For each instrument, part of the fretboard, interference and ratio: share answered; share of all windows
-    within 5 mm with its 95 % interval over takes, beside autocorrelation that answers as many windows; shares
-    of the answers beyond five stated errors, beyond 50 mm and within one stated error; and the median stated
-    error with its share of pitch noise.
+    For each instrument, part of the fretboard, interference and ratio: answered share; share of all windows
+    within 5 mm with its 95 % interval over takes, beside autocorrelation with as many answers; shares of the
+    estimates beyond five stated errors, beyond 50 mm and within one stated error; and the median stated error
+    with its share from pitch noise.
 
     Parameters
     ----------
     ratios
-        Signal-to-noise ratios in dB, of every window by itself.
+        Signal-to-noise ratios in dB, of every single window.
     fret
         Fret at which takes of known pitch alone are assumed to be stopped.
     hop
-        Distance of window starts, in s.
+        Hop, in s.
     seed
-        Of where in the recordings each take's interference begins.
+        Random seed of where in its recording each take's interference begins.
     """
 
     ratios: tuple[float, ...] = (10.0, 5.0, 0.0)
@@ -230,7 +231,7 @@ class FarForm(Benchmark):
     seed: int = 0
 
     def run(self) -> Iterator[Row]:
-        """Yield the rows of each group in quiet, then with each interference at each ratio."""
+        """Yield the rows of each group without noise, then with each interference at each ratio."""
         protocol = Protocol(hop=self.hop)
         sounds = {name: loud_half(sound) for name, sound in interference_recordings().items()}
         cases = [

@@ -1,4 +1,4 @@
-"""The paper's finite differences: how fast they run, and how far they are from what they approximate.
+"""The paper's finite differences: their speed, and their distance from the exact solution.
 
 Makes what docs/reference/python.md says of the split string's routes, in some 30 seconds: ``python -m
 studies.fdtd``.
@@ -36,21 +36,21 @@ MIN_SECONDS, MAX_SECONDS = 0.001, 3600.0
 class Fdtd(Benchmark):
     """Time over audio time of the three routes through the split string, on one core.
 
-    The case is the paper's appendix: two segments of 256 nodes, 1 us. What is compiled has run once before it
-    is timed, so compilation is not counted; everything else is: layout, feedback, resampling. Of several
-    repeats the fastest counts. Where other programs want the same core, wall time holds their share; core
-    time, the processor time of this thread, does not, and on a quiet machine both are the same.
+    The case is the paper's appendix: two segments of 256 nodes, 1 us. Compiled code has run once before the
+    timing, so compilation does not count; everything else does: layout, feedback, resampling. The fastest of
+    several repeats counts. Wall time includes other programs on the core; core time, the processor time of
+    this thread, does not. On an idle machine both are equal.
 
     Parameters
     ----------
     preset
-        The string, touched as its preset says.
+        The string, with its preset's touch.
     seconds
-        Audio for the compiled and the modal route.
+        Duration of the audio for the compiled and the modal route, in s.
     reference_seconds
-        Audio for the NumPy reference, which takes some thirty times as long as it sounds.
+        Duration of the audio for the NumPy reference, in s, which takes some thirty times real time.
     repeats
-        How often each is timed.
+        Number of timings of each.
     """
 
     preset: str = "appendix"
@@ -66,7 +66,7 @@ class Fdtd(Benchmark):
             raise InputError(f"{self.repeats} repeats", "1 or more")
 
     def run(self) -> Iterator[Row]:
-        """Time the routes, then compare what they say."""
+        """Time the routes, then compare their results."""
         string = load_string(self.preset)
         contact = string.usual_contact
         setup = SplitString(string=string.string, contact=contact)
@@ -89,7 +89,7 @@ class Fdtd(Benchmark):
 
 
 def _pace(setup: SplitString, route: Route, seconds: Seconds, repeats: int) -> tuple[float, float]:
-    """Wall and core time over audio time, each of its fastest repeat."""
+    """Wall and core time relative to audio time, each for the fastest repeat."""
     times = [_timed(setup, route, seconds) for _ in range(repeats)]
     return min(wall for wall, _ in times) / seconds, min(core for _, core in times) / seconds
 
@@ -101,7 +101,7 @@ def _timed(setup: SplitString, route: Route, seconds: Seconds) -> tuple[Seconds,
 
 
 def _distances(setup: SplitString, expected: tuple[float, float]) -> Iterator[Row]:
-    """How far the peaks are from theory, and the grid from its limit as it is refined."""
+    """Distance of the peaks from theory, and of the grid from its limit under refinement."""
     exact = simulate(setup, 0.4, route="modal")
     paper = simulate(setup, 0.4)
     for name, recording in (("FDTD", paper), ("modes", exact)):

@@ -1,4 +1,4 @@
-"""What a window costs a feature of the string's lines, by itself and in a batch.
+"""Computing time per window of the features of the string's partials, singly and in a batch.
 
 Makes what `docs/design/features.md` says of their cost, in some 30 seconds: ``python -m
 studies.feature_speed``.
@@ -23,9 +23,9 @@ from monochord.perception.features import FEATURES
 from monochord.physics.sensors import load_sensor
 
 WARM_UP = 20
-"""Windows before the clock starts."""
+"""Warm-up windows before the timing."""
 HOP: Seconds = 0.01
-"""What a stream of windows is taken to be apart, for real time."""
+"""Assumed hop of a stream of windows, in s, for the real-time comparison."""
 BASELINE = "plain transform"
 
 
@@ -33,19 +33,18 @@ BASELINE = "plain transform"
 class FeaturesBenchmark(Benchmark):
     """Time from a window of two microphones to a feature's row, on one core, and rows a second in a batch.
 
-    The sound is the twin's, touched and untouched. Every feature takes its turn with every window, and
-    analyses it by itself, which features of one model do together. The baseline is the plain Fourier
-    transform of the same window, which all of them begin with, and for batches real time: a window every 10
-    ms.
+    The sound is the twin's, touched and untouched. Every feature processes every window in turn, with its own
+    analysis, which features of one model would share. The baseline is the Fourier transform of the same
+    window, the first step of all features; for batches it is real time, a window every 10 ms.
 
     Parameters
     ----------
     names
-        Which features.
+        Names of the features.
     count
-        How many windows are timed.
+        Number of timed windows.
     window
-        Their length in s.
+        Length of a window in s.
     """
 
     names: tuple[str, ...] = ("fft_harmonic", "closed_form", "untouched")
@@ -59,7 +58,7 @@ class FeaturesBenchmark(Benchmark):
             raise InputError(f"window {self.window:g} s", "0.02 to 1 s")
 
     def run(self) -> Iterator[Row]:
-        """Make every feature ready, time them, and yield the rows of each."""
+        """Prepare every feature, time them, and yield the rows of each."""
         sounds, rate = self._sounds()
         own = Signal(sample_rate=rate, channels=2, string=load_sensor("prototype").string)
         made: dict[str, Callable[[Audio], Audio]] = {

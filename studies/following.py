@@ -1,4 +1,4 @@
-"""How soon touch and slip are decided, window by window and followed over time.
+"""Detection delays of touch and slip, window by window and over time.
 
 Makes `docs/figures/following.png` and `docs/results/following.json` in some ten minutes on two cores:
 ``python -m studies.following --out docs/figures/following.png --json docs/results/following.json``.
@@ -38,7 +38,7 @@ QUIET, MUSIC, MOTORS = "quiet", "music", "motors"
 COLOURS = {QUIET: "#0072B2", MUSIC: "#D55E00", MOTORS: "#009E73"}
 """Okabe and Ito's blue, vermilion and green."""
 BLOCKS = 800
-"""Blocks from whose median power the level of a source is taken: the first eight seconds."""
+"""Number of blocks whose median power gives a source's level: the first eight seconds."""
 NAMES = ("contact", "slip")
 
 
@@ -46,10 +46,10 @@ NAMES = ("contact", "slip")
 class Following(Measured):
     """Delay of the onset of contact (A) and slip (B), and false alarms (C, D), against the threshold.
 
-    Solid: followed over time, as live. Dashed: each window by itself. Thick is the median delay, thin the
-    95th percentile, from the true onset to the end of the window that decides. In quiet, in music, and beside
-    a geared motor. The JSON output also holds the errors of position and force with and without the filter,
-    and its lag. Simulated, unless sessions are given.
+    Solid lines: over time, as live. Dashed lines: each window separately. Thick lines are the median delay,
+    thin lines the 95th percentile, from the true onset to the end of the deciding window; without noise, with
+    music, and with a geared motor. The JSON output also holds the errors of position and force with and
+    without the filter, and its lag. Simulated, unless sessions are given.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ class Following(Measured):
     builds
         Seeds of the virtual sensors, of the world `plausible`, that are touched at random.
     seconds
-        How long each is, or at most of each session, in s.
+        Duration of each, or largest duration of each session, in s.
     seed
         Random seed of the touches.
     sessions
@@ -66,11 +66,11 @@ class Following(Measured):
     ratio
         Ratio of the sensor's sound to the noise in dB.
     noises
-        Of ``quiet``, ``music`` and ``motors``, what is measured.
+        Conditions to measure: ``quiet``, ``music``, ``motors``.
     thresholds
-        Probabilities from which contact or slip is on.
+        Probabilities for switching contact or slip on.
     filter
-        How estimates are followed.
+        Settings of the filter.
     """
 
     model: str = "demo"
@@ -94,7 +94,7 @@ class Following(Measured):
             raise InputError(f"seconds {self.seconds:g}", "1 s or more")
 
     def numbers(self) -> dict[str, Any]:
-        """Return the curves by noise, name and way, and the errors by noise and quantity."""
+        """Return the curves by noise, name and method, and the errors by noise and quantity."""
         return {
             "simulated": not self.sessions,
             "curves": {
@@ -176,7 +176,7 @@ def _curve(figure: Following, noise: str, name: str, way: str) -> list[Onsets]:
 
 @cache
 def _recorded(figure: Following, noise: str) -> tuple[Recorded, ...]:
-    """Return the predictions of all sources in a noise."""
+    """Return the predictions of all sources with a noise."""
     estimator = ESTIMATORS.build(MODEL, {"path": str(figure.model)})
     sources = [
         source if noise == QUIET else _in_noise(source, noise, figure.ratio) for source in figure.sources()
@@ -187,7 +187,7 @@ def _recorded(figure: Following, noise: str) -> tuple[Recorded, ...]:
 
 
 def _in_noise(source: Source, noise: str, ratio: float) -> Source:
-    """Return a source in music, or beside a motor, at a ratio in dB to its usual level."""
+    """Return a source with music, or with a motor, at a ratio in dB to its usual level."""
     with source.open() as stream:
         powers = [np.mean(np.square(block.samples, dtype=float)) for block in islice(stream, BLOCKS)]
     sound: Audio = (

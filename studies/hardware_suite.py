@@ -1,4 +1,4 @@
-"""An estimator and its baselines on a sensor as hardware may have it: a row of figures for each condition.
+"""An estimator and its baselines on realistic hardware: a row of figures for each condition.
 
 Makes `docs/results/hardware.json` and its figure in some 50 minutes on two cores:
 ``python -m studies.hardware_suite demo --out docs/results``. All of its sound is simulated.
@@ -47,16 +47,16 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PLAN = Path(__file__).parent / "plans" / "hardware.toml"
-"""The touches that every condition repeats."""
+"""The touches repeated in every condition."""
 QUICK_GRID = (2, 1)
 """Places and forces of a group in a quick suite."""
 FIRST_BUILD = 1001
-"""Seed of the first build, beyond those that plans train on."""
+"""Seed of the first build, beyond those of the training plans."""
 
 CLOSED_FORM, PHYSICS = "closed_form", {"tension_law": "geometric"}
-"""Estimator that stands beside every model, and its options for the twin."""
+"""Estimator listed beside every model, and its options for the twin."""
 TUNED = ", tuned"
-"""End of the name of a condition in which estimators know the string as it is tuned."""
+"""Suffix of a condition's name in which estimators know the tuned string."""
 WORLD = "ideal"
 """World of the suite's sensor, in which one thing is changed."""
 PANELS = {
@@ -65,32 +65,32 @@ PANELS = {
     "coverage_1se": ("within 1 std. error (%)", 1e2, False),
     "answered": ("answered (%)", 1e2, False),
 }
-"""Of each panel the label, the factor of its column, and whether its axis is logarithmic."""
+"""Label of each panel, factor of its column, and whether its axis is logarithmic."""
 LINE_HEIGHT, MARGIN = 4.2, 26.0
-"""Height in mm of a condition, and of all else."""
+"""Height per condition, and of the rest, in mm."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Condition:
-    """What the sensor or its surroundings have in one part of the suite; nothing is "clean".
+    """The sensor and its surroundings in one part of the suite; no change is "clean".
 
     Parameters
     ----------
     name
-        As tables show it.
+        Name in tables.
     deviation
-        What deviates of the sensor and the object.
+        Deviations of the sensor and the object.
     motors
         Whether the robot's motors sound in the frame.
     builds
-        Number of builds that the touches are spread over; 0 for the design itself.
+        Number of builds to spread the touches over; 0 for the nominal design.
     material
-        Of the objects; empty for those of the plan.
+        Material of the objects; empty for the plan's.
     second
         Distance in m of a second object that touches at the same time; 0 for none.
     is_retuned
-        Whether the open string may have another pitch: estimators are then also tested with the string as
-        `monochord tune` measures it.
+        Whether the open string's pitch may change: estimators are then also tested with the string tuned by
+        `monochord tune`.
     """
 
     name: str
@@ -140,12 +140,12 @@ CONDITIONS: tuple[Condition, ...] = (
 
 
 def chosen_conditions(names: Sequence[str] = ()) -> list[Condition]:
-    """Return the conditions of these names, with the clean one first; all of them for no names.
+    """Return the conditions of these names, with the clean one first; all of them without names.
 
     Raises
     ------
     InputError
-        If there is none of a name.
+        If a name is unknown.
 
     Examples
     --------
@@ -160,9 +160,9 @@ def chosen_conditions(names: Sequence[str] = ()) -> list[Condition]:
 
 
 def plan_of(condition: Condition, sensor: str, *, quick: bool = False) -> Plan:
-    """Return the plan of a condition: the touches of every other one.
+    """Return the plan of a condition: the same touches as in every other one.
 
-    A `quick` plan has but `QUICK_GRID` touches of one object held, and of one sliding.
+    A `quick` plan has only `QUICK_GRID` touches of one object held, and of one sliding.
 
     Examples
     --------
@@ -193,7 +193,7 @@ def render(
     quick: bool = False,
     progress: Callable[[str, int, int], None] = lambda *_: None,
 ) -> dict[str, Path]:
-    """Return the folder of the sessions of each condition, by its name; what exists is not rendered again."""
+    """Return the folder of each condition's sessions, by name; existing sessions are kept."""
     folders: dict[str, Path] = {}
     jobs: list[tuple[Assignment, Path]] = []
     for condition in conditions:
@@ -212,7 +212,7 @@ def _made(job: tuple[Assignment, Path]) -> None:
 
 
 def _spread(groups: Sequence[Group], builds: int) -> list[Group]:
-    """Return the groups with each protocol's touches spread over all builds, a session for each."""
+    """Return the groups with each protocol's touches spread over all builds, one session for each."""
     seeds: dict[str, Iterator[int]] = {}
     result: list[Group] = []
     for group in groups:
@@ -224,7 +224,7 @@ def _spread(groups: Sequence[Group], builds: int) -> list[Group]:
 
 
 def _slug(name: str) -> str:
-    """Return a condition's name as that of a folder.
+    """Return a condition's name as a folder name.
 
     >>> _slug("tuning -6 %"), _slug("+20 K")
     ('tuning_-6', '+20_k')
@@ -242,7 +242,7 @@ def evaluate_suite(
 ) -> list[SummaryRow]:
     """Return a row of figures for each condition and estimator.
 
-    Ridge regression and extra trees are fitted where the training dataset of the model is there.
+    Ridge regression and extra trees are fitted if the model's training dataset is available.
     """
     candidate = load(settings)
     rivals: _Rivals | None = None
@@ -264,7 +264,7 @@ def evaluate_suite(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Rivals:
-    """All that is tested: the estimator, the closed form, and baselines on the estimator's feature."""
+    """All tested estimators: the model, the closed form, and baselines on the model's feature."""
 
     name: str
     estimators: Mapping[str, Estimator]
@@ -278,7 +278,7 @@ class _Rivals:
         data: EvaluationData,
         name: str,
     ) -> "_Rivals":
-        """Return them, with the baselines fitted where there are training windows."""
+        """Return the estimators, with baselines fitted where there are training windows."""
         estimators = {name: candidate.estimator}
         if candidate.name != CLOSED_FORM:
             estimators[CLOSED_FORM] = ESTIMATORS.build(CLOSED_FORM, PHYSICS)
@@ -290,7 +290,7 @@ class _Rivals:
     def results(
         self, selection: Selection, condition: str, progress: Callable[[str, int, int], None]
     ) -> Iterator[tuple[str, Results]]:
-        """Yield the name and the results of each, in a condition."""
+        """Yield each one's name and results in a condition."""
 
         def report(session: str, done: int, of: int) -> None:
             progress(f"{condition}, {session}" if session else condition, done, of)
@@ -304,7 +304,7 @@ class _Rivals:
 
 
 def _in_condition(results: Results, condition: str) -> Results:
-    """Return results in a condition that the sound of their sessions had when it was made."""
+    """Return results in a condition that is part of their sessions' sound."""
     noise = "" if condition == CLEAN else condition
     trials = tuple(replace(trial, noise=noise, ratio=None) for trial in results.trials)
     return replace(results, trials=trials)
@@ -334,9 +334,9 @@ def _table(rows: Sequence[SummaryRow]) -> Iterator[str]:
 
 
 def drawn(rows: Sequence[SummaryRow]) -> "Figure":
-    """Return errors, coverage and the answered share, a line for each condition.
+    """Return a figure of errors, coverage and answered share, a line for each condition.
 
-    The dashed line in the panel of coverage is that of normal errors whose size is stated rightly.
+    The dashed line in the coverage panel is for normal errors with correct standard errors.
     """
     from matplotlib.ticker import LogLocator, NullLocator  # noqa: PLC0415
 
@@ -382,17 +382,22 @@ def _marks(axes: "Axes", rows: Sequence[SummaryRow], conditions: Sequence[str], 
 @click.argument("model")
 @click.option("--sensor", default="prototype", show_default=True, help="Preset or file of the sensor.")
 @click.option("--only", multiple=True, metavar="NAME", help="Only this condition; repeatable.")
-@click.option("--quick", is_flag=True, help="A few touches only in each condition.")
-@click.option("--baselines/--no-baselines", default=True, show_default=True, help="Ridge and extra trees.")
+@click.option("--quick", is_flag=True, help="Use only a few touches in each condition.")
+@click.option(
+    "--baselines/--no-baselines",
+    default=True,
+    show_default=True,
+    help="Also test ridge regression and extra trees.",
+)
 @click.option("--name", default="", help="Name of the model in the rows.  [default: MODEL]")
 @click.option(
     "--cache",
     type=click.Path(path_type=Path),
     default=Path("hardware-sessions"),
     show_default=True,
-    help="Folder of the sessions, which another model uses again.",
+    help="Folder of the sessions, reused for other models.",
 )
-@click.option("--out", type=click.Path(path_type=Path), help="Keep rows, page and figure in this folder.")
+@click.option("--out", type=click.Path(path_type=Path), help="Save rows, page and figure in this folder.")
 def hardware_suite(
     model: str,
     *,
@@ -404,7 +409,7 @@ def hardware_suite(
     cache: Path,
     out: Path | None,
 ) -> None:
-    """Test MODEL on simulated sensors of the same touches, with one thing changed in each."""
+    """Test MODEL on simulated sensors with the same touches and one change in each condition."""
     conditions = chosen_conditions(only)
     settings = EvaluationSettings(model=model, baselines=baselines)
     with progress_bar("suite") as progress:

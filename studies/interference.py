@@ -1,4 +1,4 @@
-"""How position on real recorded strings holds up when music and speech are mixed in.
+"""Position on real recorded strings with music and speech added.
 
 Makes what `docs/how-to/strings.md` says of music and speech, and its figure, in some ten minutes, from the
 recordings
@@ -40,18 +40,18 @@ MARKS = "os^vDPX<>"
 class Interference(Benchmark):
     """Position errors on plucked takes of known fret with real music and speech added.
 
-    For each recording of interference and each signal-to-noise ratio: share answered, and share of the
-    answers within 5 mm, beside plain autocorrelation, which answers always. The open note is clean.
+    For each interference recording and each signal-to-noise ratio: the answered share, and the share of the
+    estimates within 5 mm, beside autocorrelation, which always answers. The open note is clean.
 
     Parameters
     ----------
     ratios
         Signal-to-noise ratios in dB.
     per
-        What the ratio holds over: every "window" by itself, or the whole "take" from its onset, so that
-        a plucked string's later windows, which have decayed, have less.
+        Reference of the ratio: every single "window", or the whole "take" from its onset, so that a plucked
+        string's later, decayed windows have a lower ratio.
     seed
-        Of where in the recording each take's interference begins.
+        Random seed of where in its recording each take's interference begins.
     """
 
     ratios: tuple[float, ...] = (20.0, 10.0, 5.0, 0.0)
@@ -80,7 +80,7 @@ def _rows(name: str, errors: Floats, plain: Floats) -> Iterator[Row]:
 
 
 def drawn(ratios: tuple[float, ...] = (20.0, 15.0, 10.0, 5.0, 0.0), seed: int = 0) -> "Figure":
-    """Return position errors on real plucked strings of known fret, and what interference does to them.
+    """Return a figure of position errors on real plucked strings, with and without interference.
 
     A: every answered 0.1 s window against its fret, one mark a string, calibrated by the string's open note
     alone. B: share of the answers within 5 mm against the signal-to-noise ratio, with the share answered, and

@@ -1,4 +1,4 @@
-"""Trains the networks that read modes: of places, and of what a window's lines may be.
+"""Trains the networks that read modes: one for positions, and one for the lines of a window.
 
 Makes the networks of `monochord.perception.closed_form`, in some twenty minutes on two cores, from datasets
 that take half an hour:
@@ -65,33 +65,34 @@ from monochord.physics.strings import load_string, string_names
 from monochord.physics.theory import open_frequency
 
 READ_FROM = Path("src/monochord/perception/closed_form")
-"""Where the package reads both networks from, in the repository."""
+"""The package's file of both networks, in the repository."""
 RANKING_FILE, PLACES_FILE = "mode_ranking.safetensors", "place_density.safetensors"
 HIDDEN = (64, 32)
 EPOCHS, BATCH, RATE, DECAY = 8, 256, 3.0e-3, 0.1
 WINDOWS = 80
-"""Windows of a session."""
+"""Windows per session."""
 RIGHT, RIGHT_BESIDE_BEST = 0.015, 0.0035
-"""Distance from the touch of a right hypothesis, and beyond that of the nearest: shares of the length."""
+"""Distance from the touch for a correct hypothesis, and beyond the nearest one, over the length.
+"""
 PITCH_STD, UNTUNED_SHARE, UNTUNED = 0.0015, 0.25, (-0.008, 0.015)
-"""Deviation of the known pitch; share of windows whose string was not tuned, and by how much it is off."""
+"""Standard deviation of the known pitch; share of windows with a detuned string, and its deviation."""
 NOISY_SHARE, RATIOS, HALF_SHARE = 0.4, (5.0, 30.0), 0.2
-"""Share of windows with noise and its ratios in dB; share of those cut in half."""
+"""Share of windows with noise and the ratios in dB; share of half-length windows."""
 
 
 Part: TypeAlias = Literal["train", "validation"]
 Example: TypeAlias = tuple[Floats, Floats, Cells, float, int]
 PURE_WINDOWS = 6000
-"""Windows of two sustained lines alone."""
+"""Number of windows with only two sustained lines."""
 STRAY_SHARE = 0.3
-"""Share of them with one weak line more, of neither."""
+"""Share of them with one further weak line that belongs to neither."""
 UNKNOWN_SHARE = 0.2
-"""Share of windows whose places are equally probable, as of a string whose pitch is not known."""
+"""Share of windows with equally probable positions, as for a string of unknown pitch."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Examples:
-    """Hypotheses of touched windows, those of a window one after another.
+    """Hypotheses of touched windows, concatenated window by window.
 
     `measures` (hypotheses, measures), `position` (hypotheses,) over the length, `window` (hypotheses,) that
     each is of; `cells` (windows, channels, cells), what the network of places sees, `truth` (windows,) over
@@ -112,7 +113,7 @@ class Examples:
 
     @property
     def right(self) -> Flags:
-        """Whether each hypothesis puts the touch where it is."""
+        """Whether each hypothesis gives the correct position."""
         error = np.abs(self.position - self.truth[self.window])
         least = np.full(len(self.truth), np.inf)
         np.minimum.at(least, self.window, error)
@@ -126,7 +127,7 @@ def examples_of(path: Path, part: Part, design: StringParams, *, clean: bool = F
 
 
 def joined(examples: Iterable[Example]) -> Examples:
-    """Return the examples of windows: measures, places, cells, the touch's place, and the build of each.
+    """Return the examples of windows: measures, hypotheses, cells, touch positions, and builds.
 
     Raises `InputError` where there is none.
     """
@@ -186,7 +187,7 @@ def _example(analyser: SpectrumAnalyser, window: Audio, truth: float, build: int
 
 
 def pure_examples(seed: int = 0) -> Iterator[Example]:
-    """Yield windows of two ideal segments of the strings that have presets, their builds below 0."""
+    """Yield windows of two ideal segments for all string presets, with negative build numbers."""
     random, rate = np.random.default_rng(seed), 44100
     analysers = [
         _unread(string, rate, round(bins * rate / open_frequency(string)))
@@ -220,14 +221,14 @@ def _unread(string: StringParams, rate: int, size: int) -> SpectrumAnalyser:
 
 
 def mirrored(measures: NDArray[Any]) -> NDArray[Any]:
-    """Return measures as of the same touch with both ends of the string swapped."""
+    """Return the measures for the same touch with both ends of the string swapped."""
     ends = COMMON_MEASURES, COMMON_MEASURES + SEGMENT_MEASURES, PLACE_MEASURES
     both, first, second, place = np.split(measures, ends, axis=1)
     return np.concatenate((both, second, first, place), axis=1)
 
 
 def together(*parts: Examples) -> Examples:
-    """Return the examples of several lists."""
+    """Return several lists of examples combined."""
     first = np.cumsum([0, *(len(part.truth) for part in parts)])
     return Examples(
         measures=np.concatenate([part.measures for part in parts]),
@@ -253,7 +254,7 @@ def chosen(examples: Examples, windows: Flags) -> Examples:
 
 
 def both_ways(examples: Examples, network: Any, *, seed: int = 0) -> Audio:
-    """Return the measures as they are, then as with both ends swapped, with places by a network in torch."""
+    """Return the measures as they are, then with both ends swapped, with positions from a torch network."""
     unknown = np.random.default_rng(seed).random(len(examples.truth)) < UNKNOWN_SHARE
     ways = [examples.measures.copy(), mirrored(examples.measures)]
     for way, measures in enumerate(ways):
@@ -264,7 +265,7 @@ def both_ways(examples: Examples, network: Any, *, seed: int = 0) -> Audio:
 
 
 def with_places(examples: Examples, network: PlaceNetwork) -> Examples:
-    """Return examples whose measures of the place are by a network of the package."""
+    """Return examples with position measures from a network in the package."""
     measures = examples.measures.copy()
     probability = np.array([density(cells.astype(np.float32), network) for cells in examples.cells])
     _fill_in_places(measures, examples, probability)
@@ -280,7 +281,7 @@ def _fill_in_places(
 
 
 def train_ranking(examples: Examples, measures: Audio, *, seed: int = 0) -> Ranking:
-    """Return the network that gives the right hypotheses of most windows most probability.
+    """Return the network trained to maximise the probability of the correct hypotheses.
 
     `measures` are those that `both_ways` returns.
     """
@@ -326,7 +327,7 @@ def train_ranking(examples: Examples, measures: Audio, *, seed: int = 0) -> Rank
 
 
 def places_of(examples: Examples, ranking: Ranking) -> tuple[Floats, Floats]:
-    """Return the place (windows,) that each window is read as, over the length, and its lead."""
+    """Return each window's position (windows,), relative to the length, and its lead."""
     place, lead = np.empty(len(examples.truth)), np.empty(len(examples.truth))
     first = examples.first
     for k, (begin, end) in enumerate(pairwise(first)):
@@ -337,7 +338,7 @@ def places_of(examples: Examples, ranking: Ranking) -> tuple[Floats, Floats]:
 
 
 def write_network(network: Ranking | PlaceNetwork, file: Path) -> None:
-    """Write a network into a file, in single precision; the same network gives the same bytes."""
+    """Write a network to a file in single precision; the same network gives the same bytes."""
     from safetensors.numpy import save  # noqa: PLC0415
 
     file.write_bytes(save({name: value.astype(np.float32) for name, value in network._asdict().items()}))
@@ -348,7 +349,7 @@ def write_network(network: Ranking | PlaceNetwork, file: Path) -> None:
 @click.option(
     "--judge", multiple=True, type=click.Path(path_type=Path), help="Dataset to score on; repeatable."
 )
-@click.option("--string", default="prototype", show_default=True, help="That the builds are made from.")
+@click.option("--string", default="prototype", show_default=True, help="Sensor design of the builds.")
 @click.option(
     "--out",
     type=click.Path(path_type=Path, exists=True, file_okay=False),
@@ -382,7 +383,7 @@ def mode_networks(*, datasets: tuple[Path, ...], judge: tuple[Path, ...], string
 
 
 def _report(name: str, examples: Examples, ranking: Ranking, design: StringParams) -> None:
-    """Print how much is answered, and how well, by the least lead."""
+    """Print the answered share and the accuracy, by smallest lead."""
     place, lead = places_of(examples, ranking)
     error = np.abs(place - examples.truth) * design.length * 1e3
     print(f"{name}: {len(error)} windows")

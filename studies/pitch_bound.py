@@ -1,4 +1,4 @@
-"""How near the pitch of a short window comes to what physics allows: the Cramer-Rao bound.
+"""Pitch errors of a short window relative to the physical limit, the Cramer-Rao bound.
 
 Makes what `docs/design/reader-of-modes.md` says of its error, in some two minutes: ``python -m
 studies.pitch_bound``.
@@ -25,21 +25,21 @@ GROSS_ERROR: Hertz = 3.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bound(Benchmark):
-    """Error of f0 on synthetic stiff strings in white noise, over the least error that is possible.
+    """Error of f0 on synthetic stiff strings in white noise, relative to the smallest possible error.
 
-    Ten partials whose amplitudes fall as 1/n, fundamentals drawn between 100 and 300 Hz, B not known. Beside
-    the error stands how far the estimator's own standard error is off: 1 where errors and claims agree.
+    Ten partials with amplitudes falling as 1/n, random fundamentals between 100 and 300 Hz, unknown B. The
+    ratio of the error to the stated standard error is given too: 1 is correct.
 
     Parameters
     ----------
     ratios
-        Signal-to-noise ratios in dB, of the whole sound.
+        Signal-to-noise ratios of the whole sound, in dB.
     windows
-        How many windows for each ratio.
+        Number of windows for each ratio.
     window
-        Their length in s.
+        Length of a window in s.
     seed
-        Of notes, phases and noise.
+        Random seed of notes, phases and noise.
     """
 
     ratios: tuple[float, ...] = (30.0, 20.0, 10.0, 0.0)
@@ -72,7 +72,7 @@ class Bound(Benchmark):
             yield Row(name=f"{ratio:g} dB: error over claim", value=_rms(error / claimed), unit="1")
 
     def _one(self, finder: PitchFinder, rng: np.random.Generator, ratio: float) -> tuple[float, float, float]:
-        """Return error, claimed standard error and bound of one window, in Hz; a miss is infinite."""
+        """Return error, stated standard error and bound of one window, in Hz; a miss is infinite."""
         f0 = float(rng.uniform(100.0, 300.0))
         time = np.arange(finder.size) / RATE
         phase = rng.uniform(0.0, 2.0 * np.pi, PARTIALS.size)

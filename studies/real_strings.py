@@ -1,4 +1,4 @@
-"""Accuracy of position on real recorded strings, calibrated by the open note, and by one take more.
+"""Accuracy of position on real recorded strings, calibrated by the open note, and by one further take.
 
 Makes what `docs/how-to/strings.md` says of accuracy, in some two minutes, from the recordings that
 MONOCHORD_REALSTRINGS
@@ -28,7 +28,7 @@ from monochord.evaluation import RealTake
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Realstrings(Benchmark):
-    """Position errors on plucked takes of known fret, beside plain autocorrelation on the same windows.
+    """Position errors on plucked takes of known fret, beside autocorrelation on the same windows.
 
     Per instrument and over all: mean absolute error, share within 5 mm and share answered, with the string's
     open note as the only calibration; then with one further take, averaged over every choice of that take.
@@ -38,9 +38,9 @@ class Realstrings(Benchmark):
     window
         Length of a window, in s.
     first, last
-        Windows begin this long after the onset and end before that, in s.
+        Range of the windows after the onset, in s.
     hop
-        Distance of window starts, in s.
+        Hop, in s.
     """
 
     window: Seconds = 0.1
@@ -55,7 +55,7 @@ class Realstrings(Benchmark):
         return Protocol(length=self.window, first=self.first, last=self.last, hop=self.hop)
 
     def run(self) -> Iterator[Row]:
-        """Yield the rows of each instrument, then those of all together."""
+        """Yield the rows of each instrument, then of all together."""
         protocol = self._protocol()
         errors_by_instrument: dict[str, list[Floats]] = {}
         plain: dict[str, list[Floats]] = {}

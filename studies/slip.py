@@ -1,4 +1,4 @@
-"""How well sliding is detected by its speed, and the stick and slip behind it, both simulated.
+"""Detection of sliding by speed, and the underlying stick and slip, both simulated.
 
 Makes `docs/figures/twin_slip.png` in some five minutes on two cores:
 ``python -m studies.slip --out docs/figures/twin_slip.png``.
@@ -34,7 +34,10 @@ SHADES = ("#FFFFFF", "#C9DDEB", "#7FB2D3", style.SEGMENTS[0])
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drag:
-    """A touch dragged across, (n,) each, in s, m and N; state is 0 none, 1 stick, 2 creep, 3 slide."""
+    """A touch dragged across the string, (n,) each, in s, m and N.
+
+    State is 0 none, 1 stick, 2 creep, 3 slide.
+    """
 
     time: Floats
     object: Floats
@@ -46,7 +49,7 @@ class Drag:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Slip(Measured):
-    """Sliding against rest by two plain features of 0.1 s windows, and one touch that sticks and slips.
+    """Sliding against rest by two simple features of 0.1 s windows, and one touch that sticks and slips.
 
     A: area under the curve of hits against false alarms by sliding speed, with 95 % intervals over runs;
     0.5 is chance, 1 is always; in quiet, and with pink noise. B to D: a touch dragged slowly across:
@@ -59,17 +62,17 @@ class Slip(Measured):
     sensor, material
         Presets, or paths of TOML files.
     speeds
-        Across the string, in m/s.
+        Speeds across the string, in m/s.
     runs
         Touches at each speed, each with its own position, force and surface; 2 to 1000.
     lowest, highest
-        Forces in N between which they are drawn.
+        Range of the forces, in N.
     seed
-        Of all draws.
+        Random seed.
     noise
         Level of the pink noise, in dB of full scale; a touched string sounds at some -20 dB.
     position, force, speed, seconds
-        The touch of B to D: where in m, how hard in N, how fast in m/s, and how long it is shown.
+        The touch of B to D: position in m, force in N, speed in m/s, and the time shown in s.
     """
 
     sensor: str = "prototype"
@@ -139,7 +142,7 @@ class Slip(Measured):
         return page
 
     def dragged(self, *, drivers: bool) -> Drag:
-        """Return the touch of B to D, frame by frame from its first moment, with the drivers on or off."""
+        """Return the touch of B to D, frame by frame from the first contact, with the drivers on or off."""
         from monochord.physics.twin import Scene, advance, begin, hold  # noqa: PLC0415
 
         touch = hold(self.position, self.force, load_material(self.material), across=self.speed)

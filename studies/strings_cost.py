@@ -1,4 +1,4 @@
-"""What a string costs as a process, or two, serve more of them.
+"""The cost of a string, by the number of strings that one or two processes serve.
 
 Makes `docs/figures/strings.png` in some four minutes on two cores:
 ``python -m studies.strings_cost --out docs/figures/strings.png``.
@@ -24,22 +24,22 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Strings(Measured):
-    """Processor time of an estimate, and estimates a second of each string, against the number of strings.
+    """Processor time of an estimate, and estimates per second of each string, by number of strings.
 
-    Measured on this machine when it is drawn, as by `monochord bench strings`: leave it alone meanwhile.
+    Measured on this machine while drawing, as by `monochord bench strings`: leave the machine idle meanwhile.
 
     Parameters
     ----------
     strings
         Numbers of strings.
     seconds
-        Sound for each, and time that it takes.
+        Duration of the sound, and of the run, for each.
     hop
-        Distance of window starts in seconds.
+        Hop in seconds.
     model
         Folder or name of the model.
     processes
-        Numbers of processes that share the strings, a curve each.
+        Numbers of processes that share the strings, one curve each.
     """
 
     strings: tuple[int, ...] = (1, 2, 4, 8, 16, 32)
@@ -86,7 +86,7 @@ class Strings(Measured):
 
 @cache
 def _measured(figure: Strings) -> list[tuple[int, StringsCost]]:
-    """Return the number of processes and what was measured, once, so that the numbers are those drawn."""
+    """Return the number of processes and the measurements, cached so that numbers match the figure."""
     return [
         (
             processes,

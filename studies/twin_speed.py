@@ -1,4 +1,4 @@
-"""The virtual sensor's speed: how long it takes to sound, part by part, and over many sensors at once.
+"""The virtual sensor's speed: computing time by part, and for many sensors at once.
 
 Makes what `docs/reference/twin.md` says of its speed, in some 30 seconds: ``python -m studies.twin_speed``.
 """
@@ -37,14 +37,14 @@ from monochord.physics.twin import (
 RATE = 44100
 FDTD = "the paper's FDTD, compiled"
 PLAUSIBLE_SEED = 3
-"""Of the touching object: with it the plastic one has three modes under it."""
+"""Radius of the touching object, in m: with it, the plastic object has three modes below it."""
 SETTLE: Seconds = 0.5
-"""Of sound before the clock starts."""
+"""Warm-up sound before the timing, in s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Twin(Benchmark):
-    """Time over audio time of the twin on one core, and of many twins on all cores.
+    """Computing time relative to audio time, for one twin on one core, and for many twins on all cores.
 
     Rows: the string alone, plucked (free); with both drivers (ebows); pressed besides (touch); and
     everything: a touch that slides to and fro, rough, on a drifting string in a noisy room (full), which is
@@ -55,13 +55,13 @@ class Twin(Benchmark):
     Parameters
     ----------
     sensor
-        Preset of the sensor.
+        Sensor preset.
     seconds
-        Audio for each row.
+        Duration of the audio for each row, in s.
     stretch
-        Audio for each of the stretches that are timed, in s.
+        Duration of each timed stretch, in s.
     sensors
-        How many twins sound at once in the last rows.
+        Number of simultaneous twins in the last rows.
     """
 
     sensor: str = "prototype"
@@ -76,7 +76,7 @@ class Twin(Benchmark):
             raise InputError(f"{self.sensors} sensors", "2 to 4096")
 
     def run(self) -> Iterator[Row]:
-        """Time every row beside the paper's scheme, and then many twins."""
+        """Time every row beside the paper's scheme, then many twins."""
         sensor = load_sensor(self.sensor)
         paper = load_string("appendix")
         setup = SplitString(string=paper.string, contact=paper.usual_contact)
@@ -97,7 +97,7 @@ class Twin(Benchmark):
         yield from self._many(sensor)
 
     def _pair(self, own: Callable[[], None], baseline: Callable[[], None]) -> tuple[float, float]:
-        """Return the processor time over audio time of both, whose stretches take turns."""
+        """Return the processor time relative to audio time of both, with alternating stretches."""
         times: tuple[list[Seconds], list[Seconds]] = ([], [])
         for work in (own, baseline):  # what compiles or begins is not timed
             work()
@@ -110,7 +110,7 @@ class Twin(Benchmark):
         return first, second
 
     def _many(self, sensor: Sensor) -> Iterator[Row]:
-        """How well all cores are used: pace on one core over pace on all, over the number of cores."""
+        """Utilisation of all cores: speed on all cores over speed on one core, per core."""
         low, high = sensor.range
         plastic, cores = load_material("plastic"), len(os.sched_getaffinity(0))
         twins = [
@@ -131,7 +131,7 @@ class Twin(Benchmark):
 
 
 class _Sounding:
-    """A twin that has settled, and sounds a stretch further at each call."""
+    """A settled twin that renders another stretch at each call."""
 
     def __init__(self, sensor: Sensor, scene: Scene, stretch: Seconds) -> None:
         _, self._twin = advance(begin(sensor, scene), round(SETTLE * RATE))
@@ -142,7 +142,7 @@ class _Sounding:
 
 
 def _scene(name: str, sensor: Sensor) -> Scene:
-    """Return what happens in a row of the benchmark."""
+    """Return the scene of a benchmark row."""
     pluck = Pluck(position=0.3 * sensor.string.length, height=1e-4)
     low, high = sensor.range
     here, plastic = low + 0.3 * (high - low), load_material("plastic")

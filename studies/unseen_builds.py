@@ -1,13 +1,13 @@
-"""How well a model does on builds that it was never trained on, by how many of their touches it knows.
+"""Accuracy of a model on builds outside its training, by number of known touches.
 
 Makes the rows of `docs/results/builds.json` from sessions of a sealed plan, such as those that
 ``monochord collect studies/plans/sealed_7.toml`` renders, in some 40 minutes on two cores:
 ``python -m studies.unseen_builds MODEL --sessions FILES --rows FILE``.
 
-Each session, or all sessions of a build, is adapted to by its first touches and scored on the touches after
-them. Beside the model stand ridge regression on the same feature, fitted to the same training windows and
-corrected by the same touches, and ridge regression fitted to these touches alone. Of a string that is
-tuned far off the design, all of them use the tension that is estimated from its untouched sound.
+The model is adapted to the first touches of each session, or of all sessions of a build, and scored on the
+later touches. It is compared with ridge regression on the same feature, fitted to the same training windows
+and corrected by the same touches, and with ridge regression fitted to these touches only. For a string far
+from its nominal tuning, all of them use the tension estimated from its untouched sound.
 """
 
 import sys
@@ -40,7 +40,7 @@ from monochord.evaluation import (
     load,
     refuse_trained_on,
     regression_rows,
-    replay_together,
+    replay_estimators,
     training_of,
 )
 from monochord.figures import COLOURS, style
@@ -68,14 +68,17 @@ if TYPE_CHECKING:
 TOUCHES = (0, 1, 5, 10, 25, 50, 100)
 """Numbers of known touches."""
 MIN_LEFT = 3
-"""Fewest touches that are left to score by, where some are known."""
+"""Smallest number of touches left for scoring, where some are known."""
 SCRATCH = "from scratch"
-"""Name of the ridge regression that has seen nothing but the known touches."""
+"""Name of the ridge regression trained only on the known touches."""
 UNSEEN = "unseen builds"
 """Condition of the rows."""
 PRIOR_TOUCHES, MIN_SLOPE, MIN_SPREAD = 1.0, 4, 1e-9
-"""Of a baseline's correction: touches without error that shrink an offset by itself, fewest touches for a
-slope, and least spread of estimates."""
+"""Limits of a baseline's correction.
+
+Number of error-free touches that shrink an offset, fewest touches for a slope, and smallest spread of
+estimates.
+"""
 QUANTITIES = ("position", "force")
 
 COUNTED = (
@@ -90,16 +93,16 @@ PANELS = {
     "force_mae_n": ("error of F (N)", 1.0),
     "coverage_1se": ("within 1 std. error (%)", 1e2),
 }
-"""Of each panel of the figure the label and the factor of its column."""
+"""Label of each panel, and factor of its column."""
 
 Per: TypeAlias = Literal["session", "build"]
 Curves: TypeAlias = dict[tuple[str, int], Results]
-"""Results by the name of the estimator and the number of known touches."""
+"""Results by estimator name and number of known touches."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Group:
-    """Sessions of one build, which are adapted to together for `objects`; `world` is "" for real sound."""
+    """Sessions of one build, adapted to together for `objects`; `world` is "" for real sound."""
 
     files: tuple[Path, ...]
     world: str
@@ -108,7 +111,7 @@ class Group:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Rivals:
-    """The model as it was trained, its name in the rows, and the ridge regression beside it."""
+    """The trained model, its name in the rows, and the ridge regression beside it."""
 
     name: str
     model: Model
@@ -117,7 +120,7 @@ class _Rivals:
 
 
 Outcome: TypeAlias = Curves | InputError
-"""Of a group: its curves, or why it has none."""
+"""A group's curves, or the reason why it has none."""
 
 
 def evaluate_builds(
@@ -134,36 +137,35 @@ def evaluate_builds(
 ) -> list[SummaryRow]:
     """Return a row of figures for each world, estimator, number of known touches, and object.
 
-    A group with fewer than `MIN_LEFT` touches beside known ones is left out of that number's rows; each row
-    says how many builds it is of.
+    A group with too few touches left (`MIN_LEFT`) is left out of that number's rows; each row states its
+    number of builds.
 
     Parameters
     ----------
     settings
-        A model with corrections, and sessions of builds that it was not trained on.
+        A model with corrections, and sessions of builds outside its training.
     name
         Name of the model in the rows; by default "model".
     touches
         Numbers of known touches.
     per
-        Whether each session is adapted to by itself, as each has an object of its own, or a build's together,
-        for other objects than those of the known touches.
+        Whether to adapt to each session, which has its own object, or to all sessions of a build, for other
+        objects than those of the known touches.
     condition
         Of the rows.
     labels
-        Which labels the touches are known and scored by; see `BuildOptions`. The condition says of measured
-        ones that they are.
+        Labels used for adapting and scoring; see `BuildOptions`. The condition states measured labels.
     run
         Spreads the groups over processes.
     progress
         Called for every group.
     refused
-        Called with why a group is left out: a session of it cannot be used.
+        Called with the reason why a group is left out because of an unusable session.
 
     Raises
     ------
     InputError
-        If the model has no corrections, a session was trained on, or no group has touches enough.
+        If the model has no corrections, a session was used for training, or no group has enough touches.
     """
     candidate = load(settings)
     model = load_model(settings.model or "")
@@ -196,7 +198,7 @@ def evaluate_builds(
 
 
 def groups_of(files: Sequence[Path], per: Per = "session") -> list[Group]:
-    """Return the groups of sessions: each session by itself, or all of a build and world."""
+    """Return the groups of sessions: single sessions, or all of a build and world."""
     groups: dict[tuple[str, ...], list[Path]] = {}
     for file in files:
         description = read_session(file).description
@@ -222,9 +224,9 @@ def _rows_of(parts: Mapping[tuple[str, str, int], list[Results]], condition: str
 
 
 def _curves(group: Group, *, rivals: _Rivals, touches: tuple[int, ...], labels: Labelling = "") -> Outcome:
-    """Return the results of every estimator for each number of known touches that leaves enough to score.
+    """Return every estimator's results for each number of known touches that leaves enough to score.
 
-    A group with a session that cannot be used gives the reason instead.
+    A group with an unusable session gives the reason instead.
     """
     definition = rivals.model.definition
     window, hop = (size / definition.sample_rate for size in (definition.window, definition.hop))
@@ -256,7 +258,7 @@ def _curves(group: Group, *, rivals: _Rivals, touches: tuple[int, ...], labels: 
         for session in whole.sessions:
             left = [number for number, own in enumerate(by_session) if session in own]
             own = [by_session[number][session] for number in left]
-            results = replay_together(own, [estimators[n] for n in left], name=rivals.name) if left else []
+            results = replay_estimators(own, [estimators[n] for n in left], name=rivals.name) if left else []
             for number, each in zip(left, results, strict=True):
                 replayed[number].append(each)
         baselines = _Ridges(rivals, whole) if rivals.ridge is not None or any(counts) else None
@@ -269,13 +271,13 @@ def _curves(group: Group, *, rivals: _Rivals, touches: tuple[int, ...], labels: 
 
 
 def _labelled(dataset: Dataset) -> Flags:
-    """Return the windows (n,) of a touch whose position or force is known."""
+    """Return the windows (n,) of a touch with known position or force."""
     touched = (dataset.label("contact") == 1.0) & dataset.usable
     return touched & (np.isfinite(dataset.label("position")) | np.isfinite(dataset.label("force")))
 
 
 def _adapted(model: Model, dataset: Dataset, known: Flags, objects: Objects, replayed: Replayed) -> Model:
-    """Return a model adapted to the known windows (n,), if any can be used; no other label can be seen."""
+    """Return a model adapted to the usable known windows (n,); no other label is visible to it."""
     if not known.any():
         return model
     seen = {name: valid & known for name, valid in dataset.valid.items()}
@@ -286,7 +288,7 @@ def _adapted(model: Model, dataset: Dataset, known: Flags, objects: Objects, rep
 
 
 class _Ridges:
-    """Both ridge regressions on the windows of a group, whose features are computed once for all counts."""
+    """Both ridge regressions on a group's windows; features are computed once for all numbers of touches."""
 
     def __init__(self, rivals: _Rivals, whole: Selection) -> None:
         self._rivals, feature = rivals, rivals.candidate.feature
@@ -296,7 +298,7 @@ class _Ridges:
         self._rows, self._scale = np.concatenate(rows), np.concatenate(scales)
 
     def results(self, known: Selection | None, others: Selection) -> dict[str, Results]:
-        """Return the results of each, as far as there is training data or a known touch."""
+        """Return each one's results, where there are training data or a known touch."""
         rivals, curves = self._rivals, dict[str, Results]()
         if rivals.ridge is not None:
             before = self._results_of(rivals.ridge, known) if known is not None else None
@@ -315,18 +317,18 @@ class _Ridges:
 
 
 def corrected(results: Results, known: Results) -> Results:
-    """Return results whose errors of position and force are corrected by those of known touches.
+    """Return results with position and force corrected by the errors of known touches.
 
-    The expected error is a + b times the estimate, both fitted to the means of each touch; b is shrunk as
-    leaving touches out says. Of fewer than `MIN_SLOPE` touches there is a alone, shrunk by `PRIOR_TOUCHES`
-    touches without error.
+    The expected error is a + b times the estimate, fitted to the mean of each touch; b is shrunk by
+    leave-one-touch-out validation. Below `MIN_SLOPE` touches only a is fitted, shrunk by `PRIOR_TOUCHES`
+    error-free touches.
 
     Parameters
     ----------
     results
-        What is corrected.
+        The results to correct.
     known
-        Of windows whose truth is known, and of nothing else.
+        Results of the windows with known truth only.
     """
     from sklearn.linear_model import RidgeCV  # noqa: PLC0415
 
@@ -352,7 +354,7 @@ def corrected(results: Results, known: Results) -> Results:
 
 
 def _by_string(selection: Selection) -> list[Selection]:
-    """Return the sessions of a selection, each with its string as it is tuned where that is far off."""
+    """Return the sessions of a selection, each with its tuned string where that is far from nominal."""
     dataset, design = selection.dataset, selection.string
     strings = retuned_strings(dataset, design) if design is not None else {}
     of_rows = dataset.session[selection.rows]
@@ -367,7 +369,7 @@ def _joined(parts: Iterable[Results]) -> Results:
 
 
 def _by_object(results: Results) -> dict[str, Results]:
-    """Return the results of all objects and, where there are several, of each."""
+    """Return the results of all objects together and, where there are several, of each."""
     column = results.of_trials("object")
     names = np.unique(column).tolist()
     each = {name: results.where(column == name) for name in names} if len(names) > 1 else {}
@@ -417,10 +419,10 @@ def _interval(row: SummaryRow, name: str) -> str:
 
 
 def drawn(rows: Sequence[SummaryRow]) -> "Figure":
-    """Return errors of position and force, and coverage, over the known touches, a line for each estimator.
+    """Return a figure of position and force errors and coverage over the known touches, a line per estimator.
 
-    The rows are of one condition and object. Shades are intervals of 95 % over builds, and the dashed line is
-    the coverage of normal errors whose size is stated rightly.
+    The rows are for one condition and object. Shades are 95 % intervals over builds; the dashed line is the
+    coverage of normal errors with correct standard errors.
     """
     counts = sorted({row["touches"] for row in rows})
     page = style.canvas(62.0)
@@ -463,20 +465,26 @@ def drawn(rows: Sequence[SummaryRow]) -> "Figure":
     type=click.Choice(["session", "build"]),
     default="session",
     show_default=True,
-    help="Adapted to: each session, with its object, or a build by all of its sessions, for other objects.",
+    help="Adapt to each session, with its object, or to all sessions of a build, for other objects.",
 )
 @click.option("--condition", default=UNSEEN, show_default=True, metavar="TEXT", help="Name of the condition.")
 @click.option(
     "--labels",
     type=click.Choice(["recorded", "measured"]),
-    help="From the session, or from force and pose.  [default: recorded where there are any]",
+    help="Use the labels of the session, or derive them from force and pose.  [default: recorded, if any]",
 )
 @click.option("--name", default="", metavar="NAME", help="Name of the model in the rows.  [default: MODEL]")
 @click.option(
-    "--baselines/--no-baselines", default=True, show_default=True, help="Ridge on the same feature."
+    "--baselines/--no-baselines",
+    default=True,
+    show_default=True,
+    help="Also test ridge regression on the same feature.",
 )
 @click.option(
-    "--rows", type=click.Path(path_type=Path), metavar="FILE", help="Keep rows in FILE, a JSON, and a page."
+    "--rows",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Save the rows in FILE, a JSON, and a page beside it.",
 )
 @click.option("--figure", type=click.Path(path_type=Path), metavar="FILE", help="Draw all objects to FILE.")
 @click.option("--workers", type=click.IntRange(min=1), metavar="N", help="Processes.  [default: one a core]")
@@ -494,11 +502,11 @@ def unseen_builds(
     figure: Path | None,
     workers: int | None,
 ) -> None:
-    """Test MODEL on builds that it was not trained on, adapted to 0, 1, 5 ... touches of each.
+    """Test MODEL on builds outside its training, adapted to 0, 1, 5 ... touches of each.
 
-    Every session is adapted to by its first touches and scored on the others, beside ridge regression on the
-    same feature, corrected by the same touches, and beside ridge regression that has seen nothing else. With
-    --labels measured, touches are known and scored by what robot and force sensor say, errors included.
+    For every session, the model is adapted to the first touches and scored on the others, beside ridge
+    regression on the same feature, corrected by the same touches, and ridge regression trained only on these
+    touches. With --labels measured, the touches' labels come from robot and force sensor, errors included.
     """
     settings = EvaluationSettings(model=model, sessions=sessions, baselines=baselines)
     with progress_bar("builds") as progress:

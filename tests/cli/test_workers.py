@@ -66,7 +66,8 @@ def test_both_at_once_are_refused(line: str, capsys: pytest.CaptureFixture[str])
     assert run([*line.split(), "--cluster", "tcp://127.0.0.1:9", "--workers", "2"]) == 2
     line = capsys.readouterr().err
     assert line == (
-        "monochord: --workers beside --cluster: expected only one of them; a cluster has its own workers\n"
+        "monochord: --workers with --cluster: expected only one of them;"
+        " omit --workers; a cluster has its own workers\n"
     )
 
 

@@ -108,7 +108,7 @@ def test_what_fails_midway_leaves_nothing(write: Write, tmp_path: Path) -> None:
     dataset = build_dataset(files, tmp_path / "out", BuildOptions(skip=True))
     assert [part.name for part in dataset.manifest.parts] == ["a", "z"]
     assert list(dataset.manifest.refused) == ["bad"]
-    with pytest.raises(InputError, match="no session"):
+    with pytest.raises(InputError, match="no usable session"):
         build_dataset([bad], tmp_path / "none", BuildOptions(skip=True))
 
 

@@ -126,8 +126,8 @@ FORGED: dict[str, tuple[Callable[[dict[str, Any]], None], str]] = {
     "a name for a number": (whole(windows="many"), "manifest.json.windows"),
     "a number for parts": (whole(parts=3), "manifest.json.parts"),
     "not a number": (part(late=float("nan")), "manifest.json.parts[1].late"),
-    "fewer checksums": (without_sums, "checksums of other files"),
-    "no checksums": (whole(files={}), "checksums of other files"),
+    "fewer checksums": (without_sums, "checksums that do not match"),
+    "no checksums": (whole(files={}), "checksums that do not match"),
     "a checksum of a number": (whole(files={"audio/0000.npy": 3}), "manifest.json.files"),
 }
 

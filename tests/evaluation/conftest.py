@@ -59,7 +59,7 @@ def oracle(*, objects: tuple[str, ...] = ("plastic",) * SESSIONS, spread: float 
         truth=joined,
         value=value,
         std={name: np.where(np.isnan(value[name]), np.nan, stds[name]) for name in value},
-        why={name: np.isnan(value[name]).astype(np.int16) for name in value},
+        reason_index={name: np.isnan(value[name]).astype(np.int16) for name in value},
         reasons=("", "no contact"),
     )
 

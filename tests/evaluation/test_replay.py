@@ -68,7 +68,7 @@ def test_it_equals_live_inference_to_the_bit(dataset: Dataset, sessions: tuple[P
         live = np.array([each[name].value for each in live_estimates])
         np.testing.assert_array_equal(results.estimate(name), live)
         np.testing.assert_array_equal(results.std[name], [each[name].std for each in live_estimates])
-        why = [results.reasons[number] for number in results.why[name].tolist()]
+        why = [results.reasons[number] for number in results.reason_index[name].tolist()]
         assert why == [each[name].reason for each in live_estimates]
     assert np.isfinite(results.estimate("position")).sum() > 100
 
@@ -118,7 +118,7 @@ def test_a_session_states_whether_there_was_music(dataset: Dataset) -> None:
     first = np.array([0])
     loud = selection(with_music(dataset, "synthetic"), first)
     assert replay(loud, Counting(), name="counting").trials[0].condition == "music"
-    assert loud.quiet_part is None
+    assert loud.without_ambient_noise is None
     quiet = replace(selection(dataset, first), ambient_noise={"hold*": "radio"})
     assert replay(quiet, Counting(), name="counting").trials[0].condition == "clean"
 

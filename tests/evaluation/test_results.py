@@ -21,7 +21,7 @@ def test_where_selects_rows_of_every_column(oracle: Oracle) -> None:
     assert len(part) == rows.sum() == 200
     assert set(part.of_trials("session")) == {"take2"}
     np.testing.assert_array_equal(part.label("force"), results.label("force")[rows])
-    np.testing.assert_array_equal(part.why["slip"], results.why["slip"][rows])
+    np.testing.assert_array_equal(part.reason_index["slip"], results.reason_index["slip"][rows])
 
 
 def test_unknown_fields_and_estimates_are_nan(oracle: Oracle) -> None:
@@ -37,13 +37,15 @@ def test_join_renumbers_reasons_and_fills_missing_columns(oracle: Oracle) -> Non
     other = replace(
         one,
         reasons=("", "gap", "no contact"),
-        why={name: np.where(column > 0, 2, 0).astype(np.int16) for name, column in one.why.items()},
+        reason_index={
+            name: np.where(column > 0, 2, 0).astype(np.int16) for name, column in one.reason_index.items()
+        },
         value={name: column for name, column in one.value.items() if name != "slip"},
         notes=("added noise",),
     )
     both = join([one, other])
     assert (both.notes, both.trial.max()) == (("added noise",), 11)
-    reasons = [both.reasons[number] for number in both.why["position"].tolist()]
+    reasons = [both.reasons[number] for number in both.reason_index["position"].tolist()]
     assert reasons[: len(one)] == reasons[len(one) :]
     assert np.isnan(both.estimate("slip")[len(one) :]).all()
 
@@ -60,7 +62,7 @@ def test_a_file_returns_what_was_written(oracle: Oracle, tmp_path: Path) -> None
     write_results(results, tmp_path / "results.npz")
     read = read_results(tmp_path / "results.npz")
     assert (read.estimator, read.trials, read.reasons) == (results.estimator, results.trials, results.reasons)
-    for kind in ("truth", "value", "std", "why"):
+    for kind in ("truth", "value", "std", "reason_index"):
         for name, column in getattr(results, kind).items():
             np.testing.assert_array_equal(getattr(read, kind)[name], column)
     np.testing.assert_array_equal(read.start, results.start)

@@ -82,8 +82,10 @@ def test_an_error_map_shows_where_errors_are(oracle: Oracle) -> None:
 
 def test_abstentions_are_counted_by_reason(oracle: Oracle) -> None:
     results = oracle()
-    why = {**results.why, "force": np.arange(len(results), dtype=np.int16) % 2}
-    assert abstentions(replace(results, why=why))["force"] == pytest.approx({"no contact": 0.5}, abs=0.01)
+    reason_index = {**results.reason_index, "force": np.arange(len(results), dtype=np.int16) % 2}
+    assert abstentions(replace(results, reason_index=reason_index))["force"] == pytest.approx(
+        {"no contact": 0.5}, abs=0.01
+    )
 
 
 def test_the_tree_is_what_json_returns(oracle: Oracle) -> None:

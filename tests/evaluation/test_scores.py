@@ -166,7 +166,7 @@ def test_an_event_lasts_to_the_end_of_its_last_window(
         truth={"contact": contact},
         value={"contact": value},
         std={},
-        why={},
+        reason_index={},
     )
     score = detection(results, "contact", draws=0)
     quiet = (20 - len(touched)) / 8.0

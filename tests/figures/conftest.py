@@ -64,7 +64,7 @@ def made(
         truth=truth,
         value=value,
         std={name: np.full(index.size, np.nan) for name in value},
-        why={name: np.isnan(column).astype(np.int16) for name, column in value.items()},
+        reason_index={name: np.isnan(column).astype(np.int16) for name, column in value.items()},
         reasons=("", "no estimate"),
     )
 

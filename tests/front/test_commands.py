@@ -217,7 +217,7 @@ def test_a_block_that_fails_leaves_a_whole_session_and_its_own_error(tmp_path: P
 
 
 def test_instruments_and_settings_are_those_of_the_command(tmp_path: Path) -> None:
-    for given, allowed in ((["net-fft"], "net_ft"), (["a:pose_udp", "a:pose_udp"], "a name of its own")):
+    for given, allowed in ((["net-fft"], "net_ft"), (["a:pose_udp", "a:pose_udp"], "a different name")):
         with (
             pytest.raises(mc.InputError, match=allowed),
             mc.record(tmp_path / "take.mcap", source="twin", instruments=given),

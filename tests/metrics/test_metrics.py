@@ -20,7 +20,7 @@ from monochord.metrics import (
     calibration_error,
     confusion,
     coverage,
-    known,
+    finite_rows,
     mean_absolute_error,
     mean_error,
     normal_coverage,
@@ -86,7 +86,7 @@ def test_correlation_is_of_shape_alone_and_has_a_sign() -> None:
 
 
 def test_known_rows_are_finite_in_every_column() -> None:
-    mask = known(np.array([0.0, np.nan, 1.0, 2.0]), np.array([0.0, 1.0, -np.inf, 2.0]))
+    mask = finite_rows(np.array([0.0, np.nan, 1.0, 2.0]), np.array([0.0, 1.0, -np.inf, 2.0]))
     assert mask.tolist() == [True, False, False, True]
 
 
@@ -154,8 +154,8 @@ HALF: Any = np.array([1.0, 0.5])
     "wrong",
     [
         lambda: within(ONE, ONE, -1.0),
-        lambda: known(ONE, SOME),
-        known,
+        lambda: finite_rows(ONE, SOME),
+        finite_rows,
         lambda: coverage(ONE, ONE, np.array([1.0, -1.0])),
         lambda: coverage(ONE, ONE, np.array([1.0, np.nan])),
         lambda: normal_coverage(-1.0),

@@ -154,7 +154,7 @@ def test_a_tap_that_only_the_force_notices_is_left_out(tmp_path: Path) -> None:
     offset = alignment.lateness["audio"].offsets[0]
     assert offset.taps == 2
     assert offset.value == pytest.approx(0.05, abs=0.5e-3)
-    assert "audio notices 2 taps" in alignment.flags[0]
+    assert "audio shows 2 taps" in alignment.flags[0]
 
 
 @pytest.mark.parametrize("before", [0.1, 0.005])
@@ -178,7 +178,7 @@ def test_an_offset_beyond_the_limit_is_reported(tmp_path: Path) -> None:
 def test_a_stream_without_taps_is_flagged(tmp_path: Path) -> None:
     truth = replace(played(), microphones=np.zeros((2, 12 * RATE), np.float32))
     alignment = align(recorded(tmp_path, truth))
-    assert "audio notices no taps" in alignment.flags[0]
+    assert "audio shows no taps" in alignment.flags[0]
     assert alignment.correct("audio", np.ones(1)).tolist() == [1.0]
 
 

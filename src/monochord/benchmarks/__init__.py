@@ -1,4 +1,4 @@
-"""Measurements on an own machine: one file a benchmark, found by its name."""
+"""Benchmarks to run on your machine: one module per benchmark, found by name."""
 
 from monochord.benchmarks._process import one_core
 from monochord.benchmarks.base import Benchmark

@@ -23,7 +23,7 @@ def one_core() -> Generator[None]:
 
 
 def resident() -> float:
-    """Return the resident memory in megabytes."""
+    """Return the resident memory in MB."""
     pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 

@@ -1,6 +1,6 @@
-"""Receives the wrenches of a namespace, and at the end of its input prints how late each was as a list of s.
+"""Receives the wrenches of a namespace, and prints their delays in s as a list once its input ends.
 
-Runs as a script under a Python with rclpy, which need not have Monochord, or under Monochord's own.
+It runs as a script under a Python with rclpy, which need not have Monochord, or under Monochord's Python.
 """
 
 import json

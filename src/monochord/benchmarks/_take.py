@@ -1,4 +1,4 @@
-"""A synthetic take to measure with: a plucked stiff string, pressed down."""
+"""A synthetic recording for benchmarks: a plucked stiff string, pressed down."""
 
 from pathlib import Path
 
@@ -14,14 +14,14 @@ PARTIALS = np.arange(1.0, 13.0)
 
 
 def write_take(path: Path, preset: StringPreset, seconds: Seconds, sample_rate: int) -> None:
-    """Write a take of the preset, pressed at two fifths of its length, as a wav file of floats."""
+    """Write a recording of the preset, pressed at two fifths of its length, as a float wav file."""
     import soundfile  # noqa: PLC0415
 
     soundfile.write(path, _pressed(preset, seconds, sample_rate), sample_rate, subtype="FLOAT")
 
 
 def _pressed(preset: StringPreset, seconds: Seconds, sample_rate: int) -> Audio:
-    """Return the sound of the far segment, plucked every two seconds, with a little noise."""
+    """Return the sound of the far segment, plucked every two seconds, with slight noise."""
     length = 0.6 * preset.string.length
     frequencies = stiff_partials(
         preset.open_frequency * preset.string.length / length,

@@ -1,4 +1,4 @@
-"""The contract of a benchmark: frozen options, run into rows that can be compared."""
+"""The contract of a benchmark: frozen options that run and yield comparable rows."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
@@ -11,9 +11,9 @@ from monochord.core.ranges import Checked
 class Row:
     """One figure of a benchmark.
 
-    `unit` is "1" for a plain number. `baseline` names and `baseline_value` gives what it is compared with,
-    measured in the same run or, for accuracy, a stated bound; `ratio` is value / baseline_value. Both are
-    None where nothing is compared.
+    `unit` is "1" for a plain number. `baseline` and `baseline_value` are the name and value of the reference,
+    measured in the same run or, for accuracy, a stated bound; `ratio` is value / baseline_value. They are
+    None without a reference.
     """
 
     name: str
@@ -31,7 +31,7 @@ class Row:
 def row(
     name: str, value: float, unit: str, baseline: str | None = None, compared: float | None = None
 ) -> Row:
-    """Return a row, given in the order in which it is read.
+    """Return a row from positional values, in reading order.
 
     >>> row("loop p99", 6.0, "ms", "bound", 3.0).ratio
     2.0

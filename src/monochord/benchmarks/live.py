@@ -1,4 +1,4 @@
-"""The live loop: how soon an estimate comes after its window's last sample, and whether memory stays flat."""
+"""Benchmark of the live loop: latency after a window's last sample, and constant memory."""
 
 import dataclasses
 import math
@@ -30,31 +30,31 @@ TAKE: Seconds = 10.0  # of audio, played over and over
 AUTOCORRELATION = "FFT autocorrelation of the same window"
 ESTIMATE = "estimate of a window, closed form"
 FILTERED = 6000
-"""Windows of the filter's time: a minute."""
+"""Duration of the filter timing in windows: a minute."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Live(Benchmark):
     """Latency and memory of the live loop on one core, with a synthetic stiff string read from a file.
 
-    Latency is counted from a window's last sample being at hand to its estimate, at the pace of real time;
-    the baseline is the FFT autocorrelation of the same windows, timed in the same loop. The two-sided form is
-    timed on the simulated sensor, whose touches come and go. The filter over time is timed on made-up touches
-    with all four quantities. Memory is the resident set after the first
-    minute of audio and at the end. With a trained model and every sink it is `monochord bench sinks`.
+    Latency is the time from a window's last sample being available to its estimate, in real time; the
+    baseline is the FFT autocorrelation of the same windows, timed in the same loop. The two-sided form is
+    timed on the simulated sensor, with intermittent touches. The filter over time is timed on synthetic
+    touches with all four quantities. Memory is the resident set after the first minute of audio and at the
+    end. For a trained model and every sink, see `monochord bench sinks`.
 
     Parameters
     ----------
     seconds
-        Audio for each of the two latencies, and time that it takes.
+        Duration of the audio, and of the run, for each latency.
     minutes
-        Audio for the memory; 0 leaves it out.
+        Duration of the audio for the memory run; 0 skips it.
     speed
-        Pace of the memory run in times real time.
+        Speed of the memory run relative to real time.
     hop
-        Distance of windows in seconds, in both runs.
+        Hop in seconds, in both runs.
     string
-        The preset that is played, pressed at two fifths of its length.
+        String preset, pressed at two fifths of its length.
     """
 
     seconds: Annotated[Seconds, Meta(ge=0.2, le=FINITE)] = 20.0
@@ -120,7 +120,7 @@ class Live(Benchmark):
 
 
 class _Autocorrelation(Listener):
-    """Times the plain alternative on the same windows: autocorrelation through the FFT, and its peak."""
+    """Times the baseline on the same windows: autocorrelation through the FFT, and its peak."""
 
     def __init__(self) -> None:
         self.histogram = Histogram()
@@ -136,9 +136,9 @@ class _Autocorrelation(Listener):
 
 
 class _Memory(Listener):
-    """Reads the resident memory once, when the loop has settled, and times the windows.
+    """Records the resident memory once the loop has settled, and times the windows.
 
-    The pace is that of the windows: how long the program takes to start is no part of it.
+    The pace is that of the windows, without the program's start-up.
     """
 
     def __init__(self, settled: Seconds) -> None:
@@ -155,14 +155,14 @@ class _Memory(Listener):
 
     @property
     def pace(self) -> float:
-        """Seconds of audio in a second, from the first window to the last."""
+        """Seconds of audio per second, from the first window to the last."""
         if self._first is None or self._last == self._first:
             return math.nan
         return (self._last[0] - self._first[0]) / (self._last[1] - self._first[1])
 
 
 def _whole(summary: Summary) -> Summary:
-    """Return the summary of a run that nobody cut off: part of one is no measurement."""
+    """Return the summary of a complete run; an interrupted run is not a measurement."""
     if summary.interrupted:
         raise KeyboardInterrupt
     return summary
@@ -180,7 +180,7 @@ def _counted(summary: Summary) -> Iterator[Row]:
 
 
 def _filter(summary: Summary) -> Iterator[Row]:
-    """Time the filter on made-up touches of 2 s that press and then slide, every 3 s."""
+    """Time the filter on synthetic touches of 2 s that press and then slide, every 3 s."""
     state, settings, taken = FilterState(), FilterSettings(), Histogram()
     for k in range(FILTERED):
         at = k % 300 / 100.0

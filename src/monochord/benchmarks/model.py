@@ -1,4 +1,4 @@
-"""What a window costs a model: feature, untouched reference and four heads."""
+"""Benchmark of a model's time per window: feature, untouched reference and four heads."""
 
 import time
 from collections.abc import Iterator
@@ -24,27 +24,27 @@ from monochord.perception.model.probe import probed
 from monochord.physics.sensors import load_sensor
 
 WARM_UP = 20
-"""Windows before the clock starts."""
+"""Warm-up windows before the timing."""
 HOP: Seconds = 0.02
 BASELINE = "closed form"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModelBenchmark(Benchmark):
-    """Time from a window to contact, slip, position and force, on one core, beside the closed form's.
+    """Time from a window to contact, slip, position and force on one core, beside the closed form's.
 
-    Both take their turn with every window of the twin's sound, touched and untouched. Without a `path` the
-    weights are drawn at random, which take as long as learned ones. Time passes for other work too; what
-    the processor took for these windows alone, waits and all else left out, stands below.
+    Both process every window of the twin's sound, touched and untouched, in turn. Without a `path` the
+    weights are random, which take as long as trained ones. The clock time includes other work on the machine;
+    the processor time of these windows alone is given too.
 
     Parameters
     ----------
     path
         Folder of a model or of a training run, or the name of a bundled one.
     feature, reference
-        Names of the features of the one that is drawn.
+        Names of the random model's features.
     count
-        How many windows are timed.
+        Number of timed windows.
     """
 
     path: str = ""
@@ -53,7 +53,7 @@ class ModelBenchmark(Benchmark):
     count: Count = 1000
 
     def run(self) -> Iterator[Row]:
-        """Make both ready, time them window by window, and yield median, p99 and largest of each, twice."""
+        """Prepare both, time them window by window, and yield median, p99 and maximum, for both times."""
         definition = load(self.path).definition if self.path else None
         length = definition.window / definition.sample_rate if definition else 0.1
         with SOURCES.build("twin", {"speed": 0.0, "seed": 1}).open() as stream, one_core():
@@ -85,7 +85,7 @@ class ModelBenchmark(Benchmark):
 
 
 def _estimate(model: Model, signal: Signal, size: int) -> Prepared:
-    """Return the function from a window to a model's estimates, with the state of its stream."""
+    """Return the function from a window to a model's estimates, with its stream state."""
     model.check(signal, size)
     state = ModelState()
 
@@ -98,7 +98,7 @@ def _estimate(model: Model, signal: Signal, size: int) -> Prepared:
 
 
 def drawn(feature: str, reference: str, signal: Signal, size: int) -> Model:
-    """Return a model of the usual heads whose weights are random; its answers mean nothing."""
+    """Return a model of the usual heads with random weights; its estimates are meaningless."""
     own = Signal(sample_rate=signal.sample_rate, channels=2, string=load_sensor("prototype").string)
     made = {name: FEATURES.build(name) for name in (feature, reference)}
     ready = {name: each.prepare(own, size) for name, each in made.items()}
@@ -129,7 +129,7 @@ def drawn(feature: str, reference: str, signal: Signal, size: int) -> Model:
 
 
 def _duration(estimate: Prepared, window: Window) -> tuple[Seconds, Seconds]:
-    """Return what passed on the clock, and what the processor took."""
+    """Return the clock time and the processor time."""
     start, busy = time.perf_counter(), time.process_time()
     estimate(window)
     taken = time.process_time() - busy

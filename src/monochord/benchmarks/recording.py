@@ -1,4 +1,4 @@
-"""The recorder: what it costs to record audio, force and the view of both, and whether memory stays flat."""
+"""Benchmark of the recorder: the cost of recording audio and force with a view, and constant memory."""
 
 import io
 import json
@@ -29,25 +29,25 @@ from monochord.sessions import Event
 
 RATE = 44100
 BOUND = 25.0
-"""Per cent of a core that a recorder may take."""
+"""Largest acceptable share of a core for a recorder, in per cent."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recording(Benchmark):
-    """Processor time and memory of a recording: two microphones, then a force sensor beside them.
+    """Processor time and memory of a recording: two microphones, then with a force sensor added.
 
-    The microphones are a file at the pace of real time, the force sensor is a simulated Net F/T in a process
-    of its own, whose share is not counted, and the view is drawn as in a terminal. The first fifth of each
-    recording is left out of the figures.
+    The microphones are a file in real time; the force sensor is a simulated Net F/T in a separate process,
+    whose time is not counted; the view is drawn as in a terminal. The first fifth of each recording does not
+    count.
 
     Parameters
     ----------
     seconds
-        Of each of the two recordings.
+        Duration of each recording.
     rate
-        Readings of force a second.
+        Force readings per second.
     block
-        Frames a block of audio.
+        Frames per audio block.
     """
 
     seconds: Annotated[Seconds, Meta(ge=1.0, le=FINITE)] = 20.0
@@ -55,7 +55,7 @@ class Recording(Benchmark):
     block: int = 256
 
     def run(self) -> Iterator[Row]:
-        """Yield processor time and memory of both recordings, and what came of the readings."""
+        """Yield processor time and memory of both recordings, and the counts of readings."""
         with tempfile.TemporaryDirectory() as text:
             folder = Path(text)
             alone, _ = self._measured(folder / "alone.mcap", {})
@@ -97,7 +97,7 @@ class Recording(Benchmark):
 
 
 class _Meter:
-    """Processor time and memory of this process, from when a recording has settled to its newest look."""
+    """Processor time and memory of this process, from a settled recording to its last update."""
 
     def __init__(self, settled: Seconds) -> None:
         self._settled = settled
@@ -117,12 +117,12 @@ class _Meter:
 
     @property
     def grown(self) -> float:
-        """Megabytes."""
+        """Memory growth in MB."""
         return self._now[2] - (self._begin or self._now)[2]
 
 
 class _Nowhere(io.StringIO):
-    """A terminal whose pictures nobody keeps."""
+    """A terminal whose pictures are discarded."""
 
     encoding = "utf-8"
 
@@ -132,7 +132,7 @@ class _Nowhere(io.StringIO):
 
 @contextmanager
 def _force_sensor(folder: Path, rate: Hertz) -> Generator[Instrument]:
-    """Start a simulated force sensor, and give the instrument that reads it."""
+    """Start a simulated force sensor, and return the instrument that reads it."""
     load = np.outer(np.sin(np.arange(70_000) / 500.0), [0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
     script = folder / "load.npz"
     write_script(script, {"wrenches": load}, NetFtSettings(rate=rate))

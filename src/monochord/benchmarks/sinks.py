@@ -1,4 +1,4 @@
-"""The live loop with every sink open: how soon a message arrives that says what a window holds."""
+"""Benchmark of the live loop with every sink open: delay from a window to its received message."""
 
 import json
 import math
@@ -35,18 +35,18 @@ from monochord.physics.twin.virtual_sensor import VirtualSensor
 
 RATE = 44100
 TAKE: Seconds = 30.0
-"""Sound that is played over and over: ten touches, half of which slide."""
+"""The sound, repeated: ten touches, half of which slide."""
 ALONE: Seconds = 20.0
-"""Longest run of the loop without sinks, the baseline."""
+"""Longest baseline run, without sinks, in s."""
 SETTLED = 0.2
-"""Share of a run after which memory is compared with its end."""
+"""Share of a run from which memory is compared with its end."""
 BOUND: Seconds = 0.01
-"""From a window's last sample at the converter to the message received."""
+"""Delay from a window's last sample at the converter to the received message."""
 LOOP_BOUND: Seconds = 0.003
-"""From a window's last sample at hand to its estimates."""
+"""Delay from a window's last sample being available to its estimates."""
 NAMESPACE, DOMAIN = "monochord_bench", 77
 SCREEN = 40, 120
-"""Lines and columns of the terminal."""
+"""Lines and columns of the simulated terminal."""
 SUBSCRIBER = Path(__file__).with_name("_subscriber.py")
 HEADLESS = (
     "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking",
@@ -56,30 +56,31 @@ HEADLESS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sinks(Benchmark):
-    """Delays from the last sample of a window, every sink open, beside the loop alone.
+    """Delays from a window's last sample with every sink open, beside the loop alone.
 
-    The simulated sensor is touched and slid over; a process plays that into a JACK server of the benchmark's
-    own, with the dummy driver. The bundled model estimates. The view is drawn on a terminal that nobody looks
-    at, files are written, the page is served, messages are sent over UDP and DDS, and another process gets
-    the wrenches: rclpy where ``python`` names an interpreter that has it (or ``$MONOCHORD_ROS_PYTHON``, or
-    ``.venv-ros`` here), else Monochord's own participant. The delay is from the last sample at the converter
-    to the message received, both by the system's clock; the period by which a sound card's driver is later
-    than the dummy one is added.
+    The simulated sensor is touched and slid over; a process plays it into the benchmark's JACK server with
+    the dummy driver. The bundled model estimates. The view is drawn on a hidden terminal, files are written,
+    the page is served, messages are sent over UDP and DDS, and another process receives the wrenches: rclpy
+    where ``python`` names an interpreter with it (or ``$MONOCHORD_ROS_PYTHON``, or ``.venv-ros`` in the
+    current folder), else Monochord's participant. The delay is from the last sample at the converter to the
+    received message, both on the system clock, plus one period, by which a sound card's driver is later than
+    the dummy driver.
 
     Parameters
     ----------
     seconds
-        Of the run with sinks.
+        Duration of the run with sinks.
     period
-        Frames a period of JACK.
+        JACK period in frames.
     hop
-        Distance of windows in seconds.
+        Hop in seconds.
     python
         Interpreter with rclpy.
     browser
         A Chromium that opens the page, for instance ``chromium``; empty for none.
     real_time
-        Whether all but the browser has real-time priority: server, player, loop, sinks, and subscriber.
+        Whether everything except the browser has real-time priority: server, player, loop, sinks, and
+        subscriber.
     """
 
     seconds: Annotated[Seconds, Meta(ge=5.0, le=FINITE)] = 60.0
@@ -91,7 +92,7 @@ class Sinks(Benchmark):
 
     @property
     def due(self) -> int:
-        """Windows that end within the run: each is estimated, or counted as skipped."""
+        """Windows that end within the run, each either estimated or counted as skipped."""
         size, hop = WindowSettings(hop=self.hop).frames(RATE)
         return (round(self.seconds * RATE) - size) // hop + 1
 
@@ -169,7 +170,7 @@ class Sinks(Benchmark):
 
 
 class _Memory(Listener):
-    """Reads the resident memory once the loop has settled, and at the newest window."""
+    """Records the resident memory once the loop has settled, and at the last window."""
 
     def __init__(self, settled: Seconds) -> None:
         self._settled = settled
@@ -183,7 +184,7 @@ class _Memory(Listener):
 
 
 class _Subscriber:
-    """A process that receives wrenches and, at the end, says how late each was."""
+    """A process that receives wrenches and finally reports their delays."""
 
     def __init__(self, python: str) -> None:
         self._command = [python, str(SUBSCRIBER), NAMESPACE]
@@ -201,11 +202,11 @@ class _Subscriber:
         )
         if self._process.stdout is None or self._process.stdout.readline() != "ready\n":
             self._process.kill()
-            raise DeviceError(f"subscriber {' '.join(self._command)}: it did not start")
+            raise DeviceError(f"subscriber {' '.join(self._command)}: did not start")
         return self
 
     def delays(self) -> list[Seconds]:
-        """End it, and return its delays."""
+        """End the process, and return its delays."""
         return json.loads(self._process.communicate(timeout=30)[0])
 
     def __exit__(self, *_: object) -> None:
@@ -215,7 +216,7 @@ class _Subscriber:
 
 @contextmanager
 def _playing(folder: Path, server: str, seconds: Seconds) -> Generator[list[str]]:
-    """Play the simulated sensor in a process, over and over; gives its ports."""
+    """Play the simulated sensor repeatedly in a process; yields its ports."""
     script = folder / "sound.npz"
     repeat = math.ceil((seconds + ALONE + 30.0) / TAKE)
     write_script(script, {"samples": _touched()}, PlayerSettings(server=server, repeat=repeat))
@@ -223,7 +224,7 @@ def _playing(folder: Path, server: str, seconds: Seconds) -> Generator[list[str]
     pipe = subprocess.PIPE
     with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as process:  # noqa: S603  (our own module)  # nosec B603
         if process.stdin is None or process.stdout is None or not (line := process.stdout.readline()):
-            raise DeviceError("the player of the benchmark: it did not start")
+            raise DeviceError("the benchmark's player did not start")
         try:
             process.stdin.write(f"{time.monotonic() + 1.0}\n")
             process.stdin.flush()
@@ -249,7 +250,7 @@ def _touched() -> Audio:
 
 @contextmanager
 def _terminal() -> Generator[None]:
-    """Make standard error a terminal, which nobody looks at."""
+    """Make standard error a hidden terminal."""
     leader, follower = pty.openpty()
     termios.tcsetwinsize(leader, SCREEN)
 
@@ -270,7 +271,7 @@ def _terminal() -> Generator[None]:
 
 @contextmanager
 def _browser(binary: str, url: str, folder: Path) -> Generator[None]:
-    """Open the page in a Chromium without a window."""
+    """Open the page in a headless Chromium."""
     command = [shutil.which(binary) or binary, *HEADLESS, f"--user-data-dir={folder / 'browser'}", url]
     quiet = subprocess.DEVNULL
     with subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet) as process:  # noqa: S603  (found in PATH)  # nosec B603
@@ -280,12 +281,14 @@ def _browser(binary: str, url: str, folder: Path) -> Generator[None]:
 
 
 def _interpreter(given: str) -> tuple[str, bool]:
-    """Return the interpreter of the subscriber, and whether it has rclpy."""
+    """Return the subscriber's interpreter, and whether it has rclpy."""
     named = given or os.environ.get("MONOCHORD_ROS_PYTHON", "") or str(Path(".venv-ros", "bin", "python"))
     if Path(named).is_file():
         return named, True
     if given:
-        raise InputError(f"python {given} (not there)", "an interpreter that has rclpy", "make ros makes one")
+        raise InputError(
+            f"python {given} (does not exist)", "an interpreter with rclpy", "create one with: make ros"
+        )
     return sys.executable, False
 
 

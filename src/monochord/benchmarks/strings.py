@@ -1,4 +1,4 @@
-"""Many strings: estimates a second of each, and the cost of one as their number grows."""
+"""Benchmark of many strings: estimates per second for each, and the cost per string."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -18,15 +18,15 @@ class Strings(Benchmark):
     Parameters
     ----------
     strings
-        Numbers of strings, the first of which the others are compared with.
+        Numbers of strings; the first one is the baseline.
     seconds
-        Sound for each, and time that it takes.
+        Duration of the sound, and of the run, for each number.
     hop
-        Distance of window starts in seconds.
+        Hop in seconds.
     model
         Folder or name of the model.
     processes
-        Processes that share the strings, as so many `monochord live` do.
+        Number of processes that share the strings, like several runs of `monochord live`.
     """
 
     strings: tuple[int, ...] = (1, 2, 4, 8, 16, 32)

@@ -1,1 +1,1 @@
-"""What is captured: sources of audio, instruments beside it, JACK, DDS, and the recording loop."""
+"""Audio capture: sources, other instruments, JACK, DDS, and the recording loop."""

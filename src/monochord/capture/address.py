@@ -1,4 +1,4 @@
-"""UDP addresses: those at which datagrams are received, and those of devices and receivers."""
+"""UDP addresses, local (to bind) and remote."""
 
 import queue
 import re
@@ -11,14 +11,15 @@ from monochord.core.errors import DeviceError, InputError
 from monochord.core.units import Seconds
 
 PATIENCE: Seconds = 5.0
-"""How long the name of an own address may take to be found."""
+"""Timeout for resolving a local address, in s."""
 
 
 @contextmanager
 def listening(address: str) -> Generator[socket.socket]:
     """Open a UDP socket at ``HOST:PORT`` or ``PORT`` (of this machine alone).
 
-    Raises `InputError` for what is no address, and `DeviceError` where it is taken or not this machine's.
+    Raises `InputError` for an invalid address, and `DeviceError` where the port is taken or the address
+    belongs to another machine.
     """
     host, _, port = address.rpartition(":")
     if not is_port(port, lowest=0):
@@ -33,15 +34,15 @@ def listening(address: str) -> Generator[socket.socket]:
 
 
 def is_port(text: str, *, lowest: int = 1) -> bool:
-    """Return whether a text is the number of a port, `lowest` to 65535."""
+    """Return whether a text is a port number from `lowest` to 65535."""
     return re.fullmatch("[0-9]{1,5}", text) is not None and lowest <= int(text) < 65536
 
 
 def resolved(host: str, seconds: Seconds) -> str:
-    """Return the IPv4 address of a host; raises `DeviceError` where none is found within so many seconds.
+    """Return a host's IPv4 address; raises `DeviceError` where it is not resolved within `seconds`.
 
-    Nothing interrupts the system's resolver: it works in a thread of its own, which is left alone when the
-    time is over.
+    The system's resolver cannot be interrupted: it runs in a separate thread, which is abandoned at the
+    timeout.
     """
     answers: queue.SimpleQueue[str | Exception] = queue.SimpleQueue()
 

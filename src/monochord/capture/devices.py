@@ -1,4 +1,4 @@
-"""Inputs of this machine that a source can open: sound cards, and ports of a running JACK server."""
+"""Audio inputs of this machine: sound cards, and ports of a running JACK server."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -8,10 +8,10 @@ from monochord.core.errors import DeviceError
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Device:
-    """An input of this machine.
+    """An audio input of this machine.
 
-    `name` is what ``--device`` takes for the source `source`, and `summary` says what it is. `is_default`
-    marks what is opened without a name.
+    `name` is the value for ``--device`` with the source `source`; `summary` describes the input. `is_default`
+    marks the input that is opened without a name.
     """
 
     source: str
@@ -21,7 +21,7 @@ class Device:
 
 
 def devices() -> list[Device]:
-    """Return the inputs of sound cards, then those of the default JACK server, none where neither is there.
+    """Return the inputs of all sound cards, then those of the default JACK server, possibly none.
 
     Examples
     --------

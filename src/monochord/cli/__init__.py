@@ -1,9 +1,9 @@
-"""The command line: one file a command, found by its name; arguments and printing only.
+"""The command line: one module per command, found by name; it only parses arguments and prints.
 
-A command ends with status 0 only if its work was done, and with 2 and one line on stderr for a bad argument
-or input. Control-C, SIGTERM or SIGHUP end it with one line and with status 130, except for commands that run
-until somebody ends them: those print their summary, and end with status 0. Importing this module is cheap,
-and so is asking for help: a command's file loads when the command is used.
+A command exits with status 0 only if its work was done, and with status 2 and one line on stderr for a bad
+argument or input. Control-C, SIGTERM or SIGHUP end it with one line and status 130; commands that run until
+stopped instead print their summary and exit with status 0. Importing this module and asking for help are
+fast: a command's module loads when the command is used.
 """
 
 import ast
@@ -30,7 +30,7 @@ from monochord.cli._output import echo
 from monochord.core.errors import DeviceError, InputError, MonochordError, did_you_mean
 
 INTERRUPTED = 130
-"""Exit status of a command that Control-C, SIGTERM or SIGHUP cut off."""
+"""Exit status of an interrupted command."""
 GROUPS: Mapping[str, tuple[str, ...]] = {
     "Try it": ("demo", "simulate"),
     "Use a sensor": ("tune", "live", "locate", "calibrate"),
@@ -38,18 +38,18 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
     "Train and test": ("build", "audit", "train", "evaluate", "weights"),
     "Look and check": ("list", "doctor", "figure", "bench"),
 }
-"""Commands as the help shows them; a command that is in no group comes last."""
+"""Command groups in the help; a command in no group comes last."""
 UNGROUPED = "More commands"
 ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 RERAISE_AFTER = 0.02
-"""Seconds until an interruption that got lost in a callback is raised once more."""
+"""Delay before an interruption lost in a callback is raised again, in s."""
 _LINE = "monochord: interrupted"
 _REMEDY_FULL = "free space there, or write elsewhere"
 _NOT_WRITTEN = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 
 
 class _Commands(click.Group):
-    """The commands of this folder: each file holds one command of the file's name."""
+    """The commands of this folder: each module holds one command of its name."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
         names = (module.name for module in iter_modules(__path__))
@@ -120,7 +120,7 @@ def main(arguments: list[str] | None = None) -> None:
 def run(arguments: list[str], begin: Callable[[], None] | None = None) -> int:
     """Run the command line and return its exit status, printing any error as one line on stderr.
 
-    `begin` is called once the command is loaded, before it does anything.
+    `begin` is called once the command is loaded, before it runs.
     """
     try:
         return _status_of(arguments, begin)
@@ -133,7 +133,7 @@ def run(arguments: list[str], begin: Callable[[], None] | None = None) -> int:
 
 
 def _is_interruption(error: BaseException | None) -> bool:
-    """Return whether an error came of Control-C, perhaps as another one, as inside a compiled kernel."""
+    """Return whether an error was caused by Control-C, possibly as another error from a compiled kernel."""
     seen: set[int] = set()  # causes may go round in a circle
     while error is not None and id(error) not in seen:
         if isinstance(error, (KeyboardInterrupt, click.Abort)):
@@ -144,7 +144,7 @@ def _is_interruption(error: BaseException | None) -> bool:
 
 
 def _take_signals(handler: Callable[[int, FrameType | None], NoReturn]) -> None:
-    """Have a handler take the signals that request the end, unless they are ignored, as under `nohup`."""
+    """Install a handler for the signals that request the end, unless ignored, as under `nohup`."""
     for number in ENDING_SIGNALS:
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, handler)
@@ -161,7 +161,7 @@ def _end_at_once(number: int, frame: FrameType | None) -> NoReturn:  # noqa: ARG
 
 
 def _unraisable(lost: "sys.UnraisableHookArgs") -> None:
-    """Raise an interruption once more that came inside a callback, where Python drops what is raised."""
+    """Raise an interruption again if it occurred in a callback, where Python drops exceptions."""
     if lost.exc_type is KeyboardInterrupt:
         threading.Timer(RERAISE_AFTER, interrupt_main).start()
     else:
@@ -192,7 +192,7 @@ def _status_of(arguments: list[str], begin: Callable[[], None] | None) -> int:
 
 
 def _verdict(error: click.ClickException | MonochordError | OSError, arguments: list[str]) -> tuple[str, int]:
-    """Return the line and the exit status that an error ends with; a fault of ours is raised again."""
+    """Return the line and the exit status of an error; an internal error is raised again."""
     match error:
         case click.UsageError():
             named = [word for word in arguments[:1] if not word.startswith("-")]
@@ -202,7 +202,7 @@ def _verdict(error: click.ClickException | MonochordError | OSError, arguments: 
             return str(error), 2
         case OSError() if error.errno in _NOT_WRITTEN:
             given = f"{error.filename or 'output'} ({error.strerror})"
-            return str(InputError(given, "a place with enough space", _REMEDY_FULL)), 2
+            return str(InputError(given, "a disk with enough free space", _REMEDY_FULL)), 2
         case OSError(filename=None):
             raise error
         case OSError():
@@ -217,7 +217,7 @@ def _flush() -> None:
 
 
 def _forget_output() -> None:
-    """Let go of standard output that cannot be written, or Python complains of it again as it ends."""
+    """Detach a standard output that cannot be written, or Python reports it again at exit."""
     try:
         _flush()
     except OSError:
@@ -228,7 +228,7 @@ def _forget_output() -> None:
 
 
 def _summary(command: str) -> str:
-    """First line of a command's docstring, read from its text: help must not import what commands need."""
+    """Return the first line of a command's docstring from its text: help must import no heavy module."""
     spec = find_spec(f"{__name__}.{command}")
     if spec is None or spec.origin is None:
         return ""

@@ -1,7 +1,7 @@
-"""Compile the kernels before they are needed: ``python -m monochord.cli._compile``.
+"""Compiles the kernels in advance: ``python -m monochord.cli._compile``.
 
-A kernel is compiled at its first call and kept on disk, which a user meets as a first command that takes half
-a minute longer. Here the first calls are made ahead, after an installation.
+A kernel is compiled at its first call and cached on disk, so that a user's first command takes half a minute
+longer. This module makes the first calls after an installation.
 """
 
 import subprocess
@@ -14,9 +14,9 @@ from monochord.core.errors import InputError, MonochordError
 
 
 def compile_kernels(parts: Sequence[str] = ("twin", "estimators")) -> None:
-    """Compile `parts`, of `PARTS`, each in a process of its own; raises `MonochordError` if one fails.
+    """Compile `parts` of `PARTS`, each in a separate process; raises `MonochordError` if one fails.
 
-    Both parts that are the default take about as long. The first shows its bar on a terminal.
+    Both default parts take about equally long. The first one shows its bar in a terminal.
     """
     command = [sys.executable, "-m", "monochord.cli._compile"]
     running = [
@@ -36,7 +36,7 @@ def compile_kernels(parts: Sequence[str] = ("twin", "estimators")) -> None:
 
 
 def _twin() -> None:
-    """Run the twin, in both worlds."""
+    """Run the twin in both worlds."""
     from monochord.physics.twin.virtual_sensor import VirtualSensor  # noqa: PLC0415
 
     for world in ("plausible", "ideal"):
@@ -44,7 +44,7 @@ def _twin() -> None:
 
 
 def _estimators() -> None:
-    """Tune and estimate the prototype's open string, as the demonstration does; locate touches of strings."""
+    """Tune and estimate the prototype's open string, as in the demonstration; locate touches of strings."""
     import numpy as np  # noqa: PLC0415
     import soundfile  # noqa: PLC0415
 
@@ -62,7 +62,7 @@ def _estimators() -> None:
 
 
 def _pitch() -> None:
-    """Find the pitch of a window, and how steady it is."""
+    """Estimate the pitch of a window and its steadiness."""
     import numpy as np  # noqa: PLC0415
 
     from monochord.dsp import PitchFinder  # noqa: PLC0415
@@ -75,7 +75,7 @@ def _pitch() -> None:
 
 
 PARTS: Mapping[str, Callable[[], None]] = {"twin": _twin, "estimators": _estimators, "pitch": _pitch}
-"""What makes the first calls, by the name of what it compiles."""
+"""Functions that make the first calls, by the name of the compiled part."""
 
 
 def _run(*arguments: str) -> None:
@@ -86,7 +86,7 @@ def _run(*arguments: str) -> None:
 
 
 def main(names: Sequence[str]) -> int:
-    """Compile one part in this process, or the usual ones in two; return the exit status."""
+    """Compile one part in this process, or the default parts in two; return the exit status."""
     try:
         if not names:
             compile_kernels()

@@ -1,4 +1,4 @@
-"""Names of version 0.1 that are studies of the repository now: each says where it went."""
+"""Names of version 0.1 that are now studies in the repository."""
 
 from collections.abc import Iterable, Mapping
 
@@ -26,11 +26,11 @@ MOVED: Mapping[str, Mapping[str, str]] = {
         "strings": "strings_cost",
     },
 }
-"""The study that each name is now, by the kind of name."""
+"""The study that replaces each name, by kind of name."""
 
 
 def refuse_moved(kind: str, name: str | None, known: Iterable[str]) -> None:
-    """Raise `InputError`, which says where it went, for a name that is a study now."""
+    """Raise `InputError` for a name that is now a study, with its new place."""
     study = MOVED[kind].get(name or "")
     if study:
         remedy = f"it is a study now: python -m studies.{study}, in the repository"

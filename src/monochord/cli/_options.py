@@ -1,4 +1,4 @@
-"""Options that several commands share, and the settings tree that they fill."""
+"""Options shared by several commands, and the settings tree that they fill."""
 
 import dataclasses
 import math
@@ -28,13 +28,13 @@ from monochord.physics.strings import string_names
 F = TypeVar("F", bound=Callable[..., Any])
 DEFAULT_SOURCE, DEFAULT_ESTIMATOR = "jack", "closed_form"
 DEVICE_SOURCE = "soundcard"
-"""The source that --device opens where no source is named."""
+"""Source opened by --device where no source is named."""
 MAX_RADIUS: Metres = 1.0
-"""Radius of the largest object that touches a string."""
+"""Radius of the largest object that touches a string, in m."""
 
 
 def amount(text: str) -> float:
-    """Return a finite number above zero; anything else is a usage error."""
+    """Return a finite number above zero; raises a usage error otherwise."""
     try:
         number = float(text)
     except ValueError:
@@ -45,15 +45,15 @@ def amount(text: str) -> float:
 
 
 def radius(text: str) -> float:
-    """Return the radius of what touches a string, in metres; anything else is a usage error."""
+    """Return an object's radius at the contact, in m; raises a usage error otherwise."""
     number = amount(text)
     if number > MAX_RADIUS:
         raise click.BadParameter(f"'{text}': expected up to {MAX_RADIUS:g} m")
     return number
 
 
-def known_take(text: str) -> tuple[str, float]:
-    """Return path and touch position of FILE:POSITION; anything else is a usage error."""
+def labelled_take(text: str) -> tuple[str, float]:
+    """Return path and touch position of FILE:POSITION; raises a usage error otherwise."""
     path, colon, number = text.rpartition(":")
     try:
         position = float(number)
@@ -65,7 +65,7 @@ def known_take(text: str) -> tuple[str, float]:
 
 
 def completes(*names: Callable[[], Iterable[str]]) -> dict[str, Any]:
-    """Return the keyword of a parameter that has the shell complete names, and files beside them."""
+    """Return the parameter keyword that lets the shell complete names, and also files."""
 
     def complete(context: click.Context, parameter: click.Parameter, word: str) -> list[CompletionItem]:  # noqa: ARG001
         values = [name for group in names for name in group() if name.startswith(word)]
@@ -86,7 +86,7 @@ def set_option(listing: str) -> Callable[[F], F]:
 
 
 def allow_host_option(command: F) -> F:
-    """Add ``--allow-host``: the other names by which browsers call the page."""
+    """Add ``--allow-host``: further host names of the page."""
     return click.option(
         "--allow-host",
         multiple=True,
@@ -97,7 +97,7 @@ def allow_host_option(command: F) -> F:
 
 
 def source_options(command: F) -> F:
-    """Add what names a source and sets it up."""
+    """Add the options that name and configure a source."""
     for option in (
         click.option(
             "--rate", type=amount, metavar="HZ", help="Sample rate, if the source supports several."
@@ -119,11 +119,11 @@ def source_options(command: F) -> F:
 
 
 def string_options(command: F) -> F:
-    """Add what a person knows of the string: a preset, or length and open note; takes of known position."""
+    """Add the options of a string: a preset, or length and open note; recordings of known position."""
     for option in (
         click.option(
             "--calibrate",
-            type=known_take,
+            type=labelled_take,
             multiple=True,
             metavar="FILE:POSITION",
             help="Recording of a touch at POSITION metres from the nut; repeatable.",
@@ -148,7 +148,7 @@ def string_options(command: F) -> F:
 
 
 def sensor_option(command: F) -> F:
-    """Add the sensor: a preset, or the file that ``monochord tune`` wrote."""
+    """Add the sensor option: a preset, or a file from ``monochord tune``."""
     return click.option(
         "--sensor",
         metavar="PRESET",
@@ -158,7 +158,7 @@ def sensor_option(command: F) -> F:
 
 
 def window_options(command: F) -> F:
-    """Add the window's length and hop."""
+    """Add the options of window length and hop."""
     for option in (
         click.option(
             "--hop", type=amount, metavar="S", help="Time from one window to the next.  [default: 0.01]"
@@ -175,7 +175,7 @@ def window_options(command: F) -> F:
 
 
 def worker_options(command: F) -> F:
-    """Add the number of worker processes, or the cluster that has its own; not both at once."""
+    """Add the number of worker processes, or a cluster's address; they exclude each other."""
     for option in (
         click.option(
             "--cluster",
@@ -197,18 +197,20 @@ def worker_options(command: F) -> F:
 
 
 def _one_of_both(context: click.Context, parameter: click.Parameter, value: Any) -> Any:
-    """Return the value of --workers or --cluster; refuse it beside the other."""
+    """Return the value of --workers or --cluster; raises a usage error for both."""
     given = {**context.params, parameter.name: value}
     workers, cluster = given.get("workers"), given.get("cluster")
     if workers and cluster:
-        raise InputError("--workers beside --cluster", "only one of them", "a cluster has its own workers")
+        raise InputError(
+            "--workers with --cluster", "only one of them", "omit --workers; a cluster has its own workers"
+        )
     return value
 
 
 def refuse_without(options: str, effect: str, *names: str) -> None:
-    """Refuse parameters of the running command that were given on the command line and have no effect.
+    """Refuse parameters given on the command line that have no effect in this command.
 
-    `options` are the options in words and `effect` says when they have one: both for the line.
+    `options` names the options and `effect` says when they have one, both for the error line.
     """
     context = click.get_current_context()
     if any(context.get_parameter_source(name) is ParameterSource.COMMANDLINE for name in names):
@@ -216,33 +218,33 @@ def refuse_without(options: str, effect: str, *names: str) -> None:
 
 
 def refuse_string_twice(options: dict[str, Any]) -> None:
-    """Refuse a preset of a string beside a sensor, or beside both numbers that stand in its place."""
+    """Refuse a string preset together with a sensor, or with both numbers that replace it."""
     string, length, open_frequency = (options[key] for key in ("string", "length", "open_frequency"))
     if string and options["sensor"]:
-        given = f"--string {string} beside --sensor {options['sensor']}"
-        raise InputError(given, "only one of them", "a sensor has its string")
+        given = f"--string {string} with --sensor {options['sensor']}"
+        raise InputError(given, "only one of them", "omit --string; a sensor has its own string")
     if string and length is not None and open_frequency is not None:
-        given = f"--string {string} beside --length and --open-frequency"
+        given = f"--string {string} with --length and --open-frequency"
         raise InputError(given, "a preset, or both numbers", "leave one or the other out")
 
 
 def model_and_input(inputs: tuple[str, ...]) -> tuple[str | None, str | None]:
-    """Return the model and the input among the arguments ``[MODEL] [INPUT]``, None for one not given.
+    """Return the model and the input from the arguments ``[MODEL] [INPUT]``, None for a missing one.
 
-    A model is a folder that ``monochord train`` made, or a bundled name.
+    A model is a folder from ``monochord train``, or a bundled name.
     """
     models = [text for text in inputs if folder_of(Path(text))]
     others = [text for text in inputs if text not in models]
     if len(inputs) == 2 and not models:
         load(inputs[0])  # says why it is no model
     if len(models) > 1 or len(others) > 1:
-        remedy = f"a MODEL is a folder that monochord train made, or {', '.join(bundled_names())}"
+        remedy = f"a MODEL is a folder from monochord train, or {', '.join(bundled_names())}"
         raise InputError(f"inputs {', '.join(inputs)}", "one MODEL at most, and one INPUT at most", remedy)
     return next(iter(models), None), next(iter(others), None)
 
 
 def put(tree: Tree, name: str, /, **values: Any) -> None:
-    """Lay the options that were given (those that are not None) into the table `name` of the tree."""
+    """Put the given options (those that are not None) into the table `name` of the tree."""
     given = {key: value for key, value in values.items() if value is not None}
     if given:
         tree[name] = {**table(tree, name), **given}
@@ -251,12 +253,12 @@ def put(tree: Tree, name: str, /, **values: Any) -> None:
 def put_source(
     tree: Tree, options: dict[str, Any], opened: str | None = None, *, models: Iterable[str] = ()
 ) -> None:
-    """Lay the source into the tree: `opened` is INPUT, and `options` those of `source_options`.
+    """Put the source into the tree: `opened` is INPUT, and `options` those of `source_options`.
 
-    `models` are the names of models, where INPUT may have been meant as one.
+    `models` holds model names, for which INPUT may have been meant.
     """
     if opened is not None and options["device"] is not None:
-        raise InputError(f"{opened} beside --device {options['device']}", "only one of them")
+        raise InputError(f"{opened} with --device {options['device']}", "only one of them")
     before = table(tree, "source")
     inferred = recording_source(opened) if opened is not None else None
     if options["device"] is not None and "name" not in before:
@@ -280,12 +282,12 @@ def put_source(
 
 
 def _refuse_nothing(opened: str, models: Iterable[str]) -> None:
-    """Refuse an INPUT that is no recording and cannot be a port's name, which has a colon."""
+    """Refuse an INPUT that is neither a recording nor a port name, which has a colon."""
     is_folder = Path(opened).is_dir()
     if not is_folder and (recording_source(opened) or ":" in opened):
         return
     names = list(models)
-    kinds = [f"a model ({', '.join(names)}, or a folder that monochord train made)"] if names else []
+    kinds = [f"a model ({', '.join(names)}, or a folder from monochord train)"] if names else []
     kinds += ["a recording (.wav, .flac, .mcap)", "or ports such as system:capture_1"]
     what = "a folder" if is_folder else "no such file or folder"
     what += " without a model" if is_folder and names else ""
@@ -297,9 +299,9 @@ def _refuse_nothing(opened: str, models: Iterable[str]) -> None:
 
 
 def put_estimator(tree: Tree, options: dict[str, Any], model: str | None) -> None:
-    """Lay the estimator and the window into the tree: `model` is MODEL, and `options` those of the string."""
+    """Put the estimator and the window into the tree: `model` is MODEL, `options` the string options."""
     if model is not None and options["estimator"]:
-        raise InputError(f"model {model} beside --estimator {options['estimator']}", "only one of them")
+        raise InputError(f"model {model} with --estimator {options['estimator']}", "only one of them")
     if model is not None:
         definition = load(model).definition
         tree["estimator"] = {"name": MODEL, first_field(ESTIMATORS, MODEL): model}
@@ -313,12 +315,12 @@ def put_estimator(tree: Tree, options: dict[str, Any], model: str | None) -> Non
 
 
 def fields_of(registry: Registry[Any], name: str) -> list[str]:
-    """Return the names of a plug-in's options; the first says what it opens."""
+    """Return the names of a plug-in's options; the first one is its input."""
     return [field.name for field in dataclasses.fields(registry.load(name)) if field.init]
 
 
 def first_field(registry: Registry[Any], name: str) -> str:
-    """Return the name of the option that says what a plug-in opens."""
+    """Return the name of the option with a plug-in's input."""
     return fields_of(registry, name)[0]
 
 
@@ -348,17 +350,17 @@ def calibrated(tree: Tree, takes: Iterable[tuple[str, float]]) -> Tree:
 
 
 def refuse_unwritable(path: Path, suffixes: Iterable[str]) -> None:
-    """Refuse a file to write whose name has another suffix, or whose folder is not there."""
+    """Refuse an output file with another suffix, or in a missing folder."""
     known = list(suffixes)
     if path.suffix.lower() not in known:
         allowed = f"a name that ends in {', '.join(known)}"
         raise InputError(f"file '{path}'", allowed, did_you_mean(path.suffix, known))
     if not path.parent.is_dir():
-        raise InputError(f"file '{path}'", "a file in a folder that exists", f"make '{path.parent}' first")
+        raise InputError(f"file '{path}'", "a file in an existing folder", f"create '{path.parent}' first")
 
 
 def refuse_short(given: str, setup: LiveRun, summary: Summary) -> None:
-    """Raise `InputError` where a source ended before its first whole window."""
+    """Raise `InputError` where a source ended before its first complete window."""
     if not (summary.windows or summary.skipped or summary.interrupted):
         allowed = f"{min(setup.window.length, setup.seconds):g} s or more"
         raise InputError(f"{given} (shorter than a window)", allowed, "use a shorter --window")

@@ -1,4 +1,4 @@
-"""The command `audit`: whether anything leaks between the parts of a dataset's split."""
+"""The command `audit`: checks a dataset's split for leaks."""
 
 import dataclasses
 import json

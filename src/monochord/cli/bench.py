@@ -1,4 +1,4 @@
-"""Benchmarks: figures with what they are compared with, and the machine that they were measured on."""
+"""The command `bench`: benchmark results beside their baselines, and the machine they were measured on."""
 
 import json
 import os
@@ -75,7 +75,7 @@ def _line(row: Row) -> str:
 
 
 def _number(value: float) -> str:
-    """Return counts whole and measurements to four digits."""
+    """Return counts in full and measurements to four digits."""
     return f"{value:.0f}" if value.is_integer() or abs(value) >= 1e4 else f"{value:.4g}"
 
 

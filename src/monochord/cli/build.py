@@ -1,4 +1,4 @@
-"""The command `build`: sessions into a dataset with labels, split and audited."""
+"""The command `build`: builds a dataset with labels from sessions, split and audited."""
 
 import json
 from pathlib import Path
@@ -42,7 +42,7 @@ from monochord.perception.data import LabelledData
     "--held-out",
     multiple=True,
     metavar="NAME",
-    help="Keep an object, or sessions by a pattern such as 'music*', for the test alone; repeatable.",
+    help="Keep an object, or sessions by a pattern such as 'music*', for the test only; repeatable.",
 )
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Random seed.")
 @click.option("--force", is_flag=True, help="Accept sessions whose streams are not on one clock.")

@@ -1,4 +1,4 @@
-"""The command `calibrate`: a model adapted to one build by a few known touches."""
+"""The command `calibrate`: adapts a model to one sensor with a few known touches."""
 
 import json
 from pathlib import Path
@@ -14,7 +14,11 @@ from monochord.front.calibrate import calibrate as adapted
 @click.command()
 @click.argument("model")
 @click.option(
-    "--sessions", multiple=True, required=True, metavar="FILES", help="Sessions of known touches; repeatable."
+    "--sessions",
+    multiple=True,
+    required=True,
+    metavar="FILES",
+    help="Sessions of touches with known position and force; repeatable.",
 )
 @click.option(
     "--touches",
@@ -45,24 +49,26 @@ def calibrate(
 
     Touch the string at a few places with a few forces. Record the touches, or import a sound file with a
     table of positions and forces, as read from a ruler and a kitchen scale ('monochord sessions import').
-    Earlier calibrations of MODEL are kept. With --objects others, and one session per object, only the
-    sensor is learned, not the object. The sensor counts as healthy: its present sound is no fault from then
-    on.
+    Earlier calibrations of MODEL are kept. With --objects others, and one session per object, only the sensor
+    is learned, not the object. The sensor is assumed to be healthy: its present sound no longer counts as a
+    fault.
 
-    The errors that are printed are of touches that were left out. Use --touches 0 to test the model on all
-    touches without changing it. Impossible labels, such as forces in grams, are refused.
+    The printed errors are cross-validated: each is for a touch left out of the fit. Use --touches 0 to test
+    the model on all touches without changing it. Impossible labels, such as forces in grams, are refused.
 
     \b
     monochord calibrate demo --sessions touches.mcap --out mine
     monochord calibrate demo --sessions touches.mcap --touches 0
     """  # noqa: D301
     if out is None and options["touches"] != 0:
-        raise InputError("no --out", "a new folder for the model", "or --touches 0, which judges it alone")
+        raise InputError(
+            "no --out", "a new folder for the model", "or --touches 0, which only tests the model"
+        )
     result = adapted(model, sessions, out, **options)
     if as_json:
         echo(json.dumps(result.tree()))
         return
     kind = ", simulated" if result.definition.simulated else ""
     learned = result.calibration.learned
-    how = "errors of touches that were left out, by cross-validation" if learned else "unchanged"
+    how = "errors on held-out touches, by cross-validation" if learned else "unchanged"
     echo(f"{out or model}{kind}: {how}", *result.calibration.lines())

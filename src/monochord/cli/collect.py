@@ -1,4 +1,4 @@
-"""The command `collect`: the sessions of a plan, simulated as fast as the machine allows."""
+"""The command `collect`: simulates the sessions of a plan as fast as the machine allows."""
 
 import json
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ from monochord.lab.plans import plan_names
     "--out",
     type=click.Path(path_type=Path),
     required=True,
-    help="Folder for the sessions; made if missing.",
+    help="Folder for the sessions; created if missing.",
 )
 @worker_options
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Random seed.")

@@ -1,4 +1,4 @@
-"""The command `doctor`: what live audio needs, what of it this machine has, and what to do about the rest."""
+"""The command `doctor`: checks this machine's readiness for live audio, with a remedy for each problem."""
 
 import dataclasses
 import json
@@ -50,12 +50,12 @@ def _usable(results: list[Check]) -> bool:
 
 
 def _verdict(results: list[Check]) -> str:
-    """Return what all lines come to."""
+    """Return the overall result."""
     if not _usable(results):
-        return "Monochord does not work here until what is missing has been installed."
+        return "Monochord does not work here until the missing parts are installed."
     if any(check.state != OK for check in results):
-        return "Simulations and recordings work; live sound needs what -> says."
-    return "All that Monochord uses is there, live sound included."
+        return "Simulations and recordings work; for live sound, follow the lines with ->."
+    return "Everything is ready, live sound included."
 
 
 def _recordings() -> Check:

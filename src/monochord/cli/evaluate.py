@@ -1,4 +1,4 @@
-"""The command `evaluate`: scores of an estimator on test sessions."""
+"""The command `evaluate`: scores an estimator on test sessions."""
 
 import json
 from pathlib import Path
@@ -83,7 +83,7 @@ SUITE = "noise"
     "--rows",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="Also keep the rows of the table in a JSON file.",
+    help="Also save the table's rows to a JSON file.",
 )
 @click.option(
     "--feature", metavar="NAME", help="Name of these rows in that file.  [default: the feature, or MODEL]"
@@ -116,17 +116,19 @@ def evaluate(
     monochord evaluate --estimator closed_form --dataset dataset --sensor prototype
     """  # noqa: D301
     if model is not None and estimator is not None:
-        raise InputError(f"model {model} beside --estimator {estimator}", "only one of them")
+        raise InputError(f"model {model} with --estimator {estimator}", "only one of them")
     if options["sessions"]:
-        refuse_without("--split or --part beside --sessions", "all of the sessions", "split", "part")
+        refuse_without(
+            "--split or --part with --sessions", "neither, since all sessions are tested", "split", "part"
+        )
     if rows is None:
-        refuse_without("--feature without --rows", "beside --rows, whose name it is", "feature")
+        refuse_without("--feature without --rows", "--rows, since --feature names the rows", "feature")
     refuse_moved("suite", suite, [SUITE])
     if suite not in (None, SUITE):
         given = f"--suite {suite}" if suite else "--suite without a name"
-        raise InputError(given, SUITE, "write --suite noise for every kind of noise")
+        raise InputError(given, SUITE, "use --suite noise for every kind of noise")
     if not (noises or suite):
-        refuse_without("--seed without noise", "beside --noise or --suite, whose it is", "seed")
+        refuse_without("--seed without noise", "--noise or --suite with --seed", "seed")
     if out is not None:
         refuse_unwritable(out)
     report = evaluated(
@@ -148,7 +150,7 @@ def evaluate(
 
 
 def _note_missing_figures() -> None:
-    """Say on standard error how to have figures, where what draws them is not installed."""
+    """Print to standard error how to get figures, where the plotting library is missing."""
     try:
         require_matplotlib()
     except MissingLibraryError as error:

@@ -1,4 +1,4 @@
-"""The command `figure`: draw one of the figures into a file."""
+"""The command `figure`: draws a figure into a file."""
 
 import json
 from pathlib import Path
@@ -47,7 +47,7 @@ def figure(
     path = out or Path(f"{name}.png")
     refuse_unwritable(path, SUFFIXES)
     if model is not None and any(text.partition("=")[0].strip() == "model" for text in assignments):
-        raise InputError("--model beside --set model=", "only one of them")
+        raise InputError("--model with --set model=", "only one of them")
     chosen = override({} if model is None else {"model": model}, assignments)
     drawing = FIGURES.build(name, chosen, where="")
     with replacing(path) as part:

@@ -1,4 +1,4 @@
-"""The command `list`: the names that options take, and the settings that ``--set`` overrides."""
+"""The command `list`: names for options, and the settings for ``--set``."""
 
 import dataclasses
 import json
@@ -37,7 +37,7 @@ SETTINGS: Mapping[str, tuple[str, type]] = {
     "collect": ("A plan of 'monochord collect'.", Plan),
     "train": ("A run of 'monochord train', also its CONFIG.", TrainingSettings),
 }
-"""By name what a set of settings is for, and the dataclass that defines it."""
+"""Purpose of each set of settings, and the dataclass that defines it."""
 
 
 @click.command()
@@ -72,7 +72,7 @@ def list(kind: str | None, name: str | None, *, as_json: bool) -> None:  # noqa:
 
 
 ON_REQUEST = ("devices", "settings")
-"""Kinds that are shown only by their name: one looks at hardware, the other is long."""
+"""Kinds that are listed only by name: one queries hardware, the other is long."""
 
 
 def _named(name: str, shelf: str, entries: Iterable[Entry]) -> Sequence[Entry]:
@@ -86,7 +86,7 @@ def _named(name: str, shelf: str, entries: Iterable[Entry]) -> Sequence[Entry]:
 
 
 def _shelves() -> dict[str, Callable[[], Iterable[Entry]]]:
-    """Return what can be listed: every folder with a registry, found by its ``base.py``, presets and more."""
+    """Return everything that can be listed: every folder with a registry, presets and more."""
     shelves: dict[str, Callable[[], Iterable[Entry]]] = {}
     root = Path(monochord.__path__[0])
     for contract in root.rglob("base.py"):
@@ -101,7 +101,7 @@ def _shelves() -> dict[str, Callable[[], Iterable[Entry]]]:
 
 
 def _each(names: Iterable[str], entry: Callable[[str], Entry]) -> Iterable[Entry]:
-    """Yield the entry of each name; one that cannot be loaded says so in its place, and hides no other."""
+    """Yield the entry of each name; one that cannot be loaded shows its error and hides no other."""
     for name in names:
         try:
             yield {"name": name, **entry(name)}
@@ -120,7 +120,7 @@ def _plugins(registry: Registry[Any]) -> Iterable[Entry]:
 
 
 def _options(kind: type) -> Sequence[Entry]:
-    """Return the settings of a dataclass as values that JSON can hold."""
+    """Return the settings of a dataclass as values for JSON."""
     return [
         {
             "name": each.name,
@@ -133,7 +133,7 @@ def _options(kind: type) -> Sequence[Entry]:
 
 
 def _plain(value: Any) -> Any:
-    """Return a value of a configuration as JSON can hold it, which has no infinity."""
+    """Return a configuration value for JSON, which has no infinity."""
     if isinstance(value, float) and not math.isfinite(value):
         return str(value)
     if isinstance(value, dict):
@@ -196,7 +196,7 @@ def _plans() -> Iterable[Entry]:
 
 
 def _preset(tree: Entry, kind: str) -> Entry:
-    """Return a preset as an entry: its title, source and notes beside its values, under its kind."""
+    """Return a preset as an entry: title, source and notes beside its values, under its kind."""
     facts = {"summary": tree.pop("title"), "source": tree.pop("source"), "notes": tree.pop("notes")}
     return {**facts, kind: {key: value for key, value in tree.items() if key != "name"}}
 

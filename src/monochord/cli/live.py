@@ -1,4 +1,4 @@
-"""Estimates from a running source, as they come."""
+"""The command `live`: estimates from a running source as they arrive."""
 
 import dataclasses
 from collections.abc import Generator
@@ -36,9 +36,9 @@ from monochord.perception.model.bundled import bundled_names
 from monochord.physics.sensors import sensor_names
 
 PAGE = "web"
-"""The sink of which --allow-host is an option."""
+"""The sink that --allow-host configures."""
 LINES = "jsonl"
-"""The sink that --json stands for."""
+"""The sink behind --json."""
 
 
 @click.command()
@@ -80,10 +80,10 @@ LINES = "jsonl"
 def live(inputs: tuple[str, ...], **options: Any) -> int:
     """Estimate touches live, from a sensor or a recording.
 
-    MODEL is the folder of a trained model, or a bundled one such as demo; without it, a closed-form
-    estimator is used. INPUT is a recording (.wav, .flac, or a session's .mcap), a device or JACK ports.
-    Options override --config, and --set overrides both. Control-C or SIGTERM ends the run and prints a
-    summary. If a sink fails, it is closed, the others go on, and the exit status is 1.
+    MODEL is the folder of a trained model, or a bundled one such as demo; without it, a closed-form estimator
+    is used. INPUT is a recording (.wav, .flac, or a session's .mcap), a device or JACK ports. Options
+    override --config, and --set overrides both. Control-C or SIGTERM ends the run and prints a summary. If a
+    sink fails, it is closed, the others continue, and the exit status is 1.
 
     \b
     monochord live demo --source twin
@@ -113,7 +113,7 @@ def live(inputs: tuple[str, ...], **options: Any) -> int:
 
 
 def _sensors(given: tuple[str, ...]) -> tuple[str | None, Tree]:
-    """Return the sensor of one string, or the tables of several that are named."""
+    """Return the sensor of one string, or the tables of several named strings."""
     named = [each.partition("=") for each in given if not Path(each).exists()]
     strings: Tree = {name: {"sensor": preset} for name, _, preset in named if preset and NAME.fullmatch(name)}
     if len(given) > max(len(strings), 1):
@@ -123,7 +123,7 @@ def _sensors(given: tuple[str, ...]) -> tuple[str | None, Tree]:
 
 
 def _tree(model: str | None, opened: str | None, options: dict[str, Any]) -> Tree:
-    """Return the settings of the configuration file with the options over them."""
+    """Return the settings of the configuration file with the options applied."""
     tree: Tree = load_toml(options["config"]) if options["config"] else {}
     put_source(tree, options, opened, models=bundled_names())
     put_estimator(tree, options, model)
@@ -137,7 +137,7 @@ def _tree(model: str | None, opened: str | None, options: dict[str, Any]) -> Tre
 
 
 def _sinks(configured: Tree | None, named: tuple[str, ...], *, as_json: bool) -> Tree:
-    """Return the sink tables: those named by --sink, else those of the configuration, else the terminal."""
+    """Return the sink tables: from --sink, else from the configuration, else the terminal."""
     known, sinks = configured or {}, Tree()
     for text in named:
         kind, equals, where = text.partition("=")
@@ -145,7 +145,7 @@ def _sinks(configured: Tree | None, named: tuple[str, ...], *, as_json: bool) ->
             raise InputError(f"--sink {kind} twice", "one of each kind")
         sinks[kind] = {**table(known, kind), **({first_field(SINKS, kind): where} if equals else {})}
     if as_json and sinks.get(LINES):
-        raise InputError(f"--json beside --sink {LINES}", "only one of them", "both write the same lines")
+        raise InputError(f"--json with --sink {LINES}", "only one of them", "both write the same lines")
     if as_json:
         sinks[LINES] = {**table(known, LINES), first_field(SINKS, LINES): "-"}
     if sinks or configured is not None:
@@ -154,15 +154,15 @@ def _sinks(configured: Tree | None, named: tuple[str, ...], *, as_json: bool) ->
 
 
 def _allow(sinks: Tree, names: list[str]) -> None:
-    """Lay other names of the page into the table of its sink."""
+    """Add further host names of the page to its sink's table."""
     if PAGE not in sinks:
         given = " ".join(f"--allow-host {name}" for name in names)
-        raise InputError(f"{given} without a page", f"it beside --sink {PAGE}", "name the sink")
+        raise InputError(f"{given} without a page", f"--sink {PAGE}", "add that sink")
     sinks[PAGE] = {**table(sinks, PAGE), "allow_host": names}
 
 
 class _SavedSettings(Listener):
-    """Writes the settings into a file once the source is open and the estimator takes its signal."""
+    """Writes the settings to a file once the source is open and the estimator has accepted its signal."""
 
     def __init__(self, path: Path, text: str) -> None:
         self._path, self._text = path, text
@@ -174,8 +174,8 @@ class _SavedSettings(Listener):
                 part.write_text(self._text, encoding="utf-8")
         except OSError as error:
             given = f"file {self._path} ({error.strerror})"
-            raise InputError(given, "a path that can be written") from error
+            raise InputError(given, "a writable path") from error
         yield self
 
     def write(self, update: Update) -> None:
-        """Write nothing."""
+        """Do nothing."""

@@ -1,4 +1,4 @@
-"""Where a recorded string was touched, window by window."""
+"""The command `locate`: estimates where a recorded string was touched, window by window."""
 
 import dataclasses
 from array import array
@@ -32,7 +32,7 @@ from monochord.live.sinks.base import Listener, Run, Update, Writer
 from monochord.perception.model.bundled import bundled_names
 
 CONTACT = "contact"
-"""The estimate that only the two-sided form makes."""
+"""The estimate that only the two-segment form provides."""
 
 
 @click.command()
@@ -41,7 +41,7 @@ CONTACT = "contact"
 @string_options
 @window_options
 @set_option("monochord list settings live")
-@click.option("--allow-truncated", is_flag=True, help="Read a file that was cut short as far as it goes.")
+@click.option("--allow-truncated", is_flag=True, help="Read a truncated file up to its end.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object per window.")
 def locate(inputs: tuple[str, ...], *, allow_truncated: bool, as_json: bool, **options: Any) -> int:
     """Estimate where the string is touched in a recording.
@@ -52,9 +52,9 @@ def locate(inputs: tuple[str, ...], *, allow_truncated: bool, as_json: bool, **o
     130.
 
     With --length and --open-frequency, position follows from pitch alone, so the sound must be of that
-    string: another instrument in its range gets a position too. Two channels are used as a sensor's two
-    microphones if each carries a segment of its own, and as one recording if both carry the same note; a
-    line says which.
+    string: another instrument in its range gets a position too. Two channels count as a sensor's two
+    microphones if each carries a different segment, and as one recording if both carry the same note; a line
+    of the output states which.
 
     \b
     monochord locate take.wav --length 0.65 --open-frequency 110
@@ -78,7 +78,7 @@ def locate(inputs: tuple[str, ...], *, allow_truncated: bool, as_json: bool, **o
 
 
 class _Table(Listener):
-    """Collects 24 bytes a window, and summarises them as lines."""
+    """Collects 24 bytes per window, and summarises them as lines."""
 
     def __init__(self, *, stopped: bool, by_pitch: bool) -> None:
         self._origin = "the nut" if stopped else "pickup 1"
@@ -126,7 +126,7 @@ class _Table(Listener):
         return lines + [f"  no position              {count} windows: {why}" for why, count in reasons]
 
     def _assumptions(self, valid: int) -> list[str]:
-        """Return what the positions of a stopped string rest on."""
+        """Return the assumptions behind positions on a stopped string."""
         lines = ["  assumes                  the sound is this string's: position follows from its pitch"]
         if self._two_channels:
             split = (

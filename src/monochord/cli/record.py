@@ -1,4 +1,4 @@
-"""A recording of microphones and instruments on one clock."""
+"""The command `record`: records microphones and instruments on one clock."""
 
 import json
 import sys
@@ -55,7 +55,7 @@ def record(out: Path, **options: Any) -> None:
 
     Options override --config, and --set overrides both. Set an instrument's options by its name: STREAM if
     one was given, else NAME, or NAME_2 for the second of a kind. Control-C, SIGTERM or SIGHUP ends the
-    recording; everything up to then is saved.
+    recording; everything recorded so far is saved.
 
     \b
     monochord record take.mcap --source twin --seconds 2
@@ -71,7 +71,7 @@ def record(out: Path, **options: Any) -> None:
 
 
 def _job(out: Path, options: dict[str, Any]) -> RecordingJob:
-    """Return the recording that options name, its source as a table."""
+    """Return the recording described by the options, with its source as a table."""
     tree: Tree = load_toml(options["config"]) if options["config"] else {}
     put_source(tree, options)
     about = {key: options[key] for key in ("material", "radius", "sensor", "notes", "simulated", "seconds")}

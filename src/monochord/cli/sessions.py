@@ -1,4 +1,4 @@
-"""The command `sessions`: recordings checked, shown, repaired, exchanged, resampled; their touches listed."""
+"""The command `sessions`: checks, shows, repairs, converts and resamples recordings, lists touches."""
 
 import dataclasses
 import json
@@ -61,8 +61,8 @@ def check(files: tuple[Path, ...], *, strict: bool, as_json: bool) -> int:
 
     FILES are read to the end, and each gets one line. A file is bad if it is damaged, cut off or changed
     since it was written; the exit status is then 2. Faults of the recording, such as lost frames, a clock
-    that jumped, or streams that are too far apart by their taps, are noted behind the line. With --strict
-    they count as bad too.
+    that jumped, or streams whose taps are too far apart, are noted at the end of the line. With --strict they
+    count as bad too.
 
     \b
     monochord sessions check session.mcap
@@ -98,7 +98,7 @@ def check(files: tuple[Path, ...], *, strict: bool, as_json: bool) -> int:
 def show(file: Path, *, figure: Path | None, as_json: bool) -> None:
     """Show what a session contains.
 
-    The lines say what was recorded, with which instruments, for how long, and how much is missing.
+    The lines list the recorded streams and instruments, their duration, and missing data.
 
     \b
     monochord sessions show session.mcap
@@ -138,7 +138,7 @@ def recover(files: tuple[Path, ...], *, as_json: bool) -> int:
                 if done.lost_bytes
                 else "nothing lost"
             )
-            beside = f"; what was changed is saved in {done.cut}" if done.cut else ""
+            beside = f"; the changed bytes are saved in {done.cut}" if done.cut else ""
             line = f"{file}: repaired; {done.seconds:.1f} s in {done.messages} messages, {lost}{beside}"
         cut = str(done.cut) if done.cut else None
         return True, {**dataclasses.asdict(done), "path": str(file), "cut": cut}, line
@@ -200,11 +200,11 @@ def export(
 def import_(what: Path, labels: Path | None, *, out: Path, as_json: bool, **said: str | float | None) -> None:
     """Make a session from your own audio and labels.
 
-    AUDIO is a WAV or FLAC file with 1 or 2 channels, or a session that has audio alone. The first line of
+    AUDIO is a WAV or FLAC file with 1 or 2 channels, or a session with audio only. The first line of
     LABELS.csv names its columns: time in s from the beginning of the audio, and any of contact (0 or 1),
     position (m), force (N), slip (0 or 1) and others. With columns begin and end in place of time, each row
-    is a touch. Impossible positions and forces are refused; --sensor says for which string. FOLDER is what
-    'monochord sessions export' wrote.
+    is a touch. Impossible positions and forces are refused; --sensor sets the string. FOLDER is an export
+    from 'monochord sessions export'.
 
     \b
     monochord sessions import take.wav take.csv --out touches.mcap --object "Allen key"
@@ -301,7 +301,7 @@ Result = Callable[[Path], tuple[bool, dict[str, Any], str]]
 
 
 def _each(files: tuple[Path, ...], result: Result, *, as_json: bool) -> int:
-    """Print the result for each file; one that cannot be used does not stop the others."""
+    """Print the result for each file; an unusable file does not stop the others."""
     status = 0
     for file in files:
         try:
@@ -316,8 +316,8 @@ def _each(files: tuple[Path, ...], result: Result, *, as_json: bool) -> int:
 
 
 def _known(late: Lateness) -> list[float]:
-    """Return by how many seconds a stream is late at the start and the end, as far as that is known."""
-    return [offset.value for offset in late.offsets if offset.known]
+    """Return a stream's delay at the start and the end, in s, as far as known."""
+    return [offset.value for offset in late.offsets if offset.is_determined]
 
 
 def _counted(number: int, noun: str) -> str:
@@ -325,7 +325,7 @@ def _counted(number: int, noun: str) -> str:
 
 
 def facts_of(session: SessionReader) -> Tree:
-    """Return what a session holds as values that JSON can hold."""
+    """Return a session's content as values for JSON."""
     description, audio = session.description, session.audio
     rate, begin = audio.line
     frames = audio.samples.shape[1]
@@ -377,7 +377,7 @@ def _kinds(session: SessionReader) -> dict[str, int]:
 
 
 def facts_lines(facts: Tree) -> list[str]:
-    """Return the facts as lines for a person."""
+    """Return the facts as text lines."""
     about, audio = facts["about"], facts["audio"]
     lines = [f"{facts['name']}  ({facts['path']})"]
 

@@ -1,4 +1,4 @@
-"""What a string of known build sounds like when it is touched."""
+"""The command `simulate`: the sound of a known string under a touch."""
 
 import json
 from pathlib import Path
@@ -90,7 +90,7 @@ def simulate(
 
 
 def _write(path: Path, sound: Sound) -> float:
-    """Write both microphones and return the gain, which is 1 unless they would be clipped."""
+    """Write both microphones and return the gain, which is 1 unless they would clip."""
     import soundfile  # noqa: PLC0415  (loads its library on use)
 
     gain = 1.0 / max(1.0, float(abs(sound.microphones).max()) / 0.99)
@@ -111,13 +111,13 @@ def _lines(result: dict[str, Any]) -> list[str]:
     if "settled" in result:
         lines.append(f"  {_labels(result)}")
     if "out" in result:
-        quieter = "" if result["gain"] == 1.0 else f", {result['gain']:.3g} times as loud so as not to clip"
+        quieter = "" if result["gain"] == 1.0 else f", scaled by {result['gain']:.3g} to avoid clipping"
         lines.append(f"  written to {result['out']}{quieter}")
     return lines
 
 
 def _labels(result: dict[str, Any]) -> str:
-    """Return the labels of the time after the transient, for a simulator that has any."""
+    """Return the labels after the transient, for a simulator with labels."""
     calm = "settled" if result["settled"] else "not settled"
     if result["felt"] is None:
         return calm

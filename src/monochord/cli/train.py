@@ -1,4 +1,4 @@
-"""The command `train`: a dataset into a model."""
+"""The command `train`: trains a model on a dataset."""
 
 import json
 from pathlib import Path

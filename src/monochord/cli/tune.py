@@ -1,4 +1,4 @@
-"""The tuning of a sensor's own string, from untouched sound."""
+"""The command `tune`: tunes a sensor's string from untouched sound."""
 
 import dataclasses
 import json
@@ -39,7 +39,7 @@ OUT = Path("sensor.toml")
     default=SECONDS,
     show_default=True,
     metavar="S",
-    help="How long to listen to each INPUT.",
+    help="Duration taken from each INPUT.",
 )
 @window_options
 @click.option(
@@ -55,8 +55,8 @@ def tune(inputs: tuple[str, ...], *, out: Path | None, force: bool, as_json: boo
     """Measure the untouched string's pitch and write sensor.toml.
 
     Switch the drivers on and touch nothing. INPUT is a recording (.wav, .flac, or a session's .mcap), a
-    device or JACK ports; give several for several recordings. Pass the file that is written as --sensor to
-    live, locate, record and collect. If the sound does not tell the pitch, nothing is written.
+    device or JACK ports; give several for several recordings. Pass the written file as --sensor to live,
+    locate, record and collect. If the pitch cannot be found, nothing is written.
 
     \b
     monochord tune --sensor prototype
@@ -65,7 +65,7 @@ def tune(inputs: tuple[str, ...], *, out: Path | None, force: bool, as_json: boo
     path = out or OUT
     refuse_unwritable(path, (".toml",))
     if path.exists() and not force:
-        raise InputError(f"file '{path}', which is there already", "a new file", "replace it with --force")
+        raise InputError(f"file '{path}', which already exists", "a new file", "replace it with --force")
     runs = [_run(opened, options) for opened in inputs or (None,)]
     names = [
         opened or SOURCES.name_of(run.source) for opened, run in zip(inputs or (None,), runs, strict=True)
@@ -83,11 +83,11 @@ def tune(inputs: tuple[str, ...], *, out: Path | None, force: bool, as_json: boo
         measured = sensor_tuning(str(path))
         echo(json.dumps({"path": str(path), **_facts(result), "tuning": dataclasses.asdict(measured)}))  # pyright: ignore[reportArgumentType]
         return
-    echo(*result.lines(), f"written to {path}; use it by --sensor {path}")
+    echo(*result.lines(), f"written to {path}; use it with --sensor {path}")
 
 
 def _run(opened: str | None, options: dict[str, Any]) -> LiveRun:
-    """Return a run that would open this input, of which only source, window and time are used."""
+    """Return a run that would open this input; only source, window and time are used."""
     tree: Tree = {"sinks": {}, "seconds": options["seconds"]}
     put_source(tree, options, opened)
     tree["window"] = {"length": options["window"] or WINDOW.length, "hop": options["hop"] or WINDOW.hop}
@@ -110,4 +110,4 @@ def _write(path: Path, text: str) -> None:
         with replacing(path) as part:
             part.write_text(text, encoding="utf-8")
     except OSError as error:
-        raise InputError(f"file {path} ({error.strerror})", "a path that can be written") from error
+        raise InputError(f"file {path} ({error.strerror})", "a writable path") from error

@@ -1,4 +1,4 @@
-"""The command `weights`: networks that others trained, fetched on request and checked."""
+"""The command `weights`: downloads and verifies pretrained networks."""
 
 import json
 import sys

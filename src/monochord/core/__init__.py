@@ -1,1 +1,1 @@
-"""The vocabulary: units, types, errors, clock, configuration, registries, presets, windows."""
+"""Shared building blocks: units, types, errors, clock, configuration, registries, presets, windows."""

@@ -1,4 +1,4 @@
-"""A worker process, before and around its jobs."""
+"""A worker process: its setup, and running its jobs."""
 
 import os
 import pickle
@@ -14,17 +14,17 @@ from monochord.core.errors import DeviceError
 from monochord.core.interruption import interruption
 
 MAX_DEATHS = 3
-"""Number of workers that may die during one job before the job is given up."""
+"""Number of workers that may die during one job before it fails."""
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 """Environment of a worker: one thread each, since every core has a worker."""
 
 
 _last = threading.local()
-"""The function of the last job of each thread, as bytes and unpacked, with what it has loaded."""
+"""Function of each thread's last job, as bytes and unpickled, including anything it has loaded."""
 
 
 def pack(value: Any) -> bytes:
-    """Return a job, or its function, as bytes, which no scheduler tries to read."""
+    """Return a job, or its function, as bytes, opaque to schedulers."""
     return pickle.dumps(value)
 
 
@@ -41,21 +41,22 @@ def call(work: bytes, job: bytes) -> Any:
 
 
 def call_in(folder: str, work: bytes, job: bytes) -> Any:
-    """Run a packed job in the folder of the program that sent it, by which relative paths go."""
+    """Run a packed job in the working folder of the program that sent it, so that relative paths work."""
     with suppress(OSError):
         os.chdir(folder)
     return call(work, job)
 
 
 def unreadable(error: BaseException) -> str:
-    """Return the message about a worker that lacks a module of its job."""
+    """Return the error message for a worker that lacks a module of its job."""
     return f"a worker cannot read its job ({error}): install the same code there"
 
 
 def prepare() -> None:
-    """Prepare a worker as it starts.
+    """Initialise a worker as it starts.
 
-    Control-C is left to the parent, which ends its workers; a worker ends with its parent, however that ends.
+    Workers ignore Control-C, since their parent ends them; a worker also ends when its parent does, in any
+    way.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = parent_process()
@@ -70,9 +71,9 @@ def _end_with(parent: Any) -> None:
 
 @contextmanager
 def shielded() -> Generator[None]:
-    """Hold Control-C back while workers start or end; workers that start inside never receive it.
+    """Block Control-C while workers start or end; workers started inside ignore it.
 
-    A terminal sends it to them too, and until they ignore it they would end with a traceback.
+    A terminal sends Control-C to workers too; before they ignore it, it would end them with a traceback.
     """
     resource_tracker.ensure_running()  # which would unblock the signal in the thread that starts it
     with interruption() as stop:
@@ -88,7 +89,7 @@ def shielded() -> Generator[None]:
 
 @contextmanager
 def one_thread_each() -> Generator[None]:
-    """Have workers that start inside run on one thread; restore the environment after."""
+    """Let workers started inside use one thread each; restore the environment afterwards."""
     before = dict(os.environ)
     os.environ.update(dict.fromkeys(THREADS, "1"))
     try:
@@ -100,9 +101,9 @@ def one_thread_each() -> Generator[None]:
 
 @contextmanager
 def without_main() -> Generator[None]:
-    """Keep workers that start inside from running the program's own script again, as `spawn` has them do.
+    """Keep workers started inside from running the program's script again, as `spawn` would.
 
-    Jobs and their functions are of modules that can be imported, so that a script needs no guard.
+    Jobs and their functions come from importable modules, so that a script needs no guard.
     """
     main = sys.modules["__main__"]
     hidden = {name: vars(main)[name] for name in ("__file__", "__spec__") if name in vars(main)}

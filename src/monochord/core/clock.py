@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from monochord.core.units import Samples, Seconds
 
 MIN_CLOCK_STEP: Seconds = 0.05
-"""A clock that moves by more than this against the monotonic one was set."""
+"""A clock that steps by more than this against the monotonic clock was set, in s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,10 +36,10 @@ class SampleClock:
 def clock_offsets() -> dict[str, Seconds]:
     """Return this machine's clocks minus the monotonic clock, each read between two monotonic reads.
 
-    Of three such readings the quickest counts: a program that is made to wait between two reads of a clock
-    would else be off by half of that.
+    Of three readings, the fastest is used: if the program is interrupted between two reads, the offset is
+    wrong by half of the pause.
 
-    ``realtime`` is the wall clock; ``monotonic_raw``, which JACK keeps, is not slewed by NTP.
+    ``realtime`` is the wall clock; ``monotonic_raw``, used by JACK, is not slewed by NTP.
 
     >>> sorted(clock_offsets())
     ['monotonic_raw', 'realtime']

@@ -1,4 +1,4 @@
-"""Things that a `with` block closes."""
+"""Base class of objects that a `with` block closes."""
 
 from abc import ABC, abstractmethod
 from types import TracebackType
@@ -6,7 +6,7 @@ from typing import Self
 
 
 class Closing(ABC):
-    """Base of anything that is opened and closed; a `with` block yields it and closes it at the end."""
+    """Base class of anything opened and closed; a `with` block yields it and closes it at the end."""
 
     @abstractmethod
     def close(self) -> None:

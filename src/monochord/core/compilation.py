@@ -1,7 +1,7 @@
-"""The progress bar that a user sees while kernels are compiled.
+"""The progress bar shown while kernels are compiled.
 
-A kernel is compiled when it is first called after an installation or an update, and kept on disk. That takes
-some tens of seconds; a terminal that stays blank meanwhile looks as if the program hangs.
+A kernel is compiled when it is first called after an installation or an update, and cached on disk. That
+takes some tens of seconds, during which a blank terminal would look like a hang.
 """
 
 import sys
@@ -14,16 +14,17 @@ from typing import TextIO
 from monochord.core.units import Seconds
 
 USUAL_TIME: Seconds = 40.0
-"""What all kernels of the twin and of the bundled model took together, on one core of a shared machine."""
+"""Compilation time of all kernels of the twin and the bundled model on one shared core, in s.
+"""
 BAR_WIDTH = 24
 REDRAW_PERIOD: Seconds = 0.5
 
 
 class Bar:
-    """A bar that moves while a function is compiled: ``compiling, once, about 40 s [##......] 4 s``.
+    """A progress bar during compilation: ``compiling, once, about 40 s [##......] 4 s``.
 
-    It shows the time spent of the usual one, and is erased when a compilation ends. A log, a pipe or a file
-    gets nothing, and a process that another one of Python's started draws none.
+    It shows the time spent out of the usual time, and is erased when a compilation ends. It is not drawn in a
+    log, a pipe or a file, nor by a process started by another Python process.
 
     Parameters
     ----------
@@ -44,7 +45,7 @@ class Bar:
         self._drawing: threading.Thread | None = None
 
     def start(self) -> None:
-        """Note that a compilation starts, perhaps within another."""
+        """Record that a compilation starts, possibly nested in another."""
         self._depth += 1
         if self._depth == 1:
             self._since = time.monotonic()
@@ -55,7 +56,7 @@ class Bar:
                 self._drawing.start()
 
     def stop(self) -> None:
-        """Note that one has ended."""
+        """Record that a compilation has ended."""
         self._depth -= 1
         if self._depth == 0:
             self._before += time.monotonic() - self._since
@@ -65,7 +66,7 @@ class Bar:
                 self._drawing = None
 
     def _draw(self, screen: TextIO) -> None:
-        """Draw until the compilation ends; what comes next may draw on the same line."""
+        """Draw until the compilation ends; later output may use the same line."""
         with suppress(OSError, ValueError):  # of a terminal that was closed
             while True:
                 spent = self._before + time.monotonic() - self._since
@@ -80,5 +81,5 @@ class Bar:
 
 
 def _is_terminal(file: TextIO | None) -> bool:
-    """Return whether a person sees what is drawn there; a program may have closed or removed it."""
+    """Return whether a file is a terminal visible to the user; a program may have closed or removed it."""
     return file is not None and not file.closed and file.isatty() and parent_process() is None

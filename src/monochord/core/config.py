@@ -1,7 +1,7 @@
-"""Configuration: TOML text and ``a.b=c`` overrides into frozen dataclasses, strictly.
+"""Configuration: TOML text and ``a.b=c`` overrides, strictly converted to frozen dataclasses.
 
-A dataclass is the schema of its own configuration, and stands beside the code that it configures. An unknown
-key is an error with "did you mean"; a value of the wrong type is an error that names the option by its path.
+Each configuration has a dataclass as its schema, beside the code that it configures. An unknown key is an
+error with "did you mean"; a value of the wrong type is an error that names the option by its path.
 """
 
 import dataclasses
@@ -25,15 +25,15 @@ from monochord.core.units import FINITE, unit_of
 T = TypeVar("T")
 Tree: TypeAlias = dict[str, Any]
 MAX_BYTES = 1 << 26
-"""Size of the largest text file that is read whole."""
+"""Size of the largest text file that is read, in bytes."""
 MAX_DEPTH = 32
-"""Names in the path of an override, at most."""
+"""Most names in the path of an override."""
 MAX_SHOWN = 80
-"""Characters of a value that an error message quotes."""
+"""Most characters of a value quoted in an error message."""
 
 
 def load_toml(path: Path) -> Tree:
-    """Read a TOML file; raises `InputError` if it is absent or not TOML."""
+    """Read a TOML file; raises `InputError` if it is missing or not TOML."""
     refuse_endless(path)
     try:
         return tomllib.loads(_text(path))
@@ -44,7 +44,7 @@ def load_toml(path: Path) -> Tree:
 
 
 def load_json(path: Path, remedy: str = "") -> Any:
-    """Read a JSON file; raises `InputError`, ending with `remedy`, if it is absent or not JSON."""
+    """Read a JSON file; raises `InputError`, ending with `remedy`, if it is missing or not JSON."""
     refuse_endless(path)
     try:
         return json.loads(_text(path))
@@ -55,12 +55,12 @@ def load_json(path: Path, remedy: str = "") -> Any:
 
 
 def table(tree: Mapping[str, Any], name: str) -> Tree:
-    """Return the table `name` of a tree, an empty one where there is none.
+    """Return the table `name` of a tree, or an empty one.
 
     Raises
     ------
     InputError
-        If something other than a table stands there.
+        If `name` is not a table.
 
     >>> table({"window": {"hop": 0.01}}, "window"), table({}, "window")
     ({'hop': 0.01}, {})
@@ -72,9 +72,9 @@ def table(tree: Mapping[str, Any], name: str) -> Tree:
 
 
 def override(tree: Tree, assignments: Iterable[str]) -> Tree:
-    """Return `tree` with assignments such as ``window.hop=0.01`` laid over it.
+    """Return `tree` with overrides such as ``window.hop=0.01`` applied.
 
-    The right side is read as a TOML value where it is one and as plain text otherwise.
+    The right side is parsed as a TOML value, or taken as plain text where that fails.
 
     >>> override({"window": {"hop": 0.01}}, ["window.hop=0.02", "source.path=take.wav"])
     {'window': {'hop': 0.02}, 'source': {'path': 'take.wav'}}
@@ -95,29 +95,28 @@ def override(tree: Tree, assignments: Iterable[str]) -> Tree:
 
 
 def from_tree(cls: type[T], tree: Mapping[str, Any], where: str = "") -> T:
-    """Build the dataclass `cls` from a tree of plain values, refusing unknown keys and wrong types.
+    """Build the dataclass `cls` from a tree of plain values; unknown keys and wrong types raise.
 
     Parameters
     ----------
     cls
-        A dataclass, perhaps with dataclasses, lists or tables inside.
+        A dataclass, possibly with nested dataclasses, lists or tables.
     tree
-        Plain values by field name, as TOML or JSON gives them; text is converted to a number where the field
-        is one.
+        Plain values by field name, as from TOML or JSON; text is converted where a field is a number.
     where
         Path of this part in error messages.
 
     Returns
     -------
     T
-        The dataclass; what the tree leaves out has its default.
+        The dataclass, with defaults for values missing from the tree.
 
     Raises
     ------
     InputError
-        Naming the option by its path: for a key that is unknown (with a suggestion), a value of the wrong
-        type, a field without default that is left out, and a number that is NaN. An `InputError` of the
-        dataclass itself passes through.
+        If a key is unknown (with a suggestion), a value has the wrong type, a field without default is
+        missing, or a number is NaN; the error names the option by its path. An `InputError` of the dataclass
+        itself passes through.
     """
     try:
         return _converted(cls, tree, where)
@@ -126,12 +125,12 @@ def from_tree(cls: type[T], tree: Mapping[str, Any], where: str = "") -> T:
 
 
 def to_tree(config: Any) -> Tree:
-    """Return a dataclass as plain values that TOML can hold; fields that are None are left out."""
+    """Return a dataclass as plain values for TOML, without fields that are None."""
     return _plain(config)
 
 
 def dump_toml(tree: Tree) -> str:
-    r"""Return a tree of plain values as TOML text: the resolved copy that is saved beside a result.
+    r"""Return a tree of plain values as TOML text, as saved beside a result.
 
     >>> dump_toml({"window": {"hop": 0.01}})
     '[window]\nhop = 0.01\n'
@@ -141,7 +140,7 @@ def dump_toml(tree: Tree) -> str:
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class Setting:
-    """One value of a configuration: its path, the values it takes, and its default (None if it has none)."""
+    """One value of a configuration: its path, allowed values, and default (None if it has none)."""
 
     name: str
     allowed: str
@@ -150,9 +149,9 @@ class Setting:
 
 
 def settings_of(cls: type, where: str = "") -> list[Setting]:
-    """Return every value that a configuration of the dataclass `cls` holds, in order, by dotted path.
+    """Return every value of the configuration dataclass `cls`, in order, by dotted path.
 
-    A table of options whose names the class does not know stands as one value.
+    A table of options with names unknown to the class counts as one value.
 
     Examples
     --------
@@ -178,7 +177,7 @@ def settings_of(cls: type, where: str = "") -> list[Setting]:
 
 
 def describe_type(kind: Any) -> str:
-    """Return what a type annotation allows, in plain words.
+    """Return the values that a type annotation allows, in plain words.
 
     >>> from monochord.core.units import Seconds
     >>> describe_type(float | None), describe_type(tuple[float, float]), describe_type(Literal["near", "far"])
@@ -219,7 +218,7 @@ _WORDS: dict[Any, str] = {
 
 
 def _bounded(words: str, meta: msgspec.Meta, unit: str) -> str:
-    """Return what a number of a range may be, in words; largest and smallest finite number read "finite"."""
+    """Return the allowed range of a number in words; the largest and smallest float read "finite"."""
     if meta.le == FINITE:
         words = words.replace("a number", "a finite number")
     elif meta.ge is not None and meta.le is not None:
@@ -236,10 +235,10 @@ def _number(value: float) -> str:
 
 
 def _converted(kind: Any, value: Any, where: str) -> Any:
-    """Return a plain value as the type `kind`; `where` is its path.
+    """Return a plain value converted to the type `kind`; `where` is its path.
 
-    Tables and lists are walked here, for the paths of what they hold; msgspec converts everything else, and
-    refuses what has another shape.
+    Tables and lists are walked here, to track the paths of their elements; msgspec converts everything else,
+    and raises for any other shape.
     """
     bare, _ = _bare(kind)
     parts, fields = get_args(bare), _fields(bare)
@@ -267,7 +266,7 @@ def _converted(kind: Any, value: Any, where: str) -> Any:
 
 
 def _fits(kind: Any, value: Any) -> bool:
-    """Return whether a type is a table and so is the value, or both are lists."""
+    """Return whether type and value are both tables, or both lists."""
     bare, _ = _bare(kind)
     if isinstance(value, Mapping):
         return _fields(bare) is not None or _is(bare, Mapping)
@@ -286,7 +285,7 @@ def _built(cls: Any, fields: Mapping[str, Any], value: Any, where: str) -> Any:
     for field in dataclasses.fields(cls):
         required = field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
         if field.init and required and field.name not in arguments:
-            given = f"option '{_joined(where, field.name)}' (not given)"
+            given = f"option '{_joined(where, field.name)}' (missing)"
             raise InputError(given, describe_type(fields[field.name]))
     try:
         return cls(**arguments)
@@ -297,7 +296,7 @@ def _built(cls: Any, fields: Mapping[str, Any], value: Any, where: str) -> Any:
 
 
 def _leaf(kind: Any, value: Any, where: str) -> Any:
-    """Return a single value as a number, text, truth value, path, choice or nothing."""
+    """Return a single value as a number, text, truth value, path, choice or None."""
     members = [_bare(part)[0] for part in (get_args(kind) if _is_union(kind) else [kind])]
     if Path not in members:  # whose name may be of any bytes
         _checked_text(value, where)
@@ -316,11 +315,11 @@ def _path(kind: type, value: Any) -> Any:
         return value
     if issubclass(kind, Path) and isinstance(value, str):
         return kind(value)
-    raise TypeError(f"{value!r} is no {kind.__name__}")
+    raise TypeError(f"{value!r} is not a {kind.__name__}")
 
 
 def _checked_text(value: Any, where: str) -> Any:
-    """Return a value of any shape; raises `InputError` for text in it that UTF-8 cannot write."""
+    """Return a value of any shape; raises `InputError` for text in it that cannot be encoded in UTF-8."""
     if isinstance(value, str) and not value.isascii():
         try:
             value.encode()
@@ -337,7 +336,7 @@ def _checked_text(value: Any, where: str) -> Any:
 
 
 def _refusal(where: str, value: Any, allowed: str, remedy: str = "", *, quoted: bool = True) -> InputError:
-    """Return the error for a value that its option does not allow; its line quotes no more than it needs."""
+    """Return the error for an invalid value of an option; its line quotes no more than needed."""
     try:
         text = repr(value) if quoted else str(value)
     except ValueError:  # an integer of more digits than Python writes
@@ -348,7 +347,7 @@ def _refusal(where: str, value: Any, allowed: str, remedy: str = "", *, quoted: 
 
 @cache
 def _fields(kind: Any) -> dict[str, Any] | None:
-    """Return the types of a dataclass's fields by name; None for what is not a dataclass."""
+    """Return the types of a dataclass's fields by name; None for other types."""
     if not (isinstance(kind, type) and dataclasses.is_dataclass(kind)):
         return None
     hints = get_type_hints(kind, include_extras=True)
@@ -365,7 +364,7 @@ def _choices(kind: Any) -> list[str]:
 
 
 def _bare(kind: Any) -> tuple[Any, tuple[Any, ...]]:
-    """Return a type without ``Annotated``, and what was annotated."""
+    """Return a type without ``Annotated``, and its annotations."""
     return (kind.__origin__, kind.__metadata__) if get_origin(kind) is Annotated else (kind, ())
 
 

@@ -1,4 +1,4 @@
-"""Long curves with few points, for plots."""
+"""Reduces long curves to few points, for plots."""
 
 from typing import TypeVar
 
@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 from monochord.core.types import Floats
 
 MAX_POINTS = 4000
-"""Largest number of points of a curve; of more, the extremes of each stretch are drawn."""
+"""Most points of a curve; longer curves keep the extremes of each stretch."""
 
 Value = TypeVar("Value", np.float32, np.float64)
 
 
 def thinned(time: Floats, values: NDArray[Value]) -> tuple[Floats, NDArray[Value]]:
-    """Return a curve (n,) as one of at most `MAX_POINTS` points that keeps every peak.
+    """Return a curve (n,) with at most `MAX_POINTS` points, keeping every peak.
 
     >>> time = np.arange(10_000.0)
     >>> thinned(time, np.where(time == 5000.0, 1.0, 0.0))[1].max()

@@ -1,4 +1,4 @@
-"""The errors that a person sees: one line that says what was given, what was expected, and what to do."""
+"""The errors that users see: one line with what was given, what was expected, and what to do."""
 
 import shlex
 import sys
@@ -8,26 +8,26 @@ from importlib.metadata import requires
 from pathlib import Path
 
 TORCH = "torch==2.13.0"
-"""The release of PyTorch that is installed without a graphics card's libraries."""
+"""The CPU-only release of PyTorch, without GPU libraries."""
 LONGEST_GIVEN = 1000
-"""Characters of what was given that an error's line quotes; a file may hold a value of any length."""
+"""Most characters of the given value quoted in an error; a file may hold a value of any length."""
 
 
 class MonochordError(Exception):
-    """Base class of every error that Monochord raises on purpose."""
+    """Base class of every error that Monochord raises intentionally."""
 
 
 class InputError(MonochordError, ValueError):
-    """An input that cannot be used; the command line prints it as one line and exits with status 2.
+    """An unusable input; the command line prints it as one line and exits with status 2.
 
     Parameters
     ----------
     given
-        What was given, as a noun phrase: ``"force -1.0 N"``. An attribute too, as are the others.
+        The given value, as a noun phrase: ``"force -1.0 N"``. All three are also attributes.
     expected
-        What was expected instead: ``"0 to 2 N"``.
+        The expected value: ``"0 to 2 N"``.
     remedy
-        What to do, as an order; optional.
+        What to do, in the imperative; optional.
 
     >>> error = InputError("force -1 N", "0 N or more", "press, don't pull")
     >>> str(error)
@@ -43,7 +43,7 @@ class InputError(MonochordError, ValueError):
 
     @property
     def allowed(self) -> str:
-        """Another name of `expected`."""
+        """Alias of `expected`."""
         return self.expected
 
     def __reduce__(self) -> tuple[type["InputError"], tuple[str, str, str]]:
@@ -52,16 +52,16 @@ class InputError(MonochordError, ValueError):
 
 
 class MissingLibraryError(InputError):
-    """A library that an optional part of Monochord needs is not installed.
+    """A missing library, required by an optional part of Monochord.
 
     Parameters
     ----------
     task
-        What requires it: ``"Training"``.
+        The task that requires it: ``"Training"``.
     library
-        Its name, and the version: ``"torch >= 2.6"``.
+        Name and version: ``"torch >= 2.6"``.
     extra
-        The extra of Monochord that needs it, ``"train"``, or else its name on the package index.
+        The Monochord extra that installs it, ``"train"``, or else its name on the package index.
 
     >>> str(MissingLibraryError("Exporting parquet", "pyarrow >= 17", "export"))
     "Exporting parquet requires pyarrow >= 17. Install it: ...python... -m pip install 'pyarrow>=17'"
@@ -78,9 +78,9 @@ class MissingLibraryError(InputError):
 
 
 def installation(extra: str) -> str:
-    """Return the command that installs what an extra needs into the environment that runs now.
+    """Return the command that installs an extra's libraries into the running environment.
 
-    PyTorch goes first and by itself, since any other way of asking brings gigabytes for a graphics card.
+    PyTorch comes first and separately, since any other order downloads gigabytes of GPU libraries.
 
     >>> installation("train")
     '...python... -m pip install torch==2.13.0'
@@ -97,7 +97,7 @@ def installation(extra: str) -> str:
 
 
 class DeviceError(MonochordError, RuntimeError):
-    """A required device or server is absent, or was lost for good."""
+    """A missing or lost device or server."""
 
 
 def _shortened(given: str) -> str:

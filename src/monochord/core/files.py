@@ -1,4 +1,4 @@
-"""Reading of finite files only, and writing that never leaves half a file under the final name."""
+"""Reads only finite files, and never leaves an incomplete file under its final name."""
 
 import os
 import re
@@ -12,15 +12,15 @@ from monochord.core.errors import InputError
 from monochord.core.printable import printable
 
 MAX_NAME = 100
-"""Characters of a file's name that the one beside it repeats."""
+"""Most characters of a file's name reused in the temporary name beside it."""
 _KINDS = {stat.S_IFIFO: "a pipe", stat.S_IFCHR: "a device", stat.S_IFBLK: "a disk", stat.S_IFSOCK: "a socket"}
 _INDEX = re.compile(r"|Unnamed: \d+")
 
 
 def refuse_endless(path: Path) -> None:
-    """Raise `InputError` where a path is a pipe, a device or a socket: reading it may take for ever.
+    """Raise `InputError` for a pipe, a device or a socket, which may never end.
 
-    What is not there, and folders, pass: whoever opens them says so.
+    Missing files and folders pass: opening them raises the appropriate error.
 
     >>> refuse_endless(Path("/dev/zero"))
     Traceback (most recent call last):
@@ -40,9 +40,9 @@ def similar_name(path: Path | str, names: Iterable[str] = ()) -> str:
     Parameters
     ----------
     path
-        The path that was asked for and does not exist.
+        The requested path, which does not exist.
     names
-        What else may be meant, beside what lies in the same folder and has the same suffix.
+        Further candidates, in addition to files in the same folder with the same suffix.
 
     >>> similar_name("dmeo", ["demo"])
     "did you mean 'demo'?"
@@ -59,9 +59,9 @@ def similar_name(path: Path | str, names: Iterable[str] = ()) -> str:
 
 
 def without_index(rows: Sequence[Sequence[str]]) -> list[list[str]]:
-    """Return the rows of a table, header first, without the row numbers that pandas writes before them.
+    """Return the rows of a table, header first, without pandas's column of row numbers.
 
-    Its header names them not at all, or, written a second time, ``Unnamed: 0``.
+    The header leaves that column's name empty or, after a second export, calls it ``Unnamed: 0``.
 
     >>> without_index([["", "time"], ["0", "0.5"]])
     [['time'], ['0.5']]
@@ -76,10 +76,10 @@ def without_index(rows: Sequence[Sequence[str]]) -> list[list[str]]:
 
 @contextmanager
 def replacing(path: Path) -> Generator[Path]:
-    """Yield a file beside `path` to write, which takes its place at once as the context ends.
+    """Yield a temporary file beside `path` to write; it replaces `path` when the context ends.
 
-    If that ends with an error, or is never reached, what was there before stays. The name that is written has
-    the same suffix; a device or a pipe, such as ``/dev/stdout``, is written itself.
+    If the context ends with an error, or never ends, the previous file stays. The temporary name has the same
+    suffix; a device or a pipe, such as ``/dev/stdout``, is written directly.
 
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
@@ -105,7 +105,7 @@ def replacing(path: Path) -> Generator[Path]:
 
 @contextmanager
 def sound_written(path: Path) -> Generator[None]:
-    """Raise `InputError` where libsndfile cannot write all of a sound file, as on a full disk."""
+    """Raise `InputError` where libsndfile cannot write a whole sound file, as on a full disk."""
     import soundfile  # noqa: PLC0415  (loads its library on use)
 
     try:
@@ -113,5 +113,5 @@ def sound_written(path: Path) -> Generator[None]:
     except soundfile.LibsndfileError as error:
         given = f"file {path} ({error.error_string.rstrip('.')})"
         raise InputError(
-            given, "a place with enough space", "free space there, or write elsewhere"
+            given, "a disk with enough free space", "free space there, or write elsewhere"
         ) from error

@@ -1,4 +1,4 @@
-"""Control-C, SIGTERM and SIGHUP as a request that a loop answers between two steps."""
+"""Control-C, SIGTERM and SIGHUP as a request that a loop checks between two steps."""
 
 import signal
 import threading
@@ -10,10 +10,10 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class Interruption:
-    """Whether the person or the system requested the end of a run; a second signal raises at once.
+    """Whether the user or the system requested the end of a run; a second signal raises at once.
 
-    A KeyboardInterrupt may be raised anywhere, and inside a compiled kernel it comes out as another error; so
-    the first signal only sets `requested` and closes the stream, which may be waiting for a block that never
+    A KeyboardInterrupt can be raised anywhere, and becomes another error inside a compiled kernel. So the
+    first signal only sets `requested` and closes the stream, which may be waiting for a block that never
     comes.
     """
 
@@ -25,7 +25,7 @@ class Interruption:
 
     @contextmanager
     def ending(self, close: Callable[[], None]) -> Generator[None]:
-        """Have `close` called, from a thread of its own, once the end is requested."""
+        """Call `close` from a separate thread once the end is requested."""
         self._close = close
         if self.requested:
             close()
@@ -38,7 +38,7 @@ class Interruption:
 
     @contextmanager
     def at_once(self) -> Generator[None]:
-        """Have the first signal raise too: meanwhile devices are opened, and there is nothing yet to save."""
+        """Make the first signal raise too, while devices are opened and there is nothing to save yet."""
         self._at_once = True
         try:
             if self.requested:
@@ -62,8 +62,8 @@ class Interruption:
 def interruption() -> Generator[Interruption]:
     """Handle SIGINT, SIGTERM and SIGHUP, and restore the previous handlers afterwards.
 
-    One that is ignored, as SIGHUP is under nohup, stays so. Outside the main thread, where Python takes no
-    signals, nothing is changed.
+    An ignored signal, such as SIGHUP under nohup, stays ignored. Outside the main thread, where Python
+    receives no signals, nothing changes.
     """
     stop = Interruption()
     before = {}

@@ -1,13 +1,13 @@
-"""How Monochord's functions are compiled: by numba, once, and kept on disk beside their module.
+"""Compiles Monochord's kernels with numba and caches them on disk beside their modules.
 
-A file of that cache may be empty or cut short, where a disk was full or a machine lost its power, or have a
-bit flipped; numba would raise what no program expects, or run it. Here each file ends with the checksum of
-what stands before. One without it counts as absent: the kernel is compiled again and the file replaced. What
-cannot be written is compiled all the same.
+A cache file may be empty, truncated or corrupted after a full disk, a power failure or a bit error; numba
+would raise an unexpected error, or run it. Here each file ends with a checksum of its content. A file without
+a valid checksum counts as missing: the kernel is compiled again and the file replaced. If the cache cannot be
+written, kernels are still compiled.
 
-On a terminal a compilation shows a bar, whatever program runs (`monochord.core.compilation`). Meanwhile
-Python looks for no garbage: most of what a compilation makes is kept, and the search takes a tenth of its
-time.
+In a terminal, compilation shows a progress bar in any program (`monochord.core.compilation`). Python's
+garbage collector is paused meanwhile: most objects of a compilation are kept, and collection takes a tenth of
+its time.
 """
 
 import gc
@@ -32,12 +32,12 @@ from monochord.core.compilation import Bar
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 COMPILE: Any = njit
-"""numba's stubs know neither all of its options nor that a function keeps its signature."""
+"""numba's type stubs lack some of its options, and do not preserve a function's signature."""
 DIGEST_SIZE = hashlib.sha256().digest_size
 
 
 def compile_lazily(function: Any, **options: Any) -> Any:
-    """Return numba's function that is compiled at its first call and kept nowhere; `options` of `numba.njit`.
+    """Return a function that numba compiles at its first call, without a cache; takes `numba.njit` options.
 
     Examples
     --------
@@ -48,10 +48,10 @@ def compile_lazily(function: Any, **options: Any) -> Any:
 
 
 def kernel(signature: str = "", **options: Any) -> Callable[[Function], Function]:
-    """Compile a function at its first call, or at once for a `signature`, and keep it on disk.
+    """Compile a function at its first call, or at once for a `signature`, and cache it on disk.
 
-    It divides as NumPy does: by zero gives infinity and no error. With ``NUMBA_DISABLE_JIT`` set, the
-    function is not compiled.
+    Division follows NumPy: division by zero gives infinity without an error. With ``NUMBA_DISABLE_JIT`` set,
+    the function is not compiled.
 
     Parameters
     ----------
@@ -83,10 +83,10 @@ def kernel(signature: str = "", **options: Any) -> Callable[[Function], Function
 
 
 def part(**options: Any) -> Callable[[Function], Function]:
-    """Compile a function that kernels call, of the same file; it is kept on disk as a part of them.
+    """Compile a function that kernels in the same file call; it is cached as part of them.
 
-    Python has no entry to the compiled code, which would cost as much to compile as a short function. A call
-    from Python runs the function as it is written.
+    Python has no entry to the compiled code, which would take as long to compile as a short function. A call
+    from Python runs the uncompiled function.
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ def part(**options: Any) -> Callable[[Function], Function]:
 
 
 def callback(signature: Any) -> Callable[[Any], Any]:
-    """Compile a function at once into a C function, and keep it on disk; `address` is its address."""
+    """Compile a function at once into a C function, and cache it; `address` is its address."""
 
     def compiled(function: Any) -> Any:
         compiled_function: Any = CFunc(function, normalize_signature(signature), locals={}, options={})
@@ -125,10 +125,10 @@ def callback(signature: Any) -> Callable[[Any], Any]:
 
 
 class _Compiler(Compiler):
-    """Shares what numba compiles of its own, such as ``np.zeros``, between all functions.
+    """Shares numba's internal compilations, such as ``np.zeros``, between all functions.
 
-    numba compiles these anew wherever an option of the caller is another, even one that says only which
-    entries the caller has. They see the entries of a function of numba's here.
+    numba would compile these again for every different option of the caller, even one that only selects the
+    caller's entries. They see the entries of a function of numba's here.
     """
 
     def define_pipelines(self) -> Any:
@@ -142,12 +142,12 @@ class _Part(CPUDispatcher):
     """A function that is compiled for kernels; without a way into its code, numba's own call would crash."""
 
     def __call__(self, *arguments: Any, **named: Any) -> Any:
-        """Run it uncompiled."""
+        """Run the function uncompiled."""
         return self.py_func(*arguments, **named)
 
 
 class _Cache(FunctionCache):
-    """The cache of a function on disk, whose files are checked."""
+    """A function's cache on disk, with checked files."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
@@ -158,13 +158,13 @@ class _Cache(FunctionCache):
         )
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Save what was compiled, where that is possible."""
+        """Save the compiled code, where possible."""
         with suppress(OSError):
             super().save_overload(sig, data)
 
 
 class _Files(IndexDataCacheFile):
-    """An index and the compiled code of a function; what is damaged counts as absent."""
+    """The index and compiled code of a function; damaged files count as missing."""
 
     def _load_index(self) -> Any:
         return super()._load_index() if _is_whole(Path(self._index_path)) else {}
@@ -184,7 +184,7 @@ class _Files(IndexDataCacheFile):
 
 
 def _is_whole(path: Path) -> bool:
-    """Return whether a file is there and ends with the checksum of what stands before."""
+    """Return whether a file exists and ends with a valid checksum of its content."""
     try:
         content = path.read_bytes()
     except OSError:
@@ -193,35 +193,38 @@ def _is_whole(path: Path) -> bool:
 
 
 class _Shown(event.Listener):
-    """Passes numba's starts and ends on to the bar; they nest, since it compiles in one thread at a time."""
+    """Passes numba's compilation events to the bar.
+
+    They nest, since numba compiles in one thread at a time.
+    """
 
     def __init__(self) -> None:
         self._bar = Bar()
 
     def on_start(self, event: Any) -> None:  # noqa: ARG002
-        """Note that a compilation starts, perhaps within another."""
+        """Record that a compilation starts, possibly nested in another."""
         self._bar.start()
 
     def on_end(self, event: Any) -> None:  # noqa: ARG002
-        """Note that one has ended."""
+        """Record that a compilation has ended."""
         self._bar.stop()
 
 
 class _Uncollected(event.Listener):
-    """Pauses Python's search for garbage from the start of the outermost compilation to its end."""
+    """Pauses Python's garbage collector during the outermost compilation."""
 
     def __init__(self) -> None:
         self._depth, self._was_on = 0, False
 
     def on_start(self, event: Any) -> None:  # noqa: ARG002
-        """Pause it."""
+        """Pause the collector."""
         if self._depth == 0:
             self._was_on = gc.isenabled()
             gc.disable()
         self._depth += 1
 
     def on_end(self, event: Any) -> None:  # noqa: ARG002
-        """Go on with it, if the program had it on."""
+        """Resume the collector, if it was on."""
         self._depth -= 1
         if self._depth == 0 and self._was_on:
             gc.enable()

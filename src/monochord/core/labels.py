@@ -1,25 +1,26 @@
-"""The label rules: from what is true at times to what is true of a window.
+"""The label rules: from labels at times to the labels of a window.
 
-A label holds from its time until the next one's, but `Rules.hold` at most; after that nothing is known. All
-shares are of time, so labels at any rate, even or not, give the same answer. For a window [begin, end):
+A label holds from its time until the next one's, at most for `Rules.hold`; after that, values are unknown.
+All shares are of time, so labels at any rate, regular or not, give the same result. For a window [begin,
+end):
 
 - **known**: labels must cover `known` of it, or every label of it is NaN.
 - **contact** is 1 if it is touched for `touched` of its known time or more, 0 for `untouched` or less, and
-  NaN between. Such a window holds the onset or the end of a touch: calling it either would teach a
-  threshold of our choosing.
+  NaN between. Such a window holds the onset or the end of a touch: either label would teach an arbitrary
+  threshold.
 - **transition** is 1 where contact is NaN for that reason, else 0. Transitions stay in the dataset, for
   events and latency.
 - **position**, **force** and the parts of the sliding velocity (**slip_across**, **slip_along**) are means
-  over the touched time, where contact is 1. A touch that covers 90 % has at most a tenth of the window
-  beside it, and that tenth has no position. **force_std** is the deviation of the force within: how far one
-  number can stand for the window.
+  over the touched time, where contact is 1. If the touch covers 90 %, at most a tenth of the window has no
+  contact, and so no position. **force_std** is the deviation of the force within: how far one number can
+  stand for the window.
 - **slip** is 1 where contact is 1 and the touch slides for `sliding` of the touched time or more, 0 for
   `still` or less, and NaN between. Sliding is audible even in part of a window, so 50 % counts; a shorter
-  slide is neither. Without contact slip is NaN: nothing is there to slide.
+  slide is neither. Without contact, slip is undefined and NaN.
 - **any other column** is its mean over the known time.
 
-While the taps that align the clocks are played, the drivers are off: windows that reach into that have
-every label NaN and **calibrating** 1 (see `monochord.datasets.build`).
+During the alignment taps, the drivers are off: windows that overlap this time have NaN in every label and
+**calibrating** 1 (see `monochord.datasets.build`).
 """
 
 from dataclasses import dataclass
@@ -35,16 +36,16 @@ from monochord.core.units import Seconds
 
 LabelColumns: TypeAlias = dict[str, Floats]
 TOUCH_COLUMNS = ("position", "force", "slip_across", "slip_along", "slip_velocity")
-"""Columns that mean something only while something touches."""
+"""Columns that are defined only during contact."""
 SHARE_TOLERANCE = 1e-9
-"""A share this close to a rule meets it: shares are sums of rounded times."""
+"""Tolerance for a share to meet a rule: shares are sums of rounded times."""
 SETTLED = 1.0 - 1e-6
-"""A window's sound has settled if its label ``settled``, a share of the window, is this or more."""
+"""Smallest label ``settled``, a share of the window, from which its sound counts as settled."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LabelTrack:
-    """Ground truth at times (n,) in s, one column (n,) per quantity; NaN where it is unknown."""
+    """Ground truth at times (n,) in s, one column (n,) per quantity; NaN where unknown."""
 
     time: Floats
     columns: dict[str, Floats]
@@ -52,7 +53,7 @@ class LabelTrack:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rules(Checked):
-    """Shares of a window's time that decide its labels; the module says what each means."""
+    """Shares of a window's time that decide its labels; see the module for each."""
 
     touched: Share = 0.9
     untouched: Share = 0.1
@@ -78,17 +79,17 @@ def window_labels(track: LabelTrack, begin: Floats, end: Floats, rules: Rules = 
     Parameters
     ----------
     track
-        What is true at times, with a column ``contact`` (0 or 1, NaN where that is not known).
+        Labels at times, with a column ``contact`` (0 or 1, NaN where unknown).
     begin, end
-        Times of the windows (n,), on the clock of `track`, in s.
+        Begin and end of the windows (n,), on the clock of `track`, in s.
     rules
-        The shares that decide.
+        The label rules.
 
     Returns
     -------
     LabelColumns
-        ``contact``, ``transition``, ``position``, ``force``, ``force_std``, ``slip`` and whatever else
-        `track` has, each (n,), NaN where not valid.
+        ``contact``, ``transition``, ``position``, ``force``, ``force_std``, ``slip`` and the other columns of
+        `track`, each (n,), NaN where not valid.
 
     Raises
     ------
@@ -106,9 +107,7 @@ def window_labels(track: LabelTrack, begin: Floats, end: Floats, rules: Rules = 
     """
     if "contact" not in track.columns:
         given = f"labels with the columns {', '.join(track.columns) or 'none'}"
-        raise InputError(
-            given, "a column contact", "take --labels measured where force and pose were recorded"
-        )
+        raise InputError(given, "a column contact", "use --labels measured if force and pose were recorded")
     contact = track.columns["contact"]
     touching = contact >= 0.5
     others = [name for name in track.columns if name not in {"contact", "slip"}]
@@ -148,18 +147,18 @@ def window_labels(track: LabelTrack, begin: Floats, end: Floats, rules: Rules = 
 
 
 def one_window_labels(track: LabelTrack, begin: Seconds, end: Seconds, rules: Rules = RULES) -> Truth:
-    """Return the labels of one window that are known, by the same rules: what a live window is scored by.
+    """Return the known labels of one window, by the same rules: the truth for a live window.
 
-    A track without a column ``contact`` knows nothing of a touch; its other columns count.
+    Without a column ``contact``, the track has no touch labels; its other columns count.
 
     Parameters
     ----------
     track
-        What is true at times. Only the labels around the window are read, except at the end of the track.
+        Labels at times. Only those around the window are read, except at the end of the track.
     begin, end
-        Times of the window, on the clock of `track`, in s.
+        Begin and end of the window, on the clock of `track`, in s.
     rules
-        The shares that decide.
+        The label rules.
 
     Raises
     ------
@@ -192,7 +191,7 @@ def _decide(share: Floats, high: float, low: float) -> Floats:
 
 
 class _TimeMeans:
-    """Means over the time of windows, of values that hold from one time to the next."""
+    """Means over the windows' time, of values that hold from one time to the next."""
 
     def __init__(self, time: Floats, begin: Floats, end: Floats, rules: Rules) -> None:
         distance = np.diff(time)
@@ -203,9 +202,11 @@ class _TimeMeans:
         self._time, self._begin, self._end, self._rules = time, begin, end, rules
 
     def of(self, values: Floats, of_touch: Flags, touching: Flags) -> Floats:
-        """Return the means (rows, n) of values (rows, m), of rows `of_touch` over the times `touching` (m,).
+        """Return the means (rows, n) of values (rows, m).
 
-        A mean is NaN where less than the share `known` of the time that counts has a value.
+        Rows `of_touch` count over the times `touching` (m,) only.
+
+        A mean is NaN where less than the share `known` of its time has a value.
         """
         known = np.isfinite(values)
         known[of_touch] &= touching
@@ -217,7 +218,7 @@ class _TimeMeans:
         return np.where(enough, area / np.where(enough, time, 1.0), np.nan)
 
     def _integrals(self, heights: Floats | Flags) -> Floats:
-        """Return the integrals (rows, n) of step functions of heights (rows, m) over the windows."""
+        """Return the integrals over the windows, (rows, n), of step functions with heights (rows, m)."""
         ends = self._time + self._durations
         if len(self._begin) == 1:  # a dot product: quick enough for who labels every window live
             overlap = np.minimum(ends, self._end) - np.maximum(self._time, self._begin)

@@ -1,4 +1,4 @@
-"""Objects in a notebook: tables in HTML, and axes to draw on."""
+"""Display of objects in a notebook: HTML tables, and axes for plots."""
 
 from collections.abc import Iterable, Sequence
 from html import escape
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 ROW_HEIGHT, WIDTH = 1.8, 7.2
-"""Size of a panel, in inches."""
+"""Size of a panel in inches."""
 
 
 def html_table(title: str, rows: Iterable[Sequence[str]], header: Sequence[str] = ()) -> str:
@@ -29,7 +29,7 @@ def _row(cells: Sequence[str], tag: str) -> str:
 
 
 def lines(title: str, facts: Iterable[tuple[str, str]]) -> str:
-    r"""Return a title and facts as text, a line each.
+    r"""Return a title and facts as text, one line each.
 
     >>> lines("model", [("sensor", "prototype")])
     'model\n  sensor: prototype'
@@ -38,7 +38,7 @@ def lines(title: str, facts: Iterable[tuple[str, str]]) -> str:
 
 
 def panels(names: Sequence[str], across: str = "time (s)") -> "tuple[Axes, ...]":
-    """Return axes of a new pyplot figure, one below the other, each with the name of what it shows.
+    """Return the axes of a new pyplot figure, one below the other, each labelled with its name.
 
     Raises
     ------

@@ -1,8 +1,8 @@
-"""Folders and files that one running process owns, and the leftovers of processes that ended.
+"""Folders and files owned by one running process, and cleanup after ended processes.
 
-Ownership is a lock of `flock`, which the system releases when its process ends, however that ends: no lock is
-ever stale, and a process number that was given out again deceives nobody. Children do not inherit it, unless
-they are forked without starting a program.
+Ownership is a `flock` lock, which the system releases when its process ends in any way: no lock is ever
+stale, and a reused process number does no harm. Children do not inherit it, unless they are forked without
+starting a program.
 """
 
 import fcntl
@@ -19,21 +19,21 @@ from pathlib import Path
 from monochord.core.errors import InputError
 
 LOCK = ".monochord.lock"
-"""File in a folder that one run at a time writes to; it holds the number of that run's process."""
+"""Lock file in a folder that one run at a time may write; it holds the process number of that run."""
 PREFIX = "monochord-scratch-"
 MARK = ".monochord-scratch"
-"""File in a temporary folder of ours, which tells it from one that a person called so."""
+"""Marker file in a temporary folder created by Monochord, unlike a user's folder of the same name."""
 _log = logging.getLogger("monochord")
 
 
 @contextmanager
 def sole_use(folder: Path) -> Generator[None]:
-    """Own a folder that exists until the context is left.
+    """Own an existing folder until the context ends.
 
     Raises
     ------
     InputError
-        If another run owns it, or its disk has no locks.
+        If another run owns it, or its disk does not support locks.
     """
     file = folder / LOCK
     number = _locked(file, folder)
@@ -47,7 +47,7 @@ def sole_use(folder: Path) -> Generator[None]:
 
 
 def _locked(file: Path, folder: Path) -> int:
-    """Return the descriptor of a locked file; raises `InputError` where another process has it."""
+    """Return the descriptor of a locked file; raises `InputError` where another process holds the lock."""
     while True:
         number = os.open(file, os.O_RDWR | os.O_CREAT, 0o666)
         try:
@@ -58,12 +58,12 @@ def _locked(file: Path, folder: Path) -> int:
             raise InputError(
                 f"folder '{folder}' (process {owner} is writing to it)",
                 "a folder that no other run writes to",
-                "wait until that run has ended, or name another folder",
+                "wait until that run has ended, or choose another folder",
             ) from error
         except OSError as error:
             os.close(number)
-            given = f"folder '{folder}' (its disk has no locks: {error.strerror})"
-            raise InputError(given, "a folder on a disk that has them") from error
+            given = f"folder '{folder}' (its disk does not support locks: {error.strerror})"
+            raise InputError(given, "a folder on a disk with file locks") from error
         if _is(number, file):
             return number
         os.close(number)  # the run before removed it between our opening and our locking
@@ -71,9 +71,9 @@ def _locked(file: Path, folder: Path) -> int:
 
 @contextmanager
 def part_folder(out: Path) -> Generator[Path]:
-    """Yield a new folder beside `out` to fill and then rename; what is still there at the end is removed.
+    """Yield a new folder beside `out` to fill and rename; if it still exists at the end, it is removed.
 
-    What processes that ended left of the same `out` is removed first, with a warning in the log.
+    Leftovers of ended processes for the same `out` are removed first, with a warning in the log.
     """
     ours = re.compile(re.escape(f".{out.name}.part-") + r"\d+(-[0-9a-f]{8})?")
     parent = out.absolute().parent
@@ -99,7 +99,7 @@ def part_folder(out: Path) -> Generator[Path]:
 def scratch_folder() -> Generator[Path]:
     """Yield a new temporary folder; it is removed at the end.
 
-    What processes of this user that ended left of their own is removed first, with a warning in the log.
+    Leftovers of this user's ended processes are removed first, with a warning in the log.
     """
     place = Path(tempfile.gettempdir())
     _remove_abandoned(each for each in place.glob(f"{PREFIX}*") if _is_ours(each))
@@ -115,7 +115,7 @@ def scratch_folder() -> Generator[Path]:
 
 
 def _remove_abandoned(folders: Iterator[Path]) -> None:
-    """Remove folders that nobody owns; those that cannot be read or locked are left."""
+    """Remove folders without an owner; those that cannot be read or locked are kept."""
     for folder in folders:
         with suppress(OSError):
             number = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
@@ -131,14 +131,14 @@ def _remove_abandoned(folders: Iterator[Path]) -> None:
 
 
 def _is_ours(folder: Path) -> bool:
-    """Return whether a temporary folder is one that a process of this user made here."""
+    """Return whether a temporary folder was created by a Monochord process of this user."""
     with suppress(OSError):
         return folder.lstat().st_uid == os.getuid() and (folder / MARK).is_file()
     return False
 
 
 def _own(folder: Path) -> int | None:
-    """Return the descriptor of a folder that is now ours; None where it is gone, or its disk has no locks."""
+    """Own a folder and return its descriptor; None where it is gone, or its disk has no locks."""
     try:
         number = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     except FileNotFoundError:
@@ -149,7 +149,7 @@ def _own(folder: Path) -> int | None:
 
 
 def _is(number: int, path: Path) -> bool:
-    """Return whether a descriptor is of what stands at a path."""
+    """Return whether a descriptor refers to the file at a path."""
     with suppress(FileNotFoundError):
         return os.path.samestat(os.fstat(number), path.stat())
     return False

@@ -1,4 +1,4 @@
-"""Presets as data: one TOML file each in a folder, found by its name.
+"""Presets as data: one TOML file each in a folder, found by name.
 
 Another distribution adds presets by entry points of the group ``monochord.FOLDER``, such as
 ``monochord.sensors``: the entry's name is the preset's, its value the package that holds ``NAME.toml``.
@@ -19,18 +19,18 @@ Preset = TypeVar("Preset")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Presets(Generic[Preset]):
-    """The presets of one kind: the files of a folder, each read into an object.
+    """The presets of one kind: a folder's files, each read into an object.
 
     Parameters
     ----------
     package
-        Whose folder holds the files.
+        Package with the files.
     kind
-        What they are, for messages: "string", "material".
+        Kind of the presets, for messages: "string", "material".
     read
-        Makes the object of a file's table and of what messages call it; raises `InputError` if it cannot.
+        Creates an object from a file's table and its name in messages; raises `InputError` on failure.
     named
-        Whether the objects have a ``name``; it is the file's stem, unless the file gives another.
+        Whether the objects have a ``name``, by default the file's stem.
 
     Examples
     --------
@@ -51,15 +51,15 @@ class Presets(Generic[Preset]):
     def load(
         self, name: str, assignments: Sequence[str] = (), values: Mapping[str, Any] | None = None
     ) -> Preset:
-        """Return a preset by its name, or read one from a file of your own.
+        """Return a preset by name, or read one from your own file.
 
         Parameters
         ----------
         name
-            A name of `names`, with hyphens or underscores, or the path of a TOML file laid out as the presets
-            are.
+            A name from `names`, with hyphens or underscores, or the path of a TOML file in the presets'
+            format.
         assignments
-            Overrides as text, such as ``radius=0.004``; they are applied last.
+            Overrides as text, such as ``radius=0.004``, applied last.
         values
             Values that replace the file's, by name.
 
@@ -82,18 +82,18 @@ def preset_names(package: str) -> list[str]:
     >>> "wood" in preset_names("monochord.physics.materials")
     True
     """
-    return sorted({*_own_names(package), *installed(_folder(package))})
+    return sorted({*_built_in_names(package), *installed(_folder(package))})
 
 
 def preset_path(package: str, kind: str, name: str) -> Path:
-    """Return the file of a preset by its name, or the path itself if a file is given.
+    """Return a preset's file by name, or the path itself if a file is given.
 
     Parameters
     ----------
     package
-        Whose folder holds the presets.
+        Package with the presets.
     kind
-        What they are, for the message: "string", "material".
+        Kind of the presets, for messages: "string", "material".
     name
         A name, with hyphens or underscores, or the path of a TOML file.
 
@@ -112,10 +112,10 @@ def preset_path(package: str, kind: str, name: str) -> Path:
     key, names = name.replace("-", "_"), preset_names(package)
     if key not in names:
         raise InputError(f"{kind} '{name}'", ", ".join(names) + " or FILE.toml", did_you_mean(key, names))
-    added, own = installed(_folder(package)).get(key, ()), key in _own_names(package)
-    refuse_clash(kind, key, added, own=own)
+    added, built_in = installed(_folder(package)).get(key, ()), key in _built_in_names(package)
+    refuse_clash(kind, key, added, built_in=built_in)
     try:
-        return Path(str(files(package if own else added[0].value) / f"{key}.toml"))
+        return Path(str(files(package if built_in else added[0].value) / f"{key}.toml"))
     except (Exception, SystemExit) as error:  # whatever the package does as it is imported
         given = f"{kind} '{name}' ({type(error).__name__}: {error})"
         raise InputError(given, "a preset of an installed package", "reinstall it") from error
@@ -125,6 +125,6 @@ def _folder(package: str) -> str:
     return package.rpartition(".")[2]
 
 
-def _own_names(package: str) -> set[str]:
+def _built_in_names(package: str) -> set[str]:
     paths = (Path(entry.name) for entry in files(package).iterdir())
     return {path.stem for path in paths if path.suffix == ".toml"}

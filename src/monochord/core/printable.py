@@ -1,4 +1,4 @@
-"""Text from a file or a device, made fit for a terminal."""
+"""Makes text from a file or a device safe to print in a terminal."""
 
 import re
 
@@ -10,10 +10,10 @@ _CONTROLS = re.compile(
 
 
 def printable(line: str) -> str:
-    r"""Return a line that a terminal only prints, without acting on it.
+    r"""Return a line without control effects in a terminal.
 
-    Control characters, line ends among them, and those that turn the direction of writing are written as
-    JSON writes them. JSON keeps its meaning, and contains none of these characters afterwards.
+    Control characters, line ends included, and characters that change the writing direction are escaped as in
+    JSON. Escaped JSON keeps its meaning.
 
     >>> printable("plain \x1b[31mred\u202e")
     'plain \\u001b[31mred\\u202e'

@@ -1,4 +1,4 @@
-"""Real-time priority: threads that run as soon as they can, before those of all other programs."""
+"""Real-time priority: threads that run before those of all other programs."""
 
 import os
 from collections.abc import Generator
@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from monochord.core.errors import InputError
 
 USUAL, FIRST = 1, 2
-"""Real-time priorities of a program's threads, and of the one that matters most. Those of JACK are higher."""
+"""Real-time priorities of a program's threads, and of the most important one. JACK's are higher."""
 
 
 @contextmanager
@@ -17,7 +17,7 @@ def before_other_programs() -> Generator[None]:
     Raises
     ------
     InputError
-        If this user may not have it.
+        If this user lacks the permission.
     """
     before = os.sched_getscheduler(0), os.sched_getparam(0)
     prioritise(USUAL)
@@ -33,12 +33,10 @@ def prioritise(priority: int) -> None:
     Raises
     ------
     InputError
-        If this user may not have it.
+        If this user lacks the permission.
     """
     try:
         os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(priority))
     except PermissionError as error:
         given = f"real-time priority {priority} (not permitted)"
-        raise InputError(
-            given, "a user with that permission", "see what monochord doctor says of it"
-        ) from error
+        raise InputError(given, "a user with that permission", "see monochord doctor") from error

@@ -1,4 +1,4 @@
-"""Progress bars for long work: on a terminal and in a notebook, and nowhere else."""
+"""Progress bars for long work, on a terminal and in a notebook only."""
 
 import sys
 from collections.abc import Generator
@@ -10,7 +10,7 @@ from monochord.core.types import Progress
 
 
 def shows_progress() -> bool:
-    """Return whether there is a place for a bar: standard error on a terminal, or a notebook with widgets."""
+    """Return whether a bar can be shown: standard error on a terminal, or a notebook with widgets."""
     if "ipykernel" in sys.modules:
         return find_spec("ipywidgets") is not None
     return sys.stderr.isatty()
@@ -18,7 +18,7 @@ def shows_progress() -> bool:
 
 @contextmanager
 def progress_bar(unit: str = "sessions", progress: Progress | None = None) -> Generator[Progress]:
-    """Yield the function that reports progress: `progress` where it is given, else a bar that `unit` names.
+    """Yield a function that reports progress: `progress` if given, else a bar labelled with `unit`.
 
     >>> with progress_bar(progress=print) as report:
     ...     report("take", 1, 2)

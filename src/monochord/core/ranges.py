@@ -1,8 +1,8 @@
-"""Ranges of numbers, declared in the annotation of a field and refused however its dataclass is built.
+"""Ranges of numbers, declared in a field's annotation and checked however the dataclass is built.
 
 A range is `msgspec.Meta` beside the type: ``hop: Annotated[Seconds, Meta(ge=1e-3, le=60.0)]``, or a name of
-this module: ``rate: Positive[Hertz]``. `monochord.core.config.from_tree` refuses what a file or ``--set``
-gives outside it. A dataclass that is a `Checked` refuses the same where it is built in Python.
+this module: ``rate: Positive[Hertz]``. `monochord.core.config.from_tree` rejects values outside it from a
+file or ``--set``. A `Checked` dataclass also rejects them when built in Python.
 """
 
 from collections.abc import Sequence
@@ -19,29 +19,29 @@ from monochord.core.units import FINITE, unit_of
 
 T = TypeVar("T")
 Finite: TypeAlias = Annotated[T, Meta(ge=-FINITE, le=FINITE)]
-"""A number that is not infinite, of a unit: ``Finite[Metres]``."""
+"""A finite number with a unit: ``Finite[Metres]``."""
 Positive: TypeAlias = Annotated[T, Meta(gt=0.0, le=FINITE)]
-"""A finite number above 0, of a unit: ``Positive[Hertz]``."""
+"""A finite number above 0 with a unit: ``Positive[Hertz]``."""
 NonNegative: TypeAlias = Annotated[T, Meta(ge=0.0, le=FINITE)]
-"""A finite number of 0 or more, of a unit: ``NonNegative[Seconds]``."""
+"""A finite number of 0 or more with a unit: ``NonNegative[Seconds]``."""
 Share: TypeAlias = Annotated[float, Meta(ge=0.0, le=1.0)]
-"""A share or probability, 0 and 1 too."""
+"""A share or probability, 0 and 1 included."""
 InnerShare: TypeAlias = Annotated[float, Meta(gt=0.0, lt=1.0)]
-"""A share or probability that is neither 0 nor 1."""
+"""A share or probability, 0 and 1 excluded."""
 PartialShare: TypeAlias = Annotated[float, Meta(ge=0.0, lt=1.0)]
-"""A share that leaves something: 0 is one, 1 is none."""
+"""A share below 1, 0 included."""
 Count: TypeAlias = Annotated[int, Meta(ge=1)]
 """A whole number of 1 or more."""
 Whole: TypeAlias = Annotated[int, Meta(ge=0)]
 """A whole number of 0 or more."""
 Pair: TypeAlias = tuple[T, T]
-"""Two of a kind, such as the least and the most: ``Pair[Positive[Newtons]]``."""
+"""Two values of a kind, such as a minimum and a maximum: ``Pair[Positive[Newtons]]``."""
 
 
 class Checked:
-    """Base of a dataclass that refuses numbers outside the ranges of its annotations, see `refuse_outside`.
+    """Base of a dataclass that rejects numbers outside their annotated ranges; see `refuse_outside`.
 
-    A dataclass with more checks of its own calls ``Checked.__post_init__(self)`` first.
+    A dataclass with further checks calls ``Checked.__post_init__(self)`` first.
 
     >>> from monochord.live.health import HealthSettings
     >>> HealthSettings(look=-0.1)
@@ -56,9 +56,9 @@ class Checked:
 
 
 def refuse_outside(part: Any) -> None:
-    """Raise `InputError` where a number of a dataclass is outside the range of its annotation, or NaN there.
+    """Raise `InputError` where a number of a dataclass is NaN or outside its annotated range.
 
-    Optional numbers and those in tuples count; None is within every range.
+    Optional numbers and those in tuples are checked; None is always allowed.
     """
     for name, kind in _ranges(type(part)).items():
         _refuse(getattr(part, name), kind, f"{type(part).__name__} {name}")
@@ -66,7 +66,7 @@ def refuse_outside(part: Any) -> None:
 
 @cache
 def _ranges(cls: type) -> dict[str, Any]:
-    """Return the annotations of a dataclass's fields that hold a range, by name."""
+    """Return the annotations with a range, by field name."""
     try:
         hints = get_type_hints(cls, include_extras=True)
     except NameError:  # of a type that is imported for type checkers alone: `from_tree` refuses the class too
@@ -83,7 +83,7 @@ def _metas(kind: Any) -> list[Meta]:
 
 
 def _refuse(value: Any, kind: Any, where: str) -> None:
-    """Raise `InputError` for a number outside the range that its type tells; `where` names the value."""
+    """Raise `InputError` for a number outside the range of its type; `where` names the value."""
     if value is None:
         return
     parts = get_args(kind)
@@ -102,7 +102,7 @@ def _refuse(value: Any, kind: Any, where: str) -> None:
 
 
 def _within(number: Any, meta: Meta) -> bool:
-    """Return whether a number meets every limit of a range; NaN meets none."""
+    """Return whether a number meets every limit of a range; NaN never does."""
     return (
         (meta.ge is None or number >= meta.ge)
         and (meta.gt is None or number > meta.gt)
@@ -112,7 +112,7 @@ def _within(number: Any, meta: Meta) -> bool:
 
 
 def refuse_unordered(where: str, **pairs: tuple[float, float] | None) -> None:
-    """Raise `InputError` if the first number of a pair is above the second; `where` names their owner.
+    """Raise `InputError` if the first number of a pair exceeds the second; `where` names their owner.
 
     >>> refuse_unordered("touch", forces=(2.0, 0.1))
     Traceback (most recent call last):
@@ -120,4 +120,4 @@ def refuse_unordered(where: str, **pairs: tuple[float, float] | None) -> None:
     """
     for name, pair in pairs.items():
         if pair is not None and not pair[0] <= pair[1]:
-            raise InputError(f"{where}: {name} {pair[0]:g} to {pair[1]:g}", "the least first")
+            raise InputError(f"{where}: {name} {pair[0]:g} to {pair[1]:g}", "the smaller first")

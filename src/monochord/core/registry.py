@@ -1,11 +1,12 @@
-"""A plug-in folder is its own registry, and installed packages add to it by entry points.
+"""Registries of plug-ins: a folder's files, and entry points of installed packages.
 
-The folder holds ``base.py`` with one abstract class and one file per implementation; a file whose name
-begins with ``_`` is private. The file's name is the plug-in's name in configuration and on the command
-line (a hyphen reads as an underscore). Adding a plug-in adds a file and edits nothing.
+The folder holds ``base.py`` with one abstract class, and one file per implementation; a file whose name
+begins with ``_`` is private. The file's name is the plug-in's name in configuration and on the command line
+(a hyphen means an underscore). Adding a plug-in adds a file and edits nothing.
 
 Another distribution adds plug-ins by entry points of the group ``monochord.FOLDER``, such as
-``monochord.sources``: the entry's name is the plug-in's, its value the class or the module that holds it.
+``monochord.sources``: the entry's name is the plug-in's name, its value the class or the module with the
+class.
 """
 
 import inspect
@@ -30,7 +31,7 @@ _log = logging.getLogger("monochord")
 
 @dataclass(frozen=True, slots=True)
 class Registry(Generic[T]):
-    """The plug-ins of one folder, and those that installed packages add to it.
+    """The plug-ins of one folder, and those added by installed packages.
 
     Parameters
     ----------
@@ -39,7 +40,7 @@ class Registry(Generic[T]):
     base
         The abstract class that its plug-ins subclass.
     moved
-        Names that are in another package now, each with the way to get it.
+        Names moved to another package, each with the way to get it.
     """
 
     package: str
@@ -48,25 +49,25 @@ class Registry(Generic[T]):
 
     @property
     def folder(self) -> str:
-        """The folder's own name, such as ``sources``."""
+        """The last part of the folder's name, such as ``sources``."""
         return self.package.rpartition(".")[2]
 
     @property
     def kind(self) -> str:
-        """What one of its plug-ins is called: the folder's name without its plural s."""
+        """The kind of plug-in: the folder's name without its plural s."""
         return self.folder.removesuffix("s")
 
     def names(self) -> list[str]:
         """Return the names of all plug-ins, sorted, without importing any."""
-        return sorted({*self._own_names(), *installed(self.folder)})
+        return sorted({*self._built_in_names(), *installed(self.folder)})
 
     def load(self, name: str) -> type[T]:
-        """Return the plug-in class called `name`.
+        """Return the plug-in class with this name.
 
         Raises
         ------
         InputError
-            If there is none of this name (with a suggestion), or more than one.
+            If the name is unknown (with a suggestion) or ambiguous.
         TypeError
             If a file of the folder holds no plug-in, or several.
         """
@@ -75,14 +76,14 @@ class Registry(Generic[T]):
             remedy = self.moved.get(key) or did_you_mean(key, names)
             raise InputError(f"{self.kind} '{name}'", ", ".join(names), remedy)
         added = installed(self.folder).get(key, ())
-        own = key in self._own_names()
-        refuse_clash(self.kind, key, added, own=own)
-        return self._class_in(import_module(f"{self.package}.{key}")) if own else self._added(added[0])
+        built_in = key in self._built_in_names()
+        refuse_clash(self.kind, key, added, built_in=built_in)
+        return self._class_in(import_module(f"{self.package}.{key}")) if built_in else self._added(added[0])
 
     def build(self, name: str, options: Mapping[str, Any] | None = None, *, where: str | None = None) -> T:
-        """Return the plug-in `name` built from plain option values; a plug-in is a frozen dataclass.
+        """Build the plug-in `name`, a frozen dataclass, from plain option values.
 
-        `where` is the path of the options in error messages, the plug-in's name by default.
+        `where` is the path of the options in error messages, by default the plug-in's name.
         """
         return from_tree(self.load(name), options or {}, where=name if where is None else where)
 
@@ -90,31 +91,33 @@ class Registry(Generic[T]):
         """Return the name of a plug-in; raises `InputError` if its class is not registered."""
         kind = type(plug_in)
         package, _, name = kind.__module__.rpartition(".")
-        if package == self.package and name in self._own_names():
+        if package == self.package and name in self._built_in_names():
             return name
         for name in installed(self.folder):
             with suppress(InputError):
                 if self.load(name) is kind:
                     return name
-        raise InputError(f"{self.kind} {kind.__name__}, which has no name", ", ".join(self.names()))
+        raise InputError(f"{self.kind} {kind.__name__}, which is not registered", ", ".join(self.names()))
 
-    def _own_names(self) -> set[str]:
+    def _built_in_names(self) -> set[str]:
         names = (module.name for module in pkgutil.iter_modules(import_module(self.package).__path__))
         return {name for name in names if name != "base" and not name.startswith("_")}
 
     def _class_in(self, module: ModuleType) -> type[T]:
         """Return the one public plug-in class that a module defines."""
-        own = [
+        classes = [
             member
             for member_name, member in inspect.getmembers(module, inspect.isclass)
             if member.__module__ == module.__name__
             and issubclass(member, self.base)
             and not member_name.startswith("_")
         ]
-        if len(own) != 1:
-            message = f"{module.__name__} must hold exactly one public {self.base.__name__}, not {len(own)}"
+        if len(classes) != 1:
+            message = (
+                f"{module.__name__} must hold exactly one public {self.base.__name__}, not {len(classes)}"
+            )
             raise TypeError(message)
-        return own[0]
+        return classes[0]
 
     def _added(self, entry: EntryPoint) -> type[T]:
         """Return the plug-in class of an installed package."""
@@ -125,7 +128,9 @@ class Registry(Generic[T]):
             value = self._class_in(value) if isinstance(value, ModuleType) else value
         except (Exception, SystemExit) as error:  # whatever the package does as it is imported
             raise InputError(
-                f"{given} ({type(error).__name__}: {error})", f"a {self.base.__name__} that loads", remedy
+                f"{given} ({type(error).__name__}: {error})",
+                f"a {self.base.__name__} that can be imported",
+                remedy,
             ) from error
         if not (inspect.isclass(value) and issubclass(value, self.base)):
             raise InputError(f"{given} ({entry.value})", f"a subclass of {self.base.__name__}", remedy)
@@ -138,13 +143,13 @@ def installed(folder: str) -> Mapping[str, tuple[EntryPoint, ...]]:
     Parameters
     ----------
     folder
-        The folder's own name: ``sources``, ``sensors``. The group of entry points is ``monochord.FOLDER``;
-        nothing of a distribution is imported.
+        Last part of the folder's name: ``sources``, ``sensors``. The entry point group is
+        ``monochord.FOLDER``; no distribution is imported.
 
     Returns
     -------
     Mapping[str, tuple[EntryPoint, ...]]
-        More than one entry of a name is a clash, see `refuse_clash`.
+        Several entries for one name are a clash, see `refuse_clash`.
 
     Examples
     --------
@@ -156,7 +161,7 @@ def installed(folder: str) -> Mapping[str, tuple[EntryPoint, ...]]:
 
 @cache
 def _installed(folder: str, path: tuple[str, ...]) -> Mapping[str, tuple[EntryPoint, ...]]:  # noqa: ARG001
-    """Return the entry points by name; `path` is where Python looks for them, which takes milliseconds."""
+    """Return the entry points by name; `path` is Python's search path; takes milliseconds."""
     entries: dict[str, tuple[EntryPoint, ...]] = {}
     for entry in _entries(f"monochord.{folder}"):
         name = entry.name.replace("-", "_")
@@ -165,7 +170,7 @@ def _installed(folder: str, path: tuple[str, ...]) -> Mapping[str, tuple[EntryPo
 
 
 def _entries(group: str) -> Iterable[EntryPoint]:
-    """Return the entry points of a group; one package whose list is damaged does not hide the others'."""
+    """Return the entry points of a group; a package with a damaged list does not affect others."""
     with suppress(Exception):
         return entry_points(group=group)
     by_package: dict[str, Iterable[EntryPoint]] = {}
@@ -174,19 +179,17 @@ def _entries(group: str) -> Iterable[EntryPoint]:
             by_package.setdefault(package.name, package.entry_points.select(group=group))
         except Exception as error:  # noqa: BLE001  (whatever the library makes of damage)
             given = f"package {package.metadata['Name']} (its entry points are damaged: {error})"
-            _log.warning(
-                "monochord: %s", InputError(given, "the entry points of its author", "reinstall or remove it")
-            )
+            _log.warning("monochord: %s", InputError(given, "valid entry points", "reinstall or remove it"))
             by_package[package.name] = ()
     return [entry for entries in by_package.values() for entry in entries]
 
 
-def refuse_clash(kind: str, name: str, added: tuple[EntryPoint, ...], *, own: bool) -> None:
+def refuse_clash(kind: str, name: str, added: tuple[EntryPoint, ...], *, built_in: bool) -> None:
     """Raise `InputError` if a name is defined more than once, by Monochord or by packages."""
-    if len(added) + own > 1:
-        owners = [*(["Monochord"] if own else []), *sorted(map(_distribution, added))]
+    if len(added) + built_in > 1:
+        owners = [*(["Monochord"] if built_in else []), *sorted(map(_distribution, added))]
         given = f"{kind} '{name}' (of {' and of '.join(owners)})"
-        raise InputError(given, "one of each name", f"remove the package {owners[-1]}")
+        raise InputError(given, "unique names", f"remove the package {owners[-1]}")
 
 
 def _distribution(entry: EntryPoint) -> str:

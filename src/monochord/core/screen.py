@@ -1,4 +1,4 @@
-"""A picture at the bottom of a terminal; an update rewrites only the lines that changed."""
+"""A picture at the bottom of a terminal; an update rewrites only changed lines."""
 
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
@@ -15,7 +15,7 @@ CLEAR_LINE, CLEAR_BELOW = "\x1b[K", "\x1b[J"
 
 
 def can_draw(console: Console) -> bool:
-    """Tell whether a console is a terminal that a `Screen` can draw on."""
+    """Return whether a console is a terminal that supports a `Screen`."""
     return (
         console.is_terminal
         and not console.is_dumb_terminal
@@ -25,9 +25,9 @@ def can_draw(console: Console) -> bool:
 
 
 class Screen(AbstractContextManager["Screen"]):
-    """Pictures that replace one another below the earlier output; the last one stays.
+    """Pictures that replace one another below earlier output; the last one stays.
 
-    `console` must be a terminal that takes ANSI's control sequences.
+    `console` must be a terminal that supports ANSI control sequences.
     """
 
     def __init__(self, console: Console) -> None:
@@ -44,7 +44,7 @@ class Screen(AbstractContextManager["Screen"]):
             self._write("\n" + SHOW_CURSOR)
 
     def show(self, picture: Sequence[Text]) -> None:
-        """Draw a picture, cropped to the terminal; the caller leaves its lines unchanged from then on."""
+        """Draw a picture, cropped to the terminal; the caller must not change its lines afterwards."""
         size = self._console.size
         lines = list(picture[: max(size.height - 1, 1)])
         for line in lines:

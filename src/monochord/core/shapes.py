@@ -1,8 +1,8 @@
-"""The door to compiled kernels: sound from outside passes here before any of them reads it.
+"""Checks the shape of sound before it reaches compiled kernels.
 
-A kernel trusts the shapes that it is given and reads beyond the end of an array that is shorter. So what
-takes sound from a caller (a `Window`, a batch of windows, an analyser) has it checked here once; what is
-computed from it inside the package has shapes that follow.
+A kernel trusts the shapes of its arrays and would read beyond the end of a shorter one. So everything that
+takes sound from a caller (a `Window`, a batch of windows, an analyser) checks it here once; arrays computed
+from it inside the package have the right shapes.
 """
 
 from typing import Any, TypeVar
@@ -13,33 +13,33 @@ from numpy.typing import ArrayLike, NDArray
 from monochord.core.errors import InputError
 
 ANY = -1
-"""Stands for any length from one on in the shape of sound."""
+"""Stands for any length from 1 on in a shape."""
 NUMBERS = "fiub"
-"""Kinds of data type that are numbers with an order."""
+"""Data type kinds that are ordered numbers."""
 
 Real = TypeVar("Real", np.float32, np.float64)
 
 
 def sound(
-    given: ArrayLike, channels: int = ANY, size: int = ANY, dtype: type[Real] = np.float32
+    samples: ArrayLike, channels: int = ANY, size: int = ANY, dtype: type[Real] = np.float32
 ) -> NDArray[Real]:
     """Return sound (channels, frames), contiguous and of a type that kernels are compiled for.
 
-    What has that form is returned as it is, without a copy.
+    Sound already in this form is returned without a copy.
 
     Parameters
     ----------
-    given
+    samples
         Sound in full scale; numbers of any type.
     channels, size
-        How many channels and frames are expected; any number from one on by default.
+        Expected numbers of channels and frames; by default any number from 1 on.
     dtype
         Type of the samples returned.
 
     Raises
     ------
     InputError
-        If it has another shape, or is none of numbers.
+        If the shape is wrong, or the values are not numbers.
 
     Examples
     --------
@@ -50,9 +50,9 @@ def sound(
     ...
     monochord.core.errors.InputError: one microphone: expected two microphones; record both
     """
-    array = _numbers(given, dtype)
+    array = _numbers(samples, dtype)
     if array.ndim != 2 or 0 in array.shape:
-        remedy = "give each channel a row" if array.ndim == 1 else ""
+        remedy = "use one row per channel" if array.ndim == 1 else ""
         raise InputError(f"sound of shape {array.shape}", "(channels, frames), one or more of each", remedy)
     if channels != ANY:
         refuse_other_channels(array.shape[0], channels)
@@ -61,40 +61,40 @@ def sound(
     return array
 
 
-def refuse_other_channels(given: int, expected: int, reader: str = "") -> None:
-    """Raise `InputError` unless the number of channels is what `reader`, such as "for a model", takes.
+def refuse_other_channels(count: int, expected: int, reader: str = "") -> None:
+    """Raise `InputError` unless `count` channels fit the `reader`, such as "for a model".
 
     >>> refuse_other_channels(1, 2, "for a model")
     Traceback (most recent call last):
     ...
     monochord.core.errors.InputError: one microphone for a model: expected two microphones; record both
     """
-    if given != expected:
-        one = "record both" if (given, expected) == (1, 2) else "choose those of the string"
-        raise InputError(f"{_microphones(given)} {reader}".strip(), _microphones(expected), one)
+    if count != expected:
+        one = "record both" if (count, expected) == (1, 2) else "choose the string's channels"
+        raise InputError(f"{_microphones(count)} {reader}".strip(), _microphones(expected), one)
 
 
-def batch(given: ArrayLike, channels: int, size: int) -> NDArray[np.float32]:
+def batch(windows: ArrayLike, channels: int, size: int) -> NDArray[np.float32]:
     """Return windows (n, channels, size), each as `sound` returns it; n may be 0.
 
     Raises
     ------
     InputError
-        If they have another shape, or do not contain numbers.
+        If the shape is wrong, or the values are not numbers.
 
     Examples
     --------
     >>> batch(np.zeros((0, 2, 4410)), 2, 4410).shape
     (0, 2, 4410)
     """
-    array = _numbers(given, np.float32)
+    array = _numbers(windows, np.float32)
     if array.ndim != 3 or array.shape[1:] != (channels, size):
         raise InputError(f"windows of shape {array.shape}", f"(n, {channels}, {size})")
     return array
 
 
 def alike(name: str, *arrays: NDArray[Any]) -> None:
-    """Raise `InputError` unless the arrays have one shape and are not empty; `name` says what they are.
+    """Raise `InputError` unless the arrays have the same, nonempty shape; `name` describes them.
 
     >>> alike("spectrum", np.ones(3), np.ones(2))
     Traceback (most recent call last):

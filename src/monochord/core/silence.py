@@ -1,19 +1,19 @@
-"""Silence: the level below which a microphone picks up nothing, and what to check then."""
+"""Silence: the level below which a microphone picks up nothing, and the remedy."""
 
 import numpy as np
 
 from monochord.core.types import Audio
 
 SILENT_LEVEL = 2.0e-5
-"""Root mean square without the mean below which sound is silence: twice the rounding noise of 16 bit."""
+"""Root mean square, without the mean, below which sound is silence: twice the rounding noise of 16 bits."""
 SILENCE_REMEDY = (
     "check that a driver runs, that the gain is up, and that it is the right input (monochord list devices)"
 )
-"""What to do where nothing is heard."""
+"""Remedy for a silent input."""
 
 
 def is_silent(samples: Audio) -> bool:
-    """Return whether sound is silence. Sound with samples that are not numbers counts as not silent.
+    """Return whether sound is silence; sound with non-finite samples is not.
 
     Parameters
     ----------

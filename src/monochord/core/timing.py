@@ -1,4 +1,4 @@
-"""Percentiles of an endless series of durations, in a fixed amount of memory."""
+"""Percentiles of an unlimited series of durations, in fixed memory."""
 
 import math
 from array import array
@@ -17,7 +17,7 @@ CLASSES = math.ceil(math.log(LONGEST / SHORTEST) / STEP) + 1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Percentiles:
-    """Summary of a `Histogram`: count, three percentiles and the longest duration; NaN if it is empty."""
+    """Summary of a `Histogram`: count, three percentiles and the longest duration; NaN if empty."""
 
     count: int
     p50: Seconds
@@ -26,7 +26,7 @@ class Percentiles:
     longest: Seconds
 
     def line(self) -> str:
-        """Return the percentiles as a person reads them, in milliseconds.
+        """Return the percentiles as text, in milliseconds.
 
         >>> Percentiles(count=9, p50=0.001, p95=0.002, p99=0.00345, longest=0.0123).line()
         'p50 1.00  p95 2.00  p99 3.45  max 12.30 ms'
@@ -38,9 +38,9 @@ class Percentiles:
 
 
 class Histogram:
-    """Durations counted in classes 1 % apart, so that percentiles are right to 1 % and the longest exactly.
+    """Durations counted in bins 1 % wide: percentiles are accurate to 1 %, the longest is exact.
 
-    Memory (18 kB) and the time to add one do not depend on how many were added.
+    Memory (18 kB) and the time to add one are constant.
 
     >>> histogram = Histogram()
     >>> for k in range(1, 101):
@@ -55,14 +55,14 @@ class Histogram:
         self._longest: Seconds = 0.0
 
     def add(self, duration: Seconds) -> None:
-        """Count one duration; what lies outside 0.1 us to 1000 s goes to the class at that end."""
+        """Count one duration; durations outside 0.1 us to 1000 s go to the first or last bin."""
         where = math.ceil(math.log(max(duration, SHORTEST) / SHORTEST) / STEP)
         self._counts[min(where, CLASSES - 1)] += 1
         self._total += 1
         self._longest = max(self._longest, duration)
 
     def percentiles(self) -> Percentiles:
-        """Return the percentiles so far; each is the upper edge of its class, so never too low."""
+        """Return the percentiles so far, each rounded up to its bin's upper edge."""
         seen = list(accumulate(self._counts))  # up to and with each class
         p50, p95, p99 = (self._quantile(share, seen) for share in (0.50, 0.95, 0.99))
         longest = self._longest if self._total else math.nan

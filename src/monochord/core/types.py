@@ -1,4 +1,4 @@
-"""The nouns of Monochord: frozen, keyword-only, in SI units.
+"""The basic types of Monochord: frozen, keyword-only, in SI units.
 
 Sample arrays are channel-first, ``(channel, sample)``, as the paper's A in R^{2xT}.
 """
@@ -40,16 +40,16 @@ Audio: TypeAlias = NDArray[np.float32]
 Flags: TypeAlias = NDArray[np.bool_]
 Indices: TypeAlias = NDArray[np.int64]
 Progress: TypeAlias = Callable[[str, int, int], None]
-"""Called with what is worked on, how much of it is done, and of how much."""
+"""Called with the name of the current work, the amount done, and the total."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StringParams:
-    """A string as built: what fixes its vibration before anything touches it.
+    """A string as built: the parameters of its vibration when untouched.
 
-    `tension_per_force` is the paper's k_T (Eq. 6), `damping` its d_0 and `damping_per_force` its k_d
-    (Eq. 7). `core_diameter` is the load-bearing wire's, which stiffness and stretch depend on; zero
-    means an ideally flexible string.
+    `tension_per_force` is the paper's k_T (Eq. 6), `damping` its d_0 and `damping_per_force` its k_d (Eq. 7).
+    `core_diameter` is that of the load-bearing wire, which sets stiffness and stretch; zero means an ideally
+    flexible string.
     """
 
     length: Metres
@@ -64,7 +64,7 @@ class StringParams:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Contact:
-    """One touch; no contact is ``None``, never a force of zero. `position` is from pickup 1."""
+    """One touch. `position` is from pickup 1, in m; no contact is ``None``, not a force of zero."""
 
     position: Metres
     force: Newtons
@@ -73,12 +73,12 @@ class Contact:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Block:
-    """Consecutive sample frames as a source delivers them.
+    """Consecutive sample frames from a source.
 
-    `samples` is (channels, n) float32; `start` is the sample index of the first frame. `dropped` frames
-    were lost just before it (so `start` has already skipped them): a gap is data. `adc_time` is the
-    monotonic-clock time of the block's first frame at the converter, where the source knows it, and
-    `frame_time` the device's own count of frames there (JACK's frame time, modulo 2^32).
+    `samples` is (channels, n) float32; `start` is the sample index of the first frame. `dropped` frames were
+    lost just before it (`start` already skips them): a gap is data. `adc_time` is the monotonic time of the
+    first frame at the converter, where the source knows it, and `frame_time` the device's frame count there
+    (JACK's frame time, modulo 2^32).
     """
 
     samples: Audio
@@ -90,9 +90,9 @@ class Block:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Window:
-    """A stretch of audio to look at; `samples` is (channels, n) float32 beginning at index `start`.
+    """A window of audio to analyse; `samples` is (channels, n) float32 from index `start` on.
 
-    Samples of another type are converted. Raises `InputError` for another shape, or without a sample.
+    Samples of another type are converted. Raises `InputError` for a wrong shape or no samples.
     """
 
     samples: Audio
@@ -105,7 +105,7 @@ class Window:
 
     @property
     def duration(self) -> Seconds:
-        """Length of the window."""
+        """Length of the window in s."""
         return self.samples.shape[-1] / self.sample_rate
 
 
@@ -113,9 +113,9 @@ class Window:
 class Estimate:
     """One estimated quantity with its standard error, or an abstention with its reason.
 
-    `std` is one standard deviation in the unit of `value`. Where `valid` is false, `value` and `std` are
-    NaN and `reason` says in a few words why. ``float(estimate)`` is `value`, and ``str(estimate)`` is for a
-    person: a length in mm, any other quantity in its unit.
+    `std` is one standard deviation in the unit of `value`. Where `valid` is false, `value` and `std` are NaN
+    and `reason` gives the reason in a few words. ``float(estimate)`` is `value`, and ``str(estimate)`` is for
+    display: a length in mm, any other quantity in its unit.
 
     Examples
     --------
@@ -143,28 +143,28 @@ class Estimate:
 
     @property
     def why_not(self) -> str:
-        """The name of `reason` in version 0.1; deprecated."""
+        """Deprecated name of `reason`, from version 0.1."""
         warnings.warn("Estimate.why_not is deprecated: use Estimate.reason", DeprecationWarning, stacklevel=2)
         return self.reason
 
     def __float__(self) -> float:
-        """Return the value, NaN without an answer."""
+        """Return the value, NaN for an abstention."""
         return float(self.value)
 
     def __str__(self) -> str:
-        """Return the value with its standard error as a person reads it, or the reason for an abstention."""
+        """Return the value with its standard error for display, or the abstention's reason."""
         if not self.valid:
             return f"no answer: {self.reason}" if self.reason else "no answer"
         scale, unit = (1e3, "mm") if self.unit == "m" else (1.0, self.unit.removeprefix("1"))
         return f"{_with_error(scale * self.value, scale * self.std)} {unit}".rstrip()
 
     def _repr_pretty_(self, printer: Any, cycle: bool) -> None:  # noqa: FBT001, ARG002  (of IPython)
-        """Show in a notebook what `str` gives."""
+        """Display `str` in a notebook."""
         printer.text(str(self))
 
 
 def _with_error(value: float, std: float) -> str:
-    """Return a value and its standard error, which has one digit that counts.
+    """Return a value and its standard error, rounded to one significant digit of the error.
 
     >>> _with_error(0.5238, 0.0312), _with_error(1009.8, 25.0), _with_error(0.5, float("nan"))
     ('0.52 +- 0.03', '1010 +- 25', '0.5 +- ?')
@@ -176,33 +176,33 @@ def _with_error(value: float, std: float) -> str:
 
 
 OUTSIDE_RANGE = "outside the sensing range"
-"""The reason why position, force and slip of a touch are withheld where the sensor cannot tell its place."""
+"""Abstention reason of position, force and slip for a touch where the sensor cannot resolve position."""
 Estimates: TypeAlias = Mapping[str, Estimate]
-"""What an estimator says of a window, by name; an open set."""
+"""An estimator's estimates by name; further names may occur."""
 NO_ESTIMATES: Estimates = MappingProxyType({})
 NOT_ESTIMATED = "not estimated"
-"""The reason of an estimate that no estimator gives."""
+"""Abstention reason of a quantity that the estimator does not estimate."""
 Prepared: TypeAlias = Callable[[Window], Estimates]
-"""An estimator made ready for a signal."""
+"""An estimator prepared for a signal."""
 Truth: TypeAlias = Mapping[str, float]
-"""What a simulated source knows of itself: ``contact`` 0 or 1, ``position``, ``force`` ...; an open set."""
+"""Truth from a simulated source: ``contact`` 0 or 1, ``position``, ``force`` ...; further names may occur."""
 
 
 class NamedEstimates(ABC):
     """Access to estimates by name: ``update.position``, ``update.tracked.force``.
 
-    The four quantities of a touch can always be asked for: one that is not estimated is an abstention. Any
-    other name is an attribute where an estimator gives it.
+    The four quantities of a touch are always available: one that is not estimated is an abstention. Any other
+    name is an attribute if the estimator provides it.
     """
 
     __slots__ = ()
 
     @abstractmethod
     def _named(self) -> Estimates:
-        """Return the estimates by name; an open set."""
+        """Return the estimates by name; further names may occur."""
 
     def estimate(self, name: str) -> Estimate:
-        """Return an estimate by name, or an abstention where there is none of this name.
+        """Return an estimate by name, or an abstention for a missing one.
 
         >>> Prediction(start=0, time=0.0, estimates={}).estimate("force").reason
         'not estimated'
@@ -211,12 +211,12 @@ class NamedEstimates(ABC):
 
     @property
     def contact(self) -> Estimate:
-        """Probability that something touches the string."""
+        """Probability of contact."""
         return self.estimate("contact")
 
     @property
     def position(self) -> Estimate:
-        """Place of the touch from pickup 1, in m."""
+        """Position of the touch from pickup 1, in m."""
         return self.estimate("position")
 
     @property
@@ -226,15 +226,15 @@ class NamedEstimates(ABC):
 
     @property
     def slip(self) -> Estimate:
-        """Probability that the touch slides."""
+        """Probability of slip."""
         return self.estimate("slip")
 
     def __dir__(self) -> list[str]:
-        """Return the attributes, the estimates among them."""
+        """Return the attribute names, estimates included."""
         return [*super().__dir__(), *self._named()]
 
     def __getattr__(self, name: str) -> Estimate:
-        """Return the estimate of another name; raises `AttributeError` where there is none."""
+        """Return an estimate by name; raises `AttributeError` for an unknown name."""
         if name.startswith("_") or name in _fields_of(type(self)):  # not set yet, while it is copied
             raise AttributeError(name)
         if name in (named := self._named()):
@@ -262,24 +262,24 @@ class Tracked(NamedEstimates, Mapping[str, Estimate]):
         return self.estimates
 
     def __getitem__(self, name: str) -> Estimate:
-        """Return an estimate by name; raises `KeyError` where there is none."""
+        """Return an estimate by name; raises `KeyError` for an unknown name."""
         return self.estimates[name]
 
     def __iter__(self) -> Iterator[str]:
-        """Yield the names."""
+        """Yield the estimates' names."""
         return iter(self.estimates)
 
     def __len__(self) -> int:
-        """Return how many there are."""
+        """Return the number of estimates."""
         return len(self.estimates)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Prediction(NamedEstimates):
-    """The estimates of one window by name (an open set), on the sample clock.
+    """The estimates of one window by name, on the sample clock; further names may occur.
 
     `time` is the start of the window in seconds since the stream began; `latency` is the time from the
-    window's last sample being at hand to this prediction.
+    window's last sample being available to this prediction.
     """
 
     start: Samples
@@ -288,7 +288,7 @@ class Prediction(NamedEstimates):
     latency: Seconds = 0.0
 
     def __getitem__(self, name: str) -> Estimate:
-        """Return an estimate by name; raises `KeyError` where the estimator has none of this name.
+        """Return an estimate by name; raises `KeyError` for an unknown name.
 
         >>> place = Estimate(value=0.08, std=1e-4, unit="m")
         >>> Prediction(start=0, time=0.0, estimates={"position": place})["position"].value
@@ -304,12 +304,12 @@ class Prediction(NamedEstimates):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Signal:
-    """What an open source says of its audio: rate, channels, and the string if it knows that.
+    """An open source's audio format: rate, channels, and the string if known.
 
-    `string` is as it is tuned. `design` is the same wire as something learned knows it, where that is tuned
-    otherwise: a feature in hertz or newtons is then stated as of that one. `sensing_range` is where along the
-    string the sensor can tell the place of a touch, None where no sensor is known. `drivers` are the places
-    of the coils of each driver that is on, sense and drive; empty where none is known.
+    `string` is the tuned string. `design` is the same wire as in training, where the tuning differs: features
+    in hertz or newtons are then stated relative to it. `sensing_range` is the part of the string where the
+    sensor can resolve position, None for an unknown sensor. `drivers` holds the coil positions (sense and
+    drive) of each driver that is on; empty if unknown.
     """
 
     sample_rate: int
@@ -321,7 +321,7 @@ class Signal:
 
     @property
     def tension_scale(self) -> float:
-        """Tension of the design over that of the string; 1 without a design of its own."""
+        """Tension of the design relative to the string's; 1 without a separate design."""
         if self.string is None or self.design is None:
             return 1.0
         return self.design.tension / self.string.tension
@@ -329,9 +329,9 @@ class Signal:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StreamHealth:
-    """Counters of a running stream; `xruns` are the server's own, the rest is counted from frame times.
+    """Counters of a running stream; `xruns` is the server's count, the rest follows from frame times.
 
-    `away` says what the stream waits for where no sound comes, and is empty while it does.
+    `away` says what the stream waits for while no sound arrives, and is empty otherwise.
     """
 
     frames: Samples = 0
@@ -345,12 +345,12 @@ class StreamHealth:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Feed:
-    """What an open instrument says of its readings.
+    """An open instrument's description of its readings.
 
-    `stream` is what kind they are, and their topic in a session: ``wrench``, ``pose``, or a name of its own.
-    `columns` name the values of a reading and `units` their units, one each. `rate` is how many readings a
-    second are due, and `ticks` how many ticks a second the device's own clock has; 0 where that is not known.
-    `details` is whatever else is needed to read them again: calibration, serial number, address.
+    `stream` is the kind of reading, and its topic in a session: ``wrench``, ``pose``, or a custom name.
+    `columns` names the values of a reading and `units` their units, one each. `rate` is the expected number
+    of readings per second, and `ticks` the rate of the device's clock in ticks per second; 0 where unknown.
+    `details` holds other metadata: calibration, serial number, address.
     """
 
     stream: str
@@ -364,17 +364,17 @@ class Feed:
 WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")
 """Columns of the stream ``wrench``: force in N, then torque in N m."""
 POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
-"""Columns of the stream ``pose``: place in m, then orientation as a unit quaternion."""
+"""Columns of the stream ``pose``: position in m, then orientation as a unit quaternion."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Readings:
-    """Consecutive readings of one instrument, n of them, in the order in which they came.
+    """Consecutive readings of one instrument, n of them, in order of arrival.
 
-    `time` (n,) is when each arrived at this machine, in seconds of the monotonic clock, as near to the wire
-    as could be had; `values` (n, columns) are in the units of the `Feed`. `sequence` (n,) is the sender's own
-    count and `device_time` (n,) its own clock in ticks, both -1 where it sends none; `status` (n,) is its
-    status word, 0 where all is well. What was lost leaves a gap in `sequence`; nothing is made up for it.
+    `time` (n,) is the time of arrival at this machine, in seconds of the monotonic clock, taken as close to
+    the wire as possible; `values` (n, columns) are in the units of the `Feed`. `sequence` (n,) is the
+    sender's count and `device_time` (n,) the sender's clock in ticks, both -1 where it sends none; `status`
+    (n,) is its status word, 0 for no fault. Lost readings leave a gap in `sequence` and are never filled in.
     """
 
     stream: str
@@ -387,7 +387,7 @@ class Readings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InstrumentHealth:
-    """Counters of an open instrument: `missing` never came, `faulty` are unreadable or tell of a fault."""
+    """Counters of an open instrument: `missing` never arrived, `faulty` are unreadable or report a fault."""
 
     readings: int = 0
     missing: int = 0

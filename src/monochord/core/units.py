@@ -1,8 +1,7 @@
-"""Type aliases that state the unit of a number, and the few unit conversions of the field.
+"""Type aliases that state the unit of a number, and a few unit conversions.
 
-Inside Monochord every quantity is in SI base units and carries no suffix; the alias in its annotation
-tells which, and errors quote it. Millimetres, milliseconds and decibels appear only where a person reads
-them.
+All quantities in Monochord are in SI base units without a suffix; the alias in an annotation states the unit,
+and errors quote it. Millimetres, milliseconds and decibels appear only in displays.
 """
 
 import math
@@ -19,13 +18,13 @@ MetresPerSecond: TypeAlias = Annotated[float, "m/s"]
 NewtonSecondsPerSquareMetre: TypeAlias = Annotated[float, "N s/m^2"]
 """Damping of a string per unit length, in N s / m^2."""
 Samples: TypeAlias = int
-"""A count of sample frames, or an index on the sample clock."""
+"""A number of sample frames, or an index on the sample clock."""
 FINITE = sys.float_info.max
 """Largest finite number."""
 
 
 def unit_of(kind: Any) -> str:
-    """Return a space and the unit of an annotated type; an empty string if it states no unit.
+    """Return a space and the unit of an annotated type; an empty string for no unit.
 
     >>> unit_of(Metres), unit_of(float)
     (' m', '')
@@ -34,7 +33,7 @@ def unit_of(kind: Any) -> str:
 
 
 def cents(reference: Hertz, estimate: Hertz) -> float:
-    """Return the musical interval from `reference` to `estimate` in cents (1200 an octave).
+    """Return the musical interval from `reference` to `estimate` in cents (1200 per octave).
 
     >>> round(cents(440.0, 880.0), 9)
     1200.0

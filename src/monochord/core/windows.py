@@ -1,4 +1,4 @@
-"""Blocks into overlapping windows on an exact sample clock."""
+"""Cuts blocks into overlapping windows on an exact sample clock."""
 
 from collections.abc import Iterable, Iterator
 
@@ -12,24 +12,24 @@ from monochord.core.units import Samples
 def windows(blocks: Iterable[Block], *, size: Samples, hop: Samples, sample_rate: int) -> Iterator[Window]:
     """Yield windows of `size` frames that start at every multiple of `hop`, as soon as each is complete.
 
-    Window k covers frames [k hop, k hop + size) of the sample clock, whatever the block sizes. Frames that
-    were dropped are zeros in the samples, and the windows that touch them have `has_gap` set. A window whose
-    every frame was dropped is still yielded, so that the output keeps the clock's pace. Memory does not grow
-    with the stream, nor with the length of a gap.
+    Window k covers frames [k hop, k hop + size) of the sample clock, whatever the block sizes. Dropped frames
+    are zeros, and windows that contain any have `has_gap` set. A window of dropped frames only is still
+    yielded, so that the output keeps the clock's pace. Memory does not grow with the stream, nor with the
+    length of a gap.
 
     Parameters
     ----------
     blocks
-        Blocks in order, from one stream.
+        Blocks of one stream, in order.
     size, hop
-        Window length and distance of window starts, in frames, both at least 1.
+        Window length and hop, in frames, both at least 1.
     sample_rate
-        Frames a second.
+        Sample rate in Hz.
 
     Yields
     ------
     Window
-        With samples (channels, size) that own their memory.
+        A window with a copy of the samples, (channels, size).
 
     Raises
     ------
@@ -62,10 +62,10 @@ def windows(blocks: Iterable[Block], *, size: Samples, hop: Samples, sample_rate
 
 
 def _runs(block: Block, end: Samples, longest: Samples) -> Iterator[tuple[Audio, bool]]:
-    """Yield what follows clock index `end`, lost frames as zeros, in runs of bounded length."""
+    """Yield the frames after clock index `end`, lost frames as zeros, in runs of limited length."""
     lost = block.start - end
     if lost < 0:
-        raise ValueError(f"block starts at frame {block.start}, before the end {end} of the one before it")
+        raise ValueError(f"block starts at frame {block.start}, before the previous block's end {end}")
     zeros = np.zeros((block.samples.shape[0], min(lost, longest)), np.float32)
     for done in range(0, lost, longest):
         yield zeros[:, : lost - done], True
@@ -74,7 +74,7 @@ def _runs(block: Block, end: Samples, longest: Samples) -> Iterator[tuple[Audio,
 
 
 class _Tape:
-    """The newest frames of a stream, at least `size` of them, in memory that is taken once."""
+    """The newest frames of a stream, at least `size` of them, in preallocated memory."""
 
     SPARE = 8  # windows in the buffer before the oldest are dropped: each frame is moved 1/7 times on average
 
@@ -85,7 +85,7 @@ class _Tape:
         self.end = 0  # clock index just after the newest frame
 
     def append(self, run: Audio) -> None:
-        """Add at most `size` frames."""
+        """Append at most `size` frames."""
         if self.filled + run.shape[1] > self.buffer.shape[1]:
             self.buffer[:, : self.size] = self.buffer[:, self.filled - self.size : self.filled]
             self.filled = self.size

@@ -1,4 +1,4 @@
-"""Independent jobs in this process, in several, or on a dask cluster; a worker that dies loses no job."""
+"""Runs independent jobs in this process, in several, or on a dask cluster; a dead worker loses no job."""
 
 import logging
 import multiprocessing
@@ -30,37 +30,40 @@ from monochord.core.units import Seconds
 Job = TypeVar("Job")
 Result = TypeVar("Result")
 ANSWER_TIMEOUT: Seconds = 10.0
-"""How long a scheduler may take to answer the first call."""
+"""Timeout of a scheduler's first answer, in s."""
 
 
 def refuse_both(workers: int | None, cluster: str) -> None:
-    """Raise `InputError` for a number of workers beside a cluster, which has its own."""
+    """Raise `InputError` for a number of workers together with a cluster, which has its own workers."""
     if workers and cluster:
-        raise InputError("workers beside a cluster", "one of both", "a cluster has its own workers")
+        raise InputError(
+            "workers with a cluster", "one of both", "leave workers out: a cluster has its own workers"
+        )
 
 
 def run_all(
     jobs: Sequence[Job], work: Callable[[Job], Result], *, cluster: str = "", workers: int | None = None
 ) -> Generator[tuple[Job, Result]]:
-    """Run every job and yield it with its result, in the order in which they finish.
+    """Run every job, and yield it with its result in order of completion.
 
-    A single job, or a single worker, runs in this process. Several workers are processes of this machine, of
-    one thread each; with an address the jobs run on a dask cluster, in the working folder of this process. A
-    job whose worker dies runs again on another: it may be started twice, so a job that writes should write to
-    a temporary file and rename it. Each job is yielded exactly once. The first error of a job ends the others
-    and is raised here unchanged; closing the iterator ends them too.
+    A single job, or a single worker, runs in this process. Several workers are processes of this machine,
+    with one thread each; with an address, jobs run on a dask cluster, in this process's working folder. A job
+    whose worker dies runs again on another worker: since it may start twice, a job that writes should write
+    to a temporary file and rename it. Each job is yielded exactly once. The first error of a job ends the
+    others and is raised here unchanged; closing the iterator also ends them.
 
     Parameters
     ----------
     jobs
-        Arguments, each picklable. A job contains its own seed, so that no result depends on its worker.
+        Arguments, each picklable. A job includes its random seed, so that results do not depend on the
+        worker.
     work
-        The function of one job, of a module that the workers can import too. A worker unpacks it once for
-        all its jobs: what these have in common belongs into it, as by `functools.partial`.
+        The function of one job, from a module that workers can import. A worker unpickles it once for all its
+        jobs: bind shared data to it, as with `functools.partial`.
     cluster
         Address of a running dask scheduler, such as ``"tcp://10.0.0.5:8786"``; empty for this machine.
     workers
-        Number of processes on this machine; None for one a core, and for none beside a job's own process.
+        Number of processes on this machine; by default one per core, or none inside a job.
 
     Yields
     ------
@@ -70,16 +73,16 @@ def run_all(
     Raises
     ------
     InputError
-        If `workers` is below 1, if a cluster is named and dask is not installed, or if nothing answers at its
+        If `workers` is below 1, a cluster is named without dask installed, or no scheduler answers at its
         address; or from a job.
     DeviceError
-        If a job's worker died three times, or the cluster went away.
+        If a job's worker died three times, or the cluster was lost.
 
     >>> sorted(result for job, result in run_all([3, 1, 2], float, workers=1))
     [1.0, 2.0, 3.0]
     """
     if workers is not None and workers < 1:
-        raise InputError(f"{workers} workers", "1 or more; by default one a core")
+        raise InputError(f"{workers} workers", "1 or more; by default one per core")
     if cluster:
         _require_dask(f"Cluster {cluster}")
         return _on_cluster(jobs, work, cluster)
@@ -98,7 +101,7 @@ def _require_dask(task: str) -> None:
 def _on_cluster(
     jobs: Sequence[Job], work: Callable[[Job], Result], address: str
 ) -> Generator[tuple[Job, Result]]:
-    """Run the jobs on the cluster whose scheduler is at `address`."""
+    """Run the jobs on the cluster with the scheduler at `address`."""
     with _quiet():
         try:
             _require_listener(address)
@@ -114,7 +117,7 @@ def _on_cluster(
 
 
 def _require_listener(address: str) -> None:
-    """Raise `OSError` where nobody listens, since a client that failed logs another error when it ends."""
+    """Raise `OSError` where no scheduler listens, since a failed client logs another error when it ends."""
     host, _, port = address.rpartition("://")[2].rpartition(":")
     with socket.create_connection((host.strip("[]"), int(port)), timeout=ANSWER_TIMEOUT):
         pass
@@ -133,7 +136,7 @@ def _client(address: str) -> Any:
 def _on_this_machine(
     jobs: Sequence[Job], work: Callable[[Job], Result], workers: int
 ) -> Generator[tuple[Job, Result]]:
-    """Run the jobs in that many processes of this machine; those that a dead worker lost run again."""
+    """Run the jobs in a number of local processes; jobs of a dead worker run again."""
     left = dict(enumerate(jobs))
     for _ in range(MAX_DEATHS):
         with suppress(BrokenProcessPool), _pool(left, work, workers) as futures:
@@ -142,14 +145,14 @@ def _on_this_machine(
                 number = futures[future]
                 yield left.pop(number), result
             return
-    raise DeviceError(f"a job ended its worker {MAX_DEATHS} times: see what it needs")
+    raise DeviceError(f"a job ended its worker {MAX_DEATHS} times: check its memory use")
 
 
 @contextmanager
 def _pool(
     jobs: Mapping[int, Job], work: Callable[[Job], Result], workers: int
 ) -> Generator[dict[Future[Result], int]]:
-    """Yield the futures of jobs, by which each has its number, and end the processes afterwards."""
+    """Yield the futures of jobs with their numbers, and end the processes afterwards."""
     number = min(workers, len(jobs))
     pool = ProcessPoolExecutor(number, multiprocessing.get_context("spawn"), initializer=prepare)
     try:
@@ -181,7 +184,7 @@ def _results(client: Any, jobs: Sequence[Job], work: Callable[[Job], Result]) ->
             result = future.result()
             yield jobs[futures.pop(future)], result
     except KilledWorker as error:
-        raise DeviceError(f"a job ended its worker {MAX_DEATHS} times: see what it needs") from error
+        raise DeviceError(f"a job ended its worker {MAX_DEATHS} times: check its memory use") from error
     except FutureCancelledError as error:
         raise DeviceError("the cluster went away before all jobs were done: start it again") from error
     except RuntimeError as error:
@@ -194,7 +197,7 @@ def _results(client: Any, jobs: Sequence[Job], work: Callable[[Job], Result]) ->
 
 @contextmanager
 def _quiet() -> Generator[None]:
-    """Keep dask's messages about workers that come and go off standard error."""
+    """Suppress dask's messages about workers that join and leave."""
     logger = logging.getLogger("distributed")
     before = logger.level
     logger.setLevel(logging.CRITICAL)

@@ -1,4 +1,4 @@
-"""How each strategy assigns the windows of a dataset to parts; see `monochord.datasets.split`."""
+"""How each strategy assigns a dataset's windows to parts; see `monochord.datasets.split`."""
 
 from collections.abc import Sequence
 from fnmatch import fnmatchcase
@@ -14,9 +14,9 @@ from monochord.datasets.store import Dataset
 
 PARTS = ("train", "validation", "test")
 MAX_SHOWN = 12
-"""How many patterns an error names."""
+"""Most patterns named in an error."""
 MAX_CUT_SHIFT = 0.45
-"""How far a cut in time may be moved to an untouched window, as a share of the shorter stretch beside it."""
+"""How far a cut in time may move to an untouched window, as a share of the shorter stretch beside it."""
 
 
 def by_group(
@@ -52,7 +52,7 @@ def _by_number(
     held_out: Sequence[str],
     rng: np.random.Generator,
 ) -> tuple[list[str], Indices]:
-    """Assign whole days or builds; those of sessions that are held out are in the test, and no others."""
+    """Assign whole days or builds; those of the held-out sessions form the test."""
     if not held_out:
         return names, _assigned(names, counts, fractions, rng)
     test = np.isin(names, np.array(names)[_held_out(dataset, held_out)])
@@ -87,7 +87,7 @@ def _by_object(
 
 
 def _held_out(dataset: Dataset, held_out: Sequence[str]) -> Flags:
-    """Return which sessions are held out, by their object or their name; refuse what means none."""
+    """Return which sessions are held out, by object or name; raises `InputError` for an unknown one."""
     objects = [each.body for each in dataset.manifest.parts]
     names = [each.name for each in dataset.manifest.parts]
     refuse_strange(objects, held_out, names)
@@ -97,7 +97,7 @@ def _held_out(dataset: Dataset, held_out: Sequence[str]) -> Flags:
 
 
 def is_pattern(name: str) -> bool:
-    """Return whether what is held out is a pattern of sessions' names, rather than an object.
+    """Return whether a held-out entry is a pattern of session names, rather than an object.
 
     >>> is_pattern("music*"), is_pattern("wood")
     (True, False)
@@ -106,7 +106,7 @@ def is_pattern(name: str) -> bool:
 
 
 def is_held_out(body: str, session: str, held_out: Sequence[str]) -> bool:
-    """Return whether a session of an object is held out; a folder before its name may be left out.
+    """Return whether a session of an object is held out; a folder before its name is optional.
 
     >>> is_held_out("plastic", "monday/music_000", ["wood", "music*"])
     True
@@ -118,26 +118,26 @@ def is_held_out(body: str, session: str, held_out: Sequence[str]) -> bool:
 
 
 def refuse_strange(objects: Sequence[str], held_out: Sequence[str], sessions: Sequence[str] = ()) -> None:
-    """Raise `InputError` for what is held out and is no object, nor a pattern of a session's name."""
+    """Raise `InputError` for a held-out entry that is neither an object nor a session name pattern."""
     there, groups = sorted(set(objects)), sorted({name.rstrip("0123456789_") for name in sessions})
     for name in held_out:
         if not is_pattern(name):
             if name not in there:
-                allowed = f"{', '.join(filter(None, there)) or 'none'}, or a pattern of sessions' names"
+                allowed = f"{', '.join(filter(None, there)) or 'none'}, or a pattern of session names"
                 raise InputError(f"held-out object '{name}'", allowed, _meant(name, there, groups))
         elif not any(is_held_out("", session, [name]) for session in sessions):
             stem = name.translate({ord(sign): None for sign in "*?[]"})
-            given = f"held-out sessions '{name}', of which there is none"
+            given = f"held-out sessions '{name}', which match no session"
             raise InputError(given, _few(groups), _meant(stem, there, groups))
 
 
 def _meant(name: str, objects: Sequence[str], groups: Sequence[str]) -> str:
-    """Return what may have been meant: an object, or a pattern of names that begin alike."""
+    """Return likely corrections: an object, or a pattern of names with the same beginning."""
     return did_you_mean(name, objects) or did_you_mean(name, groups).replace("'?", "*'?")
 
 
 def _few(names: Sequence[str]) -> str:
-    """Return what names begin with, as patterns, not all if there are many."""
+    """Return the beginnings of names as patterns, at most `MAX_SHOWN`."""
     more = " and others" if len(names) > MAX_SHOWN else ""
     return "a pattern such as " + ", ".join(f"{name}*" for name in names[:MAX_SHOWN]) + more
 
@@ -152,7 +152,7 @@ def _assigned(
 
 
 def _strata(dataset: Dataset) -> list[str]:
-    """Return what each session holds mostly: its object, and whether it is untouched, static or sliding."""
+    """Return each session's main content: its object, and untouched, static or sliding."""
     strata: list[str] = []
     contact, slip = dataset.label("contact"), dataset.label("slip")
     for number, part in enumerate(dataset.manifest.parts):
@@ -191,7 +191,7 @@ def by_time(
 
 
 def _calm(contact: np.ndarray, cuts: list[int], at: int) -> int:
-    """Return the cut moved to the nearest window in which nothing touches, if one is within reach."""
+    """Return the cut moved to the nearest untouched window, if one is within reach."""
     reach = int(MAX_CUT_SHIFT * min(cuts[at] - cuts[at - 1], cuts[at + 1] - cuts[at]))
     near = np.arange(cuts[at] - reach, cuts[at] + reach + 1)
     near = near[(near > 0) & (near < len(contact))]
@@ -205,27 +205,28 @@ def assign_groups(
     fractions: Sequence[float],
     stream: np.random.Generator,
 ) -> NDArray[np.int64]:
-    """Return the part of every group, such that the parts come near their shares, in each stratum too.
+    """Return the part of every group so that the parts approach their shares, within each stratum too.
 
-    The groups of each stratum are taken in an order drawn at random, the largest strata first. Each goes to
-    the part that lacks most in this stratum and, half as much, in all, as shares of the sizes assigned
-    with it.
+    The groups of each stratum are taken in random order, the largest strata first. Each goes to the part with
+    the largest deficit in this stratum plus, at half weight, overall, relative to the sizes assigned
+    including it.
 
     Parameters
     ----------
     sizes
-        Of the groups (n,).
+        Sizes of the groups (n,).
     strata
-        What each group is one of (n,).
+        Stratum of each group (n,).
     fractions
-        The share of each part; the sum is 1.
+        Share of each part; the sum is 1.
     stream
-        What the order is drawn from.
+        Random generator of the order.
 
     Returns
     -------
     NDArray[np.int64]
-        Numbers of parts (n,). Parts whose share is above zero get a group each, where there are enough.
+        Part number of each group (n,). Each part with a positive share gets at least one group, if there are
+        enough.
 
     Examples
     --------
@@ -252,13 +253,13 @@ def assign_groups(
 
 
 def _lack(sizes: Floats, share: Floats, coming: float) -> Floats:
-    """Return how much each part lacks of its share of what is assigned, the coming group included."""
+    """Return each part's deficit from its share of the assigned sizes, including the next group."""
     due = share * (sizes.sum() + coming)
     return (due - sizes) / max(sizes.sum() + coming, 1.0)
 
 
 def _fill_empty(part: NDArray[np.int64], share: Floats, weight: Floats) -> None:
-    """Give a part that got nothing the smallest group of the part that has most, while one has two."""
+    """Give each empty part the smallest group of the largest part, while that part has two or more."""
     for empty in np.flatnonzero(share > 0.0).tolist():
         counts = np.bincount(part, minlength=len(share))
         if counts[empty] or counts.max(initial=0) < 2:

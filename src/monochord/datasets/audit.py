@@ -1,7 +1,7 @@
-"""Finds what leaks from training into the test.
+"""Finds leaks from training into the test.
 
-An audit looks at a dataset and a split of it for every way in which what was trained on may come back in
-the test (or the validation), whoever made the split and however.
+An audit checks a dataset and its split for every way in which training data may reappear in the test or
+validation part, whoever made the split.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -35,7 +35,7 @@ Kind: TypeAlias = Literal[
     "same checksum",
     "near duplicate",
 ]
-"""What leaks: see `audit`."""
+"""Kinds of leaks; see `audit`."""
 CLAIMS: dict[str, tuple[Kind, ...]] = {
     "session": ("shared session",),
     "day": ("shared session", "shared day"),
@@ -43,16 +43,16 @@ CLAIMS: dict[str, tuple[Kind, ...]] = {
     "object": ("shared session", "shared object"),
     "time": (),
 }
-"""What the parts of a split may not share, by what it was made by."""
+"""What the parts of a split must not share, by split strategy."""
 SESSION_STRIDE: Samples = 1 << 40
-"""Further than any two windows of a session are apart."""
+"""More frames than between any two windows of a session."""
 MAX_SHOWN = 3
-"""How many places a leak names."""
+"""Most places named for a leak."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Leak:
-    """A leak between two parts: its `kind`, the names of the `parts`, `where`, and how `many` windows.
+    """A leak between two parts: its `kind`, the `parts`, `where`, and `many`, the number of windows.
 
     >>> print(Leak(kind="shared session", parts=("train", "test"), where="monday", many=12))
     shared session: train and test, 12 windows (monday)
@@ -70,56 +70,56 @@ class Leak:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Audit:
-    """The result of an audit: `leaks`, and `notes` on anything else worth knowing."""
+    """The result of an audit: `leaks`, and `notes` on other observations."""
 
     leaks: Sequence[Leak]
     notes: Sequence[str] = ()
 
     @property
     def clean(self) -> bool:
-        """Whether nothing leaks."""
+        """Whether there is no leak."""
         return not self.leaks
 
     def refuse_leaks(self) -> None:
-        """Raise `InputError`, in one line, if anything leaks."""
+        """Raise `InputError`, in one line, if there is a leak."""
         if not self.clean:
             more = f", and {len(self.leaks) - 1} more" if len(self.leaks) > 1 else ""
             raise InputError(
                 f"split with a leak: {self.leaks[0]}{more}",
                 "no leak",
-                "split by session, and leave copies out",
+                "split by session, and remove copies",
             )
 
 
 def audit(dataset: Dataset, split: Split, *, duplicates: bool = True) -> Audit:
     """Return every leak between the parts of a split.
 
-    - **other dataset**: the split was made for another dataset, or names rows that this one has not.
+    - **other dataset**: the split was made for another dataset, or names rows missing from this one.
     - **shared window**: a window is in two parts; **repeated window**: twice in one.
     - **shared samples**: windows of two parts overlap.
-    - **guard gap**: windows of two parts are closer than a window and a hop, or than the split says.
-    - **shared session**, **shared day**, **shared build**, **shared object**: where the split claims to keep
-      them apart. A split by session, day or build keeps sessions apart, one by object the test's objects and
-      all sessions.
-    - **held out**: a session that the split holds out, by its object or its name, is not in the test alone.
-    - **same checksum**: two sessions of the same bytes, or of the same samples, in different parts.
+    - **guard gap**: windows of two parts are closer than a window and a hop, or than the split's guard.
+    - **shared session**, **shared day**, **shared build**, **shared object**: where the split should separate
+      them. A split by session, day or build separates sessions; a split by object separates the test's
+      objects and all sessions.
+    - **held out**: a session held out by its object or name is also in another part than the test.
+    - **same checksum**: two sessions with the same bytes, or the same samples, in different parts.
     - **near duplicate**: two sessions with the same sound, cut or with other channels; see
-      `monochord.datasets.duplicates` for what it detects and what it does not.
+      `monochord.datasets.duplicates` for the limits of detection.
 
-    A touch that is on both sides of a cut in time is no leak, but noted. Every byte of the dataset is
-    compared with its checksum first.
+    A touch on both sides of a cut in time is noted, not a leak. Every byte of the dataset is first compared
+    with its checksum.
 
     Parameters
     ----------
     dataset, split
-        To be looked at.
+        The dataset and split to check.
     duplicates
         Whether to compare sounds, which takes most of the time: some 2 ms for each pair of minutes.
 
     Returns
     -------
     Audit
-        Its `refuse_leaks` raises where there are any.
+        The result; its `refuse_leaks` raises on a leak.
 
     Raises
     ------
@@ -151,12 +151,12 @@ def _strange_rows(dataset: Dataset, split: Split) -> Iterator[Leak]:
     for name, rows in split.parts.items():
         outside = int(((rows < 0) | (rows >= len(dataset))).sum())
         if outside:
-            where = f"rows that the dataset of {len(dataset)} has not"
+            where = f"rows beyond the dataset's {len(dataset)}"
             yield Leak(kind="other dataset", parts=(name,), where=where, many=outside)
 
 
 def _session_counts(dataset: Dataset, split: Split) -> Mapping[str, Indices]:
-    """Return how many windows (sessions,) of every session each part has."""
+    """Return the number of windows of every session in each part, (sessions,) each."""
     count = len(dataset.manifest.parts)
     return {name: np.bincount(dataset.session[rows], minlength=count) for name, rows in split.parts.items()}
 
@@ -176,7 +176,7 @@ def _windows(split: Split) -> Iterator[Leak]:
 
 
 def _close(dataset: Dataset, split: Split) -> Iterator[Leak]:
-    """Yield windows of two parts that overlap or are too close, leaving out those that are in both."""
+    """Yield windows of two parts that overlap or are too close, except those in both parts."""
     size = dataset.manifest.window
     guard = max(split.guard, size + dataset.manifest.hop) if split.by == "time" else 0
     for (one, rows), (other, others) in combinations(split.parts.items(), 2):
@@ -192,7 +192,7 @@ def _close(dataset: Dataset, split: Split) -> Iterator[Leak]:
 
 
 def _distances(dataset: Dataset, mine: Indices, theirs: Indices) -> Indices:
-    """Return how far the nearest of `theirs` begins from each of `mine`, in frames."""
+    """Return the distance in frames from each of `mine` to the nearest of `theirs`."""
     place = (
         dataset.session.astype(np.int64) * SESSION_STRIDE + dataset.start
     )  # sessions one after another, far apart
@@ -206,7 +206,7 @@ def _distances(dataset: Dataset, mine: Indices, theirs: Indices) -> Indices:
 
 
 def _claims(dataset: Dataset, split: Split) -> Iterator[Leak]:
-    """Yield sessions, days and objects in two parts that the split keeps apart by its own account."""
+    """Yield sessions, days and objects in two parts that the split should separate."""
     for what in CLAIMS[split.by]:
         names = np.array([_named(part, what) for part in dataset.manifest.parts])
         present = {part: names[dataset.session[rows]] for part, rows in split.parts.items()}
@@ -222,7 +222,7 @@ def _claims(dataset: Dataset, split: Split) -> Iterator[Leak]:
 
 
 def _held_out(dataset: Dataset, split: Split) -> Iterator[Leak]:
-    """Yield what is held out for the test and is in another part."""
+    """Yield held-out sessions that are in a part other than the test."""
     parts = dataset.manifest.parts
     apart = np.array([is_held_out(part.body, part.name, split.held_out) for part in parts], bool)
     for name, rows in split.parts.items():
@@ -245,7 +245,7 @@ def _named(part: Part, what: Kind) -> str:
 
 
 def _apart(dataset: Dataset, session_counts: Mapping[str, Indices]) -> Iterator[tuple[int, int]]:
-    """Yield the pairs of sessions that have windows in different parts."""
+    """Yield the pairs of sessions with windows in different parts."""
     has = np.array([counts > 0 for counts in session_counts.values()])
     for one, other in combinations(range(len(dataset.manifest.parts)), 2):
         a, b = has[:, one], has[:, other]
@@ -270,9 +270,9 @@ def _duplicates(
 
 
 def _between_taps(dataset: Dataset, session: int) -> Audio:
-    """Return the samples of a session, silent while it is calibrated.
+    """Return the samples of a session, silent during the taps.
 
-    Taps sound alike in all sessions, at every frequency: nearly each pair would have to be looked into.
+    Taps sound the same in all sessions, at every frequency: they would make almost every pair a candidate.
     """
     tapped = (dataset.session == session) & (dataset.label("calibrating") == 1.0)
     samples = dataset.mapped(session)
@@ -302,7 +302,7 @@ def _names(dataset: Dataset, pair: tuple[int, int]) -> str:
 
 
 def _notes(dataset: Dataset, split: Split) -> Iterator[str]:
-    """Yield the count of touches, runs of windows without a pause, that are in more than one part."""
+    """Yield the number of touches (runs of windows without a pause) that are in more than one part."""
     untouched = dataset.label("contact") == 0.0
     changes = np.diff(dataset.session, prepend=-1) != 0
     touch = np.cumsum(untouched | changes)

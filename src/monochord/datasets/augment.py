@@ -1,4 +1,4 @@
-"""Noise added to windows for training; pitch and time stay, since they tell where the touch is."""
+"""Adds noise to windows for training; pitch and time stay unchanged, since they carry the position."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,36 +13,35 @@ from monochord.core.types import Audio, Floats
 from monochord.dsp.noise import NOISES, STEADY, mixed
 
 RECORDED = "recorded"
-"""The kind of noise that is drawn from files of music or speech."""
+"""The noise kind that uses files of music or speech."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Augmentation:
-    """Adds noise to windows: of a kind drawn for each, at a signal-to-noise ratio drawn for each.
+    """Adds noise to windows: a random kind at a random signal-to-noise ratio for each window.
 
-    What a window gets depends on the seed, the epoch and the window's row in the dataset alone: on no order,
-    no batch size and no number of workers. Microphones get independent noise of "white", "pink" and "band",
-    which stands for what arises in each preamplifier, and the same of "hum" and of recordings, which reach
-    both.
+    The noise depends only on the seed, the epoch and the window's row in the dataset: not on order, batch
+    size or the number of workers. "white", "pink" and "band" are independent in each microphone, like
+    preamplifier noise; "hum" and recordings are the same in both.
 
     Parameters
     ----------
     copies
-        Noisy copies of each window that a training adds beside the clean one; 0 adds none.
+        Number of noisy copies of each window added to the clean one in training; 0 for none.
     kinds
-        Of `monochord.dsp.noise.NOISES`, drawn with equal chances; with `recordings`, "recorded" is one more.
+        Kinds from `monochord.dsp.noise.NOISES`, equally likely; `recordings` add the kind "recorded".
     ratios
-        Least and greatest ratio in dB against the window's own power over both microphones.
+        Range of the signal-to-noise ratio in dB, relative to the window's power over both microphones.
     share
-        Of the windows that get noise; the others stay as they are.
+        Share of windows with added noise.
     recordings
-        Files of music or speech, of which excerpts are drawn. They are read and resampled once.
+        Files of music or speech for random excerpts. They are read and resampled once.
 
     Raises
     ------
     InputError
-        For an unknown kind, copies, ratios or share out of range, or a recording that cannot be read or is
-        too short.
+        If a kind is unknown, copies, ratios or share are out of range, or a recording is unreadable or too
+        short.
 
     Examples
     --------
@@ -66,10 +65,10 @@ class Augmentation:
             if kind not in NOISES:
                 raise InputError(f"noise '{kind}'", ", ".join(NOISES), did_you_mean(kind, NOISES))
         if not self.kinds and not self.recordings:
-            raise InputError("augmentation without noises", "a kind or a recording", "leave it out instead")
+            raise InputError("augmentation without noises", "a kind or a recording", "omit it instead")
         low, high = self.ratios
         if not -100.0 <= low <= high <= 200.0:
-            raise InputError(f"ratios {low:g} to {high:g} dB", "-100 to 200 dB, the least first")
+            raise InputError(f"ratios {low:g} to {high:g} dB", "-100 to 200 dB, the smaller first")
         if not 0.0 <= self.share <= 1.0:
             raise InputError(f"share {self.share:g} of windows with noise", "0 to 1")
 
@@ -84,8 +83,8 @@ class Augmentation:
     ) -> Audio:
         """Return windows (n, channels, frames) with noise added, as a copy.
 
-        `rows` (n,) are their rows in the dataset, and `sample_rate` is in Hz. A window that is silent, or
-        holds values that are not finite, is returned unchanged: it has no level for a ratio.
+        `rows` (n,) are the windows' rows in the dataset, and `sample_rate` is in Hz. A window that is silent
+        or holds non-finite values is returned unchanged: it has no level for a ratio.
         """
         out = windows.copy()
         for number, row in enumerate(rows):
@@ -113,7 +112,7 @@ class Augmentation:
         sound = sounds[int(stream.integers(len(sounds)))]
         if sound.size < shape[-1]:
             given = f"a recording of {sound.size / sample_rate:.3g} s"
-            raise InputError(given, "one as long as a window or longer")
+            raise InputError(given, "a recording at least as long as a window")
         for _ in range(8):  # a pause in speech has no level
             begin = int(stream.integers(sound.size - shape[-1] + 1))
             excerpt = sound[begin : begin + shape[-1]].astype(np.float64)
@@ -128,7 +127,7 @@ def _sounds(recordings: tuple[Path, ...], sample_rate: int) -> tuple[Audio, ...]
 
 
 def _read(path: Path, sample_rate: int) -> Audio:
-    """Return a recording as one channel (n,) at the rate of the windows."""
+    """Return a recording as one channel (n,) at the windows' sample rate."""
     import soundfile  # noqa: PLC0415
     import soxr  # noqa: PLC0415
 
@@ -138,5 +137,5 @@ def _read(path: Path, sample_rate: int) -> Audio:
         raise InputError(f"recording {path} ({error})", "a wav or flac file") from error
     sound = np.asarray(soxr.resample(samples.mean(axis=1), own, sample_rate), np.float32)
     if not np.isfinite(sound).all() or not sound.any():
-        raise InputError(f"recording {path}", "finite samples with sound in them")
+        raise InputError(f"recording {path}", "finite samples with a level above zero")
     return sound

@@ -1,4 +1,4 @@
-"""Sessions into a dataset, one at a time or several side by side."""
+"""Builds a dataset from sessions, one at a time or in parallel."""
 
 import hashlib
 from collections.abc import Callable, Iterable, Sequence
@@ -39,38 +39,39 @@ from monochord.sessions import TUNING, AudioTrack, SessionReader, read_session
 from monochord.sessions.alignment import AUDIO
 
 MANY = 16
-"""Sessions from which on several processes are worth their start."""
+"""Number of sessions from which starting several processes pays off."""
 FULL_SCALE = 1.0 - 2.0**-15
-"""A sample of this amount or more is clipped: the greatest that a converter of 16 bits gives."""
+"""Absolute sample value that counts as clipped: the largest of a 16-bit converter."""
 Labelling: TypeAlias = Literal["", "recorded", "measured"]
 Listen: TypeAlias = Callable[[Audio, int, StringParams | None, Newtons | None], Newtons | None]
-"""Gives the tension of a session's string from sound (channels, n), its rate, its string and the tension that
-was recorded; None where none is known.
+"""Returns a string's tension from sound (channels, n), its rate, the string and the recorded tension.
 
-The string is None for a session that names none, the tension for one that was recorded without a tuning."""
+None where unknown. The string is None for a session without one, the recorded tension None for a session
+recorded without a tuning.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BuildOptions(Checked):
-    """How sessions become a dataset.
+    """Options for building a dataset from sessions.
 
     Parameters
     ----------
     window, hop
-        Length and distance of windows in s.
+        Window length and hop in s.
     labels
-        "recorded" takes the labels of the session, "measured" those that wrench and pose give; left empty,
-        the recorded ones where a session has any.
+        "recorded" uses the session's labels, "measured" labels derived from wrench and pose; empty uses
+        recorded labels where a session has any.
     force
-        Whether to take a session that its alignment warns of, or that is damaged.
+        Whether to accept a session with alignment flags or damage.
     skip
-        Whether to leave out a session that cannot be used, rather than to build nothing.
+        Whether to skip an unusable session instead of stopping.
     rules
-        What the label of a window is.
+        Rules for the label of a window.
     thresholds
-        What counts as contact and as sliding, for measured labels.
+        Thresholds of contact and sliding, for measured labels.
     sensor
-        The sensor as tuned, a preset or a file of ``monochord tune``, of sessions recorded without a tuning.
+        The tuned sensor (a preset, or a file from ``monochord tune``) of sessions recorded without a tuning.
     """
 
     window: Annotated[Seconds, Meta(ge=1e-3, le=60.0)] = 0.1
@@ -94,13 +95,13 @@ DEFAULT_OPTIONS = BuildOptions()
 def recorded_tension(
     _samples: Audio, _sample_rate: int, _string: StringParams | None, recorded: Newtons | None
 ) -> Newtons | None:
-    """Return the recorded tension: a session that was recorded without a tuning has none."""
+    """Return the recorded tension; None for a session recorded without a tuning."""
     return recorded
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Job:
-    """A session to read: its name, its file, and where its samples go."""
+    """A session to read: its name, its file, and the destination of its samples."""
 
     name: str
     path: Path
@@ -111,9 +112,9 @@ class Job:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Taken:
-    """What a session contributes beside its samples, which are on disk; `refused` says why it is unusable.
+    """A session's contribution besides its samples, which are on disk; `refused` says why it is unusable.
 
-    `part` has no place among the others yet: its `first` is 0, and its `audio` empty.
+    `part` is not yet placed among the others: its `first` is 0, and its `audio` empty.
     """
 
     refused: str = ""
@@ -125,7 +126,7 @@ class Taken:
 
 
 def find_sessions(names: Iterable[str]) -> list[Path]:
-    """Return the session files of these names: files, folders (searched below), and patterns.
+    """Return the session files for these names: files, folders (searched recursively), and patterns.
 
     Raises
     ------
@@ -140,7 +141,7 @@ def find_sessions(names: Iterable[str]) -> list[Path]:
         else:
             files = [path] if path.is_file() else [Path(each) for each in sorted(glob(name, recursive=True))]  # noqa: PTH207  (whole paths)
         if not files:
-            raise InputError(f"sessions '{name}'", "files .mcap, a folder that holds some, or a pattern")
+            raise InputError(f"sessions '{name}'", ".mcap files, a folder that contains some, or a pattern")
         paths |= dict.fromkeys(files)
     return list(paths)
 
@@ -155,46 +156,45 @@ def build_dataset(
     workers: int | None = 1,
     cluster: str = "",
 ) -> Dataset:
-    """Build a dataset from sessions in the new folder `out`, and return it; its format is in `store`.
+    """Build a dataset from sessions in the new folder `out`, and return it; see `store` for the format.
 
-    The samples of a session are taken as they were recorded: lost frames are zeros, clipped ones and those
-    that are no numbers stay, and the windows that hold any are flagged. A process holds one session at a
-    time. Equal sessions and options give equal bytes, in however many processes. The folder appears under its
-    name when all of it is there; what a killed run left of the same folder is removed.
+    Samples are copied as recorded: lost frames are zeros, clipped and non-finite samples stay, and windows
+    with any of these are flagged. A process holds one session in memory at a time. Equal sessions and options
+    give equal bytes, for any number of processes. The folder gets its name once it is complete; remains of a
+    killed run are removed.
 
     Parameters
     ----------
     sessions
-        Their files, in any order.
+        Session files, in any order.
     out
-        Folder to be made.
+        The new folder.
     options
-        How; the usual ones by default.
+        Build options; the defaults if omitted.
     progress
         Called before each session, and at the end.
     listen
-        Gives the tension of a session's string from its sound, its string and the tension that was recorded.
+        Returns the tension of a session's string from its sound, its string and the recorded tension.
     workers, cluster
-        As in `monochord.core.workers.run_all`, but that None means this process for fewer than `MANY`
-        sessions.
+        As in `monochord.core.workers.run_all`; None uses this process for fewer than `MANY` sessions.
 
     Raises
     ------
     InputError
-        If `out` is there already, a session cannot be used (see `truth.truth_of`) and is not to be skipped,
-        two have one name, or their rates or channels differ.
+        If `out` exists, a session is unusable (see `truth.truth_of`) and not skipped, two sessions have the
+        same name, or their rates or channels differ.
 
     Examples
     --------
     ``examples/build_a_dataset.py`` does so with two simulated sessions.
     """
     if out.exists():
-        raise InputError(f"{out}, which is there already", "a new folder", "name another, or remove that one")
+        raise InputError(f"{out}, which already exists", "a new folder", "choose another name, or remove it")
     if not sessions:
         raise InputError("no sessions", "one or more")
     if not out.absolute().parent.is_dir():
         raise InputError(
-            f"folder {out.absolute().parent}, which is not there", "an existing folder", "make it first"
+            f"folder {out.absolute().parent}, which does not exist", "an existing folder", "create it first"
         )
     files = named_sessions(sessions)
     names = [*files, ""]
@@ -219,9 +219,9 @@ def build_dataset(
 
 
 def named_sessions(sessions: Sequence[Path]) -> dict[str, Path]:
-    """Return the files by the names of their sessions, sorted; where names clash, folders are put before.
+    """Return the files by session name, sorted; where names clash, their folders are prefixed.
 
-    Raises `InputError` for two of one name in folders of one name.
+    Raises `InputError` for two sessions of one name in folders of one name.
 
     >>> list(named_sessions([Path("b/take.mcap"), Path("a/take.mcap"), Path("a/other.mcap")]))
     ['a/take', 'b/take', 'other']
@@ -235,19 +235,17 @@ def named_sessions(sessions: Sequence[Path]) -> dict[str, Path]:
     names = [name for name, _ in named]
     for name, path in named:
         if names.count(name) > 1:
-            raise InputError(
-                f"two sessions called {name}, one of them {path}", "names of their own", "rename one"
-            )
+            raise InputError(f"two sessions called {name}, one of them {path}", "unique names", "rename one")
     return dict(sorted(named))
 
 
 def take(job: Job) -> Taken:
-    """Return what a session gives, with its samples written where they belong.
+    """Return a session's contribution, with its samples written to their destination.
 
     Raises
     ------
     InputError
-        If it cannot be used and is not to be skipped.
+        If the session is unusable and not skipped.
     """
     options = job.options
     try:
@@ -286,7 +284,7 @@ def take(job: Job) -> Taken:
         build=description.build,
         music=description.more.get("music"),
         complete=session.complete,
-        late=late.offsets[0].value if late and late.offsets[0].known else None,
+        late=late.offsets[0].value if late and late.offsets[0].is_determined else None,
         flags=truth.alignment.flags,
         tension=tension,
         tuned=tuned,
@@ -301,7 +299,7 @@ def take(job: Job) -> Taken:
 
 
 def _write(folder: Path, options: BuildOptions, taken: Sequence[tuple[Job, Taken]]) -> None:
-    """Put sessions together, in their order, and write what is not their sound."""
+    """Combine the sessions in order, and write everything except their sound."""
     parts, files, refused = list[Part](), dict[str, FileSums](), dict[str, str]()
     tables, columns = list[dict[str, NDArray[Any]]](), list[LabelColumns]()
     form: tuple[int, int] | None = None
@@ -324,7 +322,7 @@ def _write(folder: Path, options: BuildOptions, taken: Sequence[tuple[Job, Taken
         parts.append(replace(each.part, audio=file, first=windows))
         windows += each.part.windows
     if form is None:
-        raise InputError("no session that can be used", "one or more", next(iter(refused.values()), ""))
+        raise InputError("no usable session", "one or more", next(iter(refused.values()), ""))
     labels = _joined(columns, [part.windows for part in parts])
     table = {name: np.concatenate([each[name] for each in tables]) for name in TABLE}
     usable = ~(table["has_gap"] | table["not_finite"])
@@ -354,15 +352,18 @@ def _write(folder: Path, options: BuildOptions, taken: Sequence[tuple[Job, Taken
 
 
 def _form_of(name: str, taken: Taken, before: tuple[int, int] | None) -> tuple[int, int]:
-    """Return the rate and channels of a session; refuse those that differ from the ones before."""
+    """Return a session's rate and channels.
+
+    Raises `InputError` where they differ from the previous sessions'.
+    """
     if before is not None and taken.form != before:
         given = f"session {name} with {taken.form[1]} channels at {taken.form[0]} Hz"
-        raise InputError(given, f"{before[1]} channels at {before[0]} Hz, as those before")
+        raise InputError(given, f"{before[1]} channels at {before[0]} Hz, as in the other sessions")
     return taken.form
 
 
 def _tension_of(session: SessionReader, listen: Listen, sensor: str) -> tuple[Newtons | None, str | None]:
-    """Return the tension of a session's string at rest, and where it is known from."""
+    """Return the tension of a session's string at rest, and its source."""
     description = session.description
     string = description.string
     recorded = string.tension if string is not None and TUNING in description.more else None
@@ -370,7 +371,7 @@ def _tension_of(session: SessionReader, listen: Listen, sensor: str) -> tuple[Ne
         own = load_sensor(sensor).string
         if string is not None and replace(own, tension=string.tension) != string:
             given = f"session {session.path.name} with sensor '{sensor}'"
-            raise InputError(given, "the string that the session names, at any tension")
+            raise InputError(given, "the session's string, at any tension")
         recorded = own.tension
     tension = listen(session.audio.samples, description.sample_rate, string, recorded)
     return tension, None if tension is None else "heard" if recorded is None else "recorded"
@@ -381,11 +382,11 @@ def _refuse_damaged(session: SessionReader) -> None:
     if session.damaged or malformed:
         counts = f"damaged chunks: {session.damaged}, malformed messages: {malformed}"
         given = f"session {session.path.name} ({counts})"
-        raise InputError(given, "a session as it was written", "leave it out, or take --force")
+        raise InputError(given, "an undamaged session", "leave it out, or use --force")
 
 
 def _flags(audio: AudioTrack, starts: Indices, size: Samples) -> dict[str, Flags]:
-    """Return what is wrong with the samples of each window."""
+    """Return the fault flags of each window's samples."""
     lost = np.zeros(audio.samples.shape[1], bool)
     for begin, end in audio.gaps:
         lost[begin:end] = True
@@ -406,7 +407,7 @@ def _any_within(frames: Flags, starts: Indices, size: Samples) -> Flags:
 def _labels(
     audio: AudioTrack, truth: SessionTruth, starts: Indices, size: Samples, rules: Rules
 ) -> LabelColumns:
-    """Return the labels of a session's windows, all of them NaN while it is calibrated."""
+    """Return the labels of a session's windows, all NaN during the taps."""
     begin, end = (truth.time_of(audio.time(frames)) for frames in (starts, starts + size))
     calibrating = np.zeros(len(starts), bool)
     for first, last in truth.calibrating:
@@ -417,7 +418,7 @@ def _labels(
 
 
 def _joined(columns: list[LabelColumns], counts: list[int]) -> LabelColumns:
-    """Return the labels of all sessions; what a session has no column of is NaN."""
+    """Return the labels of all sessions; NaN where a session lacks a column."""
     parts = list(zip(columns, counts, strict=True))
     names = dict.fromkeys(name for each in columns for name in each)
     return {

@@ -1,4 +1,4 @@
-"""Checksums of a dataset's files, block by block, so that damage is noticed without reading all."""
+"""Block checksums of a dataset's files, so that damage is found without reading everything."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -8,22 +8,22 @@ from pathlib import Path
 from monochord.core.errors import InputError
 
 BLOCK = 1 << 20
-"""Bytes that one checksum covers."""
+"""Bytes covered by one checksum."""
 DIGITS = 16
-"""Hexadecimal digits of SHA-256 that are stored of each block: 64 bits, against damage."""
+"""Hexadecimal digits of SHA-256 stored per block: 64 bits, enough against damage."""
 REMEDY = "build the dataset again"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileSums:
-    """Size of a file and the checksum of each of its blocks of 1 MiB, in order; the last may be shorter."""
+    """Size of a file and the checksums of its 1 MiB blocks in order; the last block may be shorter."""
 
     bytes: int
     blocks: tuple[str, ...]
 
 
 def file_sums(file: Path) -> FileSums:
-    """Return size and checksums of a file."""
+    """Return a file's size and checksums."""
     with file.open("rb") as stream:
         blocks = tuple(_sum(block) for block in iter(lambda: stream.read(BLOCK), b""))
         return FileSums(bytes=stream.tell(), blocks=blocks)
@@ -35,16 +35,16 @@ def check_blocks(folder: Path, files: Mapping[str, FileSums], chosen: Iterable[t
     Parameters
     ----------
     folder
-        Of the dataset.
+        Folder of the dataset.
     files
-        Checksums by the names of the files below it.
+        Checksums by file name below the folder.
     chosen
-        Name and number of each block to be compared.
+        File name and number of each block to compare.
 
     Raises
     ------
     InputError
-        Naming the first file that differs, or that cannot be read.
+        Names the first file that differs or cannot be read.
     """
     for name, number in chosen:
         file = folder / name
@@ -55,8 +55,8 @@ def check_blocks(folder: Path, files: Mapping[str, FileSums], chosen: Iterable[t
         except OSError as error:
             raise InputError(f"{file} ({error.strerror})", "a readable file", REMEDY) from error
         if own != files[name].blocks[number]:
-            at = f"bytes from {number * BLOCK} on have another checksum"
-            raise InputError(f"{file} (damaged: {at})", "the file as it was built", REMEDY)
+            at = f"wrong checksum of the bytes from {number * BLOCK} on"
+            raise InputError(f"{file} (damaged: {at})", "the unchanged file", REMEDY)
 
 
 def _sum(block: bytes) -> str:

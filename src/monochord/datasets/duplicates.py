@@ -1,12 +1,12 @@
-"""Finds copies of a recording, whole or cut, by the samples they share.
+"""Finds copies of a recording, whole or cut, by shared samples.
 
-Runs of `RUN` samples, rounded to 16 bits, are compared, which two takes share by chance as rarely as two
-random numbers are equal: the converter's noise sees to that. The runs begin where a sample's own bits say so,
-at some one in `SPACING`, so that the same sound gives the same runs wherever a recording begins
+Runs of `RUN` samples, rounded to 16 bits, are compared. Two takes share a run by chance as rarely as two
+random numbers are equal, because of the converter's noise. The samples' bits decide where runs begin, at
+about one in `SPACING`, so that the same sound gives the same runs wherever a recording begins
 (content-defined chunks; Manber 1994, Finding similar files in a large file system). All runs are sorted once,
-whatever the number of sessions.
+for any number of sessions.
 
-A copy that was scaled, resampled or mixed with other sound shares no samples, and is not found.
+A copy that was scaled, resampled or mixed with other sound shares no samples and is not found.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -22,23 +22,23 @@ RUN: Samples = 24
 SPACING = 256
 FULL_SCALE = 32767.0
 MIN_RANGE = 32
-"""Least range of a run, in steps of 16 bits: silence and clipping are alike everywhere."""
+"""Smallest range of a run, in 16-bit steps: silence and clipping are the same everywhere."""
 MIN_SHARE = 0.2
-"""Share of the runs of the shorter session that the other must hold too."""
+"""Share of the shorter session's runs that the other must contain."""
 MIN_RUNS = 8
-"""Runs that two sessions must share at least."""
+"""Smallest number of runs that two sessions must share."""
 FACTOR = np.uint64(0x9E3779B97F4A7C15)
 """Odd, with its bits spread evenly: 2**64 over the golden ratio."""
 
 Track = Callable[[int], Audio]
-"""Returns the samples (channels, n) of a session by its number."""
+"""Returns the samples (channels, n) of a session by number."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Duplicate:
-    """Two sessions that hold the same sound: frame f of `first` is frame f + `lag` of `second`.
+    """Two sessions with the same sound: frame f of `first` is frame f + `lag` of `second`.
 
-    `share` is the share of runs of the shorter one that the other holds.
+    `share` is the share of the shorter session's runs that the other contains.
     """
 
     first: int
@@ -48,14 +48,14 @@ class Duplicate:
 
 
 def find_duplicates(track: Track, pairs: Iterable[tuple[int, int]]) -> list[Duplicate]:
-    """Return the pairs of sessions with the same sound, each at the lag where most samples agree.
+    """Return the pairs of sessions with the same sound, each at the lag with the most matching samples.
 
     Parameters
     ----------
     track
-        Gives the samples of a session.
+        Returns the samples of a session.
     pairs
-        Numbers of the sessions to compare with each other, the lower one first.
+        Pairs of session numbers to compare, the lower one first.
 
     Returns
     -------
@@ -86,7 +86,7 @@ def find_duplicates(track: Track, pairs: Iterable[tuple[int, int]]) -> list[Dupl
 
 
 def _runs(samples: Audio) -> tuple[NDArray[np.uint64], Indices]:
-    """Return a number for each run of a session (n,), each once, and its first frame (n,)."""
+    """Return the unique run keys of a session (n,), and their first frames (n,)."""
     keys: list[NDArray[np.uint64]] = []
     frames: list[Indices] = []
     for channel in samples:
@@ -108,7 +108,7 @@ def _runs(samples: Audio) -> tuple[NDArray[np.uint64], Indices]:
 def _shared(
     runs: dict[int, tuple[NDArray[np.uint64], Indices]],
 ) -> dict[tuple[int, int], NDArray[np.int64]]:
-    """Return the lags of all runs that two sessions share, by the pair."""
+    """Return the lags of all runs shared by two sessions, by pair."""
     if not runs:
         return {}
     keys = np.concatenate([key for key, _ in runs.values()])
@@ -127,7 +127,7 @@ def _shared(
 
 
 def _neighbours(keys: NDArray[np.uint64]) -> Iterator[tuple[Indices, Indices]]:
-    """Yield the places of equal keys, which are sorted: of neighbours, then of those two apart, and on."""
+    """Yield the indices of equal keys, which are sorted: adjacent ones, then those two apart, and so on."""
     apart = 1
     while True:
         one = np.flatnonzero(keys[:-apart] == keys[apart:])

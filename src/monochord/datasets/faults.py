@@ -1,4 +1,4 @@
-"""Windows as faulty microphones would have recorded them: sound that nothing was learned from."""
+"""Simulates faulty microphones in windows: sound unlike the training data."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,35 +12,35 @@ from monochord.core.units import Hertz
 from monochord.dsp.noise import hum
 
 HISS = 1e-5, 3e-3
-"""Rms in full scale of what a dead microphone's channel still has: assumed."""
+"""Rms in full scale of the residual noise in a dead microphone's channel: assumed."""
 MAINS: tuple[Hertz, Hertz] = (50.0, 60.0)
 MAINS_LEVEL = 1e-4, 1e-2
-"""Rms in full scale of the mains in a dead channel, where there are any: assumed, of an open cable."""
+"""Rms in full scale of mains hum in a dead channel, where there is any: assumed, for an open cable."""
 SILENT_SHARE, MAINS_SHARE = 0.3, 0.5
-"""How often a dead channel is all zeros; and how often one that is not has the mains."""
+"""Probability that a dead channel is all zeros, and that a nonzero one has mains hum."""
 OVERDRIVE = 2.0, 20.0
-"""Peak over full scale of a window that clips badly."""
+"""Peak over full scale of a heavily clipped window."""
 HUM = 1.0, 10.0
-"""Rms of a hum that covers the string, over that of the window."""
+"""Rms of a hum that masks the string, relative to the window's."""
 SECOND_LEVEL = 0.5, 1.5
-"""Rms of a second string in the same channels, over that of the window."""
+"""Rms of a second string in the same channels, relative to the window's."""
 SECOND_PITCH = 0.03, 0.3
-"""Share by which its lines lie above or below the window's."""
+"""Relative offset of its partials above or below the window's."""
 FAULTS = ("microphone 1 dead", "microphone 2 dead", "microphones swapped", "clipping", "hum", "second string")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fault:
-    """Makes windows of one fault; what a window gets depends on the seed, the epoch and its row alone.
+    """Makes windows with one fault; the result depends only on the seed, the epoch and the row.
 
-    A dead microphone's channel is silent, or has hiss and the mains; swapped microphones are exchanged; with
-    clipping most of a window lies beyond full scale; hum is louder than the string. A second string is the
-    window itself with the lines of each channel elsewhere, as of a string that is touched at another place.
+    A dead microphone's channel is silent, or has hiss and mains hum; swapped microphones are exchanged; with
+    clipping, most of a window is beyond full scale; hum is louder than the string. A second string is the
+    window itself with each channel's partials shifted, like a string touched at another position.
 
     Parameters
     ----------
     kind
-        Of `FAULTS`.
+        A kind from `FAULTS`.
 
     Raises
     ------
@@ -71,7 +71,7 @@ class Fault:
     ) -> Audio:
         """Return windows (n, 2, frames) with the fault, as a copy.
 
-        `rows` (n,) are their rows in the dataset, and `sample_rate` is in Hz.
+        `rows` (n,) are the windows' rows in the dataset, and `sample_rate` is in Hz.
         """
         out = windows.copy()
         for window, row in zip(out, rows, strict=True):
@@ -99,7 +99,7 @@ class Fault:
             window[int(self.kind == "microphone 2 dead")] = self._dead(random, window.shape[1], sample_rate)
 
     def _dead(self, random: np.random.Generator, frames: int, sample_rate: Hertz) -> Floats:
-        """Return what is in the channel of a dead microphone, (frames,)."""
+        """Return the content of a dead microphone's channel, (frames,)."""
         if random.random() < SILENT_SHARE:
             return np.zeros(frames)
         sound = _between(random, HISS) * random.standard_normal(frames)
@@ -110,7 +110,10 @@ class Fault:
 
 
 def _at_pitch(samples: Audio, pitch: float) -> Floats:
-    """Return samples (frames,) whose lines lie `pitch` times as high; what lacks is their end backwards."""
+    """Return samples (frames,) with frequencies scaled by `pitch`.
+
+    Missing samples repeat the end backwards.
+    """
     there_and_back = np.concatenate([samples, samples[-2:0:-1]])
     return np.interp(pitch * np.arange(samples.size), np.arange(there_and_back.size), there_and_back)
 

@@ -1,4 +1,4 @@
-"""What kind each window is, for counting and for weighing."""
+"""The kind of each window, for counting and weighting."""
 
 from collections.abc import Mapping
 
@@ -10,16 +10,16 @@ from monochord.datasets.split import Split
 from monochord.datasets.store import Dataset
 
 KINDS = ("static", "slip", "no contact", "transition", "masked")
-"""Touched at rest; touched and sliding; untouched; the onset or end of a touch; none of these for sure."""
+"""Touched at rest; touched and sliding; untouched; onset or end of a touch; uncertain."""
 
 
 def kinds(dataset: Dataset) -> NDArray[np.int8]:
-    """Return the kind (n,) of every window, as its place in `KINDS`."""
+    """Return the kind (n,) of every window, as an index into `KINDS`."""
     return kinds_of(dataset.labels, dataset.usable)
 
 
 def kinds_of(labels: Mapping[str, Floats], usable: Flags) -> NDArray[np.int8]:
-    """Return the kind (n,) of windows from their labels; those that are not usable are masked.
+    """Return the kind (n,) of windows from their labels; unusable windows are masked.
 
     Examples
     --------
@@ -43,7 +43,7 @@ def kinds_of(labels: Mapping[str, Floats], usable: Flags) -> NDArray[np.int8]:
 
 
 def counts_of(kind: NDArray[np.int8]) -> dict[str, int]:
-    """Return how many windows there are of each kind.
+    """Return the number of windows of each kind.
 
     >>> counts_of(np.array([0, 0, 4], np.int8))
     {'static': 2, 'slip': 0, 'no contact': 0, 'transition': 0, 'masked': 1}
@@ -53,7 +53,7 @@ def counts_of(kind: NDArray[np.int8]) -> dict[str, int]:
 
 
 def table_of(dataset: Dataset, split: Split) -> dict[str, dict[str, dict[str, int]]]:
-    """Return how many windows of each kind each part has of each object: part, object, kind."""
+    """Return the number of windows by part, object and kind."""
     kind, body = kinds(dataset), np.array([part.body for part in dataset.manifest.parts])
     return {
         name: {

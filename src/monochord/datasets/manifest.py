@@ -1,4 +1,4 @@
-"""What a dataset is made of, in words and numbers: the file that stands beside its arrays."""
+"""The manifest of a dataset: a description stored beside its arrays."""
 
 import hashlib
 import json
@@ -18,13 +18,13 @@ from monochord.datasets.checksums import BLOCK, REMEDY, FileSums
 from monochord.datasets.measured import Thresholds
 
 FORMAT = 2
-"""Version of the layout on disk; from 2 on there are checksums of all files."""
+"""Version of the on-disk format; from 2 on, all files have checksums."""
 FILE = "manifest.json"
 MAX_WINDOWS = 1 << 26
-"""In a dataset: 77 days of them, 0.1 s apart, in 0.5 GB for a column."""
+"""Most windows in a dataset: 77 days of them, 0.1 s apart, take 0.5 GB per column."""
 MAX_RATE, MAX_CHANNELS = 10_000_000, 256
 Layout: TypeAlias = tuple[type[np.generic], tuple[int, ...]]
-"""Type and shape of the array in a file."""
+"""Type and shape of a file's array."""
 TABLE: dict[str, type[np.generic]] = {
     "session": np.int32,
     "start": np.int64,
@@ -32,20 +32,20 @@ TABLE: dict[str, type[np.generic]] = {
     "clipped": np.bool_,
     "not_finite": np.bool_,
 }
-"""Columns of the table of windows that are no labels."""
+"""Columns of the window table besides the labels."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Part:
     """One session in a dataset.
 
-    `source` is the name of its file and `checksum` that file's sha256; `audio` is the file of its samples (2,
-    `frames`) below the dataset and `audio_checksum` the sha256 of the samples alone. It has `windows` rows of
-    the table, from row `first` on. `labels` says where they come from: "recorded" or "measured". `late` is by
-    how much its sound was late at its beginning, in s, where it has taps, and `flags` are what its alignment
-    was warned of, where it was taken all the same. `music` is what sounded in the room, empty for nothing,
-    and None where that is unknown. `tension` is that of its string at rest, in N, where it is known. `tuned`
-    says from where: "recorded" with the sensor as tuned, or "heard", estimated from the untouched beginning.
+    `source` is the session's file name and `checksum` the file's sha256. `audio` is the file of its samples
+    (2, `frames`) below the dataset, and `audio_checksum` the sha256 of the samples alone. The session has
+    `windows` rows of the table, from row `first` on. `labels` is the source of its labels: "recorded" or
+    "measured". `late` is the delay of its sound at the beginning, in s, where it has taps, and `flags` are
+    its alignment flags, where it was accepted despite them. `music` is the ambient sound, empty for none,
+    None where unknown. `tension` is the string's tension at rest, in N, where known. `tuned` is the source of
+    the tension: "recorded" with the tuned sensor, or "heard", estimated from the untouched beginning.
     """
 
     name: str
@@ -72,7 +72,7 @@ class Part:
 
     @property
     def body(self) -> str:
-        """What touches in it: the material where that is known, else the object's name.
+        """The touching object: its material where known, else its name.
 
         >>> blank = dict.fromkeys(("name", "source", "checksum", "audio", "audio_checksum", "labels"), "")
         >>> Part(**blank, frames=0, first=0, windows=0, object="stick, radius 5 mm", material="wood").body
@@ -85,10 +85,9 @@ class Part:
 class Manifest:
     """A dataset: windows of `window` frames, `hop` apart, of all its `parts`.
 
-    `files` are the checksums of all its arrays, by the names of their files below the dataset's folder.
-    `columns` are the names of the labels, `counts` how many windows there are of each kind, `refused` the
-    sessions that were left out and why. `rules` and the text `labelling` say what the label of a window is;
-    `versions` which programs made it.
+    `files` holds the checksums of all arrays, by file name below the dataset's folder. `columns` names the
+    labels, `counts` the number of windows of each kind, `refused` the sessions left out and why. `rules` and
+    the text `labelling` define the label of a window; `versions` are those of the programs used.
     """
 
     format: int = FORMAT
@@ -114,7 +113,7 @@ class Manifest:
         return any(part.simulated for part in self.parts)
 
     def arrays(self) -> Mapping[str, Layout]:
-        """Return the contents of each file of the dataset, by its name below the folder."""
+        """Return the contents of each file of the dataset, by file name below the folder."""
         rows = (self.windows,)
         return {
             **{part.audio: (np.float32, (self.channels, part.frames)) for part in self.parts},
@@ -124,7 +123,7 @@ class Manifest:
         }
 
     def write(self, folder: Path) -> None:
-        """Write it into a folder, keys sorted, so that equal datasets have equal bytes."""
+        """Write the manifest into a folder, keys sorted, so that equal datasets have equal bytes."""
         text = json.dumps(to_tree(self), indent=1, sort_keys=True, ensure_ascii=False)
         (folder / FILE).write_text(text + "\n", encoding="utf-8")
 
@@ -135,22 +134,22 @@ class Manifest:
         Raises
         ------
         InputError
-            If there is none, it is damaged or contradicts itself, or another version of Monochord wrote it.
+            If the manifest is missing, damaged, inconsistent, or from an incompatible version of Monochord.
         """
         if not (folder / FILE).exists():
-            raise InputError(f"dataset {folder} (no {FILE} in it)", "a folder that monochord build made")
+            raise InputError(f"dataset {folder} (no {FILE} in it)", "a folder from monochord build")
         tree = load_json(folder / FILE, REMEDY)
         if not isinstance(tree, dict) or tree.get("format") != FORMAT:
             given = f"dataset {folder} of another format"
             raise InputError(given, f"format {FORMAT}, with checksums of all files", REMEDY)
         manifest = from_tree(cls, tree, FILE)
         for wrong in _contradictions(manifest):
-            raise InputError(f"{folder / FILE} ({wrong})", "what monochord build wrote", REMEDY)
+            raise InputError(f"{folder / FILE} ({wrong})", "the unchanged output of monochord build", REMEDY)
         return manifest
 
 
 def audio_name(number: int) -> str:
-    """Return the name of the file of a session's samples, below the folder of its dataset.
+    """Return the file name of a session's samples, below the dataset's folder.
 
     >>> audio_name(3)
     'audio/0003.npy'
@@ -159,7 +158,7 @@ def audio_name(number: int) -> str:
 
 
 def is_column_name(name: str) -> bool:
-    """Return whether a label's name can be that of a file, and of one in its folder alone.
+    """Return whether a label's name is usable as a file name in its folder.
 
     >>> is_column_name("force"), is_column_name("../force")
     (True, False)
@@ -168,7 +167,7 @@ def is_column_name(name: str) -> bool:
 
 
 def _contradictions(manifest: Manifest) -> Iterator[str]:
-    """Yield what cannot be true of a dataset, before anything that follows from it takes memory."""
+    """Yield inconsistencies of a manifest, before memory is allocated for its content."""
     for name, value, largest in (
         ("sample_rate", manifest.sample_rate, MAX_RATE),
         ("channels", manifest.channels, MAX_CHANNELS),
@@ -176,16 +175,16 @@ def _contradictions(manifest: Manifest) -> Iterator[str]:
         ("hop", manifest.hop, 60 * MAX_RATE),
     ):
         if not 1 <= value <= largest:
-            yield f"{name} {value}, which is not 1 to {largest}"
+            yield f"{name} {value} (expected 1 to {largest})"
     if not 0 <= manifest.windows <= MAX_WINDOWS:
-        yield f"{manifest.windows} windows, which is not 0 to {MAX_WINDOWS}"
+        yield f"{manifest.windows} windows (expected 0 to {MAX_WINDOWS})"
     yield from _contradictions_of_parts(manifest)
     if sum(part.windows for part in manifest.parts) != manifest.windows:
-        yield f"{manifest.windows} windows, which are not those of its parts"
+        yield f"{manifest.windows} windows, unlike the sum of its parts"
     if len(set(manifest.columns)) < len(manifest.columns) or not all(map(is_column_name, manifest.columns)):
         yield f"columns {', '.join(map(repr, manifest.columns))}"
     if set(manifest.files) != set(manifest.arrays()):
-        yield "checksums of other files than it is made of"
+        yield "checksums that do not match its files"
     for name, sums in manifest.files.items():
         if len(sums.blocks) != -(-sums.bytes // BLOCK):
             yield f"{len(sums.blocks)} checksums of {name}, which has {sums.bytes} bytes"
@@ -195,7 +194,7 @@ def _contradictions_of_parts(manifest: Manifest) -> Iterator[str]:
     firsts = accumulate((part.windows for part in manifest.parts), initial=0)
     for number, (part, first) in enumerate(zip(manifest.parts, firsts, strict=False)):
         if part.audio != audio_name(number):
-            yield f"parts[{number}].audio '{part.audio}', which is not '{audio_name(number)}'"
+            yield f"parts[{number}].audio '{part.audio}', expected '{audio_name(number)}'"
         if part.frames < 0 or part.windows < 0 or part.first != first:
             yield f"parts[{number}] of {part.windows} windows from {part.first} on, in {part.frames} frames"
 

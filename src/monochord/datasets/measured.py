@@ -1,7 +1,7 @@
-"""What a laboratory can know to be true: contact, place, force and sliding, from the wrench and the pose.
+"""Ground truth from a laboratory's wrench and pose: contact, position, force and sliding.
 
 - **contact** from the normal force, smoothed over `smooth` and freed of the sensor's slow drift: it begins
-  above `on` and ends below `off`, so that noise about one threshold does not make many touches of one.
+  above `on` and ends below `off`, so that noise around a threshold does not split a touch.
 - **force** is that smoothed normal force: the string's vibration and the sensor's noise are averaged away.
 - **position** is the tool's x, read between the pose's times.
 - **slip_along** and **slip_across** are the tool's speed in x and y, the slope of a line through its places
@@ -26,15 +26,15 @@ from monochord.sessions.tracks import ReadingTrack
 
 Flags = NDArray[np.bool_]
 GRID: Seconds = 1e-3
-"""Distance of the labels."""
+"""Spacing of the labels, in s."""
 LONGEST_GAP: Seconds = 0.1
-"""Readings further apart than this leave what is between them unknown."""
+"""Readings further apart than this leave a gap of unknown values, in s."""
 DRIFT: Seconds = 2.0
-"""Over which the force without contact is averaged to follow the sensor's drift."""
+"""Averaging time of the untouched force, to follow the sensor's drift, in s."""
 BESIDE: Seconds = 0.05
-"""What lies this close to a touch does not count as untouched."""
-QUIET = 0.1
-"""Share of a session that is taken to be untouched at least."""
+"""Readings this close to a touch do not count as untouched, in s."""
+MIN_UNTOUCHED = 0.1
+"""Smallest share of a session assumed to be untouched."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,7 +50,7 @@ class Thresholds(Checked):
     def __post_init__(self) -> None:
         Checked.__post_init__(self)
         if self.off > self.on:
-            raise InputError(f"contact on {self.on:g} N, off {self.off:g} N", "off not above on")
+            raise InputError(f"contact on {self.on:g} N, off {self.off:g} N", "off no larger than on")
 
 
 THRESHOLDS = Thresholds()
@@ -64,11 +64,12 @@ def measured_truth(
     Parameters
     ----------
     wrench
-        With a column ``fz``, the normal force in N, positive when pressed; times on one clock with `pose`.
+        Readings with a column ``fz``, the normal force in N, positive when pressed, on the same clock as
+        `pose`.
     pose
-        With columns ``x`` and ``y``, the tool's place along and across the string in m.
+        Readings with columns ``x`` and ``y``, the tool's position along and across the string in m.
     thresholds
-        What counts as contact and as sliding.
+        Thresholds of contact and sliding.
 
     Returns
     -------
@@ -82,9 +83,8 @@ def measured_truth(
 
     Notes
     -----
-    The bias of the force sensor is what it shows without contact: at first the force that a tenth of the
-    session stays below, then the mean of all that is untouched over two seconds, read between where
-    something touches.
+    The force sensor's bias is its reading without contact: first the tenth percentile of the session, then
+    the mean of all untouched readings over two seconds, interpolated during touches.
     """
     for track in (wrench, pose):
         if not track.time.size:
@@ -95,7 +95,7 @@ def measured_truth(
     force = force - _bias(force, thresholds)
     touched = _hysteresis(force, thresholds)
     along, across = (_slope(pose.time, pose.column(name), time, thresholds.span) for name in ("x", "y"))
-    known = _near(wrench.time, time) & _near(pose.time, time)
+    known = _is_near(wrench.time, time) & _is_near(pose.time, time)
     columns = {
         "contact": touched.astype(np.float64),
         "position": np.interp(time, pose.time, pose.column("x")),
@@ -110,7 +110,7 @@ def measured_truth(
 
 
 def _smoothed(time: Floats, values: Floats, at: Floats, span: Seconds) -> Floats:
-    """Return means over `span` about the times `at`; where none was read, the value read between."""
+    """Return means over `span` around the times `at`, interpolated where there are no readings."""
     low, high = (np.searchsorted(time, at + sign * span / 2.0) for sign in (-1.0, 1.0))
     sums = np.concatenate([[0.0], np.cumsum(values - values.mean())])
     count = high - low
@@ -119,8 +119,8 @@ def _smoothed(time: Floats, values: Floats, at: Floats, span: Seconds) -> Floats
 
 
 def _bias(force: Floats, thresholds: Thresholds) -> Floats:
-    """Return the force (n,) that the sensor shows without contact, as it drifts."""
-    bias = np.full(force.shape, np.quantile(force, QUIET))
+    """Return the force sensor's drifting zero (n,)."""
+    bias = np.full(force.shape, np.quantile(force, MIN_UNTOUCHED))
     for _ in range(2):
         free = ~_widened(_hysteresis(force - bias, thresholds), round(BESIDE / GRID))
         size = round(DRIFT / GRID)
@@ -133,7 +133,7 @@ def _bias(force: Floats, thresholds: Thresholds) -> Floats:
 
 
 def _hysteresis(force: Floats, thresholds: Thresholds) -> Flags:
-    """Return where (n,) there is contact: from a force above `on` to one below `off`."""
+    """Return where (n,) there is contact: from a force above `on` until one below `off`."""
     decided = np.where(force > thresholds.on, 1, np.where(force < thresholds.off, 0, -1))
     latest = np.maximum.accumulate(np.where(decided >= 0, np.arange(force.size), -1))
     return (latest >= 0) & (decided[latest] == 1)
@@ -152,15 +152,15 @@ def _summed(values: Floats, size: int) -> Floats:
 
 
 def _slope(time: Floats, values: Floats, at: Floats, span: Seconds) -> Floats:
-    """Return the slopes (n,) of lines fitted to the values over `span` about the times `at`, in 1/s."""
+    """Return the slopes (n,) of lines fitted over `span` around the times `at`, in 1/s."""
     half = max(round(0.5 * span / GRID), 1)
     arm = np.arange(-half, half + 1)
     padded = np.pad(np.interp(at, time, values), half, mode="edge")
     return np.convolve(padded, arm[::-1], mode="valid") / (np.sum(arm**2) * GRID)
 
 
-def _near(time: Floats, at: Floats) -> Flags:
-    """Return where (n,) readings are close on both sides."""
+def _is_near(time: Floats, at: Floats) -> Flags:
+    """Return where (n,) there are readings close by on both sides."""
     after = np.clip(np.searchsorted(time, at), 1, max(time.size - 1, 1))
     if time.size < 2:
         return np.abs(at - time[0]) < 0.5 * LONGEST_GAP

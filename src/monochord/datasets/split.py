@@ -1,19 +1,19 @@
-"""Which windows train, which validate, which test.
+"""Splits windows into training, validation and test parts.
 
-Neighbouring windows contain the same touch, and overlapping ones the same samples. So whole groups are
+Neighbouring windows contain the same touch, and overlapping windows the same samples. So whole groups are
 assigned:
 
 - **session**: whole sessions, each kind (object; mostly static, sliding or untouched) by the same shares.
-  What is held out, objects or patterns of sessions' names, is in the test alone, beside other sessions.
-- **object**: objects that are held out are in the test alone. With `held_out` those, else as many as come to
-  the requested share. The sessions of the other objects are assigned to training and validation.
-- **day**, **build**: whole days, or whole builds of a sensor. With `held_out`, patterns of sessions'
-  names, the days or builds of these are the test, and the others are assigned to training and validation.
-- **time**: each session is cut in three stretches, in an order drawn for each, with a guard gap between
-  them. A cut is moved to where nothing touches, if that is within reach, so that a touch is not on both
-  sides.
+  Held-out objects or sessions (by name patterns) belong to the test only, beside other sessions.
+- **object**: held-out objects belong to the test only: those in `held_out`, else enough to reach the
+  requested share. The sessions of the other objects are assigned to training and validation.
+- **day**, **build**: whole days, or whole builds of a sensor. With `held_out` (patterns of session names),
+  the days or builds of these sessions form the test, and the others are assigned to training and
+  validation.
+- **time**: each session is cut into three stretches, in random order, with a guard gap between them. A cut
+  is moved to a time without contact, if one is close, so that no touch is on both sides.
 
-Shuffled single windows are refused: such a test asks for touches that were trained on.
+Shuffled single windows are refused: the test would contain touches used for training.
 """
 
 import json
@@ -41,19 +41,19 @@ from monochord.datasets.store import Dataset
 
 By: TypeAlias = Literal["session", "object", "time", "day", "build"]
 SPLIT_FILE = "split.json"
-"""Where the split stands in a dataset's folder."""
+"""Path of the split below a dataset's folder."""
 MORE = "record more, or split by time"
 SHARES = (0.7, 0.15, 0.15)
-"""Of the windows, by default."""
+"""Default shares of the windows."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Split:
     """Row numbers of the windows in each part, and how they were assigned.
 
-    `parts` maps "train", "validation" and "test" to rows (k,) in rising order. `guard` is the least
-    distance in frames between samples of different parts that a split by time keeps. `left_out` counts
-    windows in no part. `dataset` is the checksum of the manifest of the dataset that it belongs to.
+    `parts` maps "train", "validation" and "test" to rows (k,) in rising order. `guard` is the smallest
+    distance in frames between samples of different parts in a split by time. `left_out` counts windows in no
+    part. `dataset` is the checksum of the dataset's manifest.
     """
 
     by: By
@@ -73,7 +73,7 @@ class Split:
 
     @property
     def validation(self) -> Indices:
-        """Rows (k,) to choose by."""
+        """Rows (k,) for model selection."""
         return self.parts["validation"]
 
     @property
@@ -82,7 +82,7 @@ class Split:
         return self.parts["test"]
 
     def write(self, file: Path) -> None:
-        """Write it as JSON: rows as runs [first, last + 1], so that a large dataset's split stays small."""
+        """Write the split as JSON, with rows as runs [first, last + 1] to keep a large split small."""
         tree = {
             "by": self.by,
             "seed": self.seed,
@@ -99,14 +99,14 @@ class Split:
 
     @classmethod
     def read(cls, file: Path) -> "Split":
-        """Read what `write` wrote, or a file of your own: ``by`` and the runs of ``parts`` are enough.
+        """Read a file from `write`, or one of your own: ``by`` and the runs of ``parts`` are enough.
 
-        Raises `InputError` where the file is absent, something else, or of a way that is refused.
+        Raises `InputError` where the file is missing, invalid, or of a refused strategy.
         """
         remedy = "split the dataset again, with monochord build"
         tree = load_json(file, remedy)
         if not isinstance(tree, dict):
-            raise InputError(f"split {file} (damaged)", "a file that monochord build made", remedy)
+            raise InputError(f"split {file} (damaged)", "a file from monochord build", remedy)
         if isinstance(tree.get("by"), str):
             refuse_impossible(tree["by"])
         written = from_tree(_Written, tree, f"split {file}")
@@ -117,7 +117,7 @@ class Split:
         runs = [run for runs in written.parts.values() for run in runs]
         count = sum(last - first for first, last in runs)
         if not all(0 <= first <= last for first, last in runs) or count > MAX_WINDOWS:
-            given = f"split {file} (damaged: runs of rows that cannot be)"
+            given = f"split {file} (damaged: invalid runs of rows)"
             raise InputError(given, f"rising runs of {MAX_WINDOWS} rows at most", remedy)
         return cls(
             by=written.by,
@@ -134,7 +134,7 @@ class Split:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Written:
-    """A split as its file has it: parts as runs [first, last + 1]."""
+    """A split as written to its file: parts as runs [first, last + 1]."""
 
     by: By
     parts: dict[str, tuple[tuple[int, int], ...]]
@@ -157,31 +157,30 @@ def split_dataset(
     held_out: Sequence[str] = (),
     guard: Seconds | None = None,
 ) -> Split:
-    """Split a dataset; the module describes each way.
+    """Split a dataset; the module describes each strategy.
 
     Parameters
     ----------
     dataset
-        To be split.
+        The dataset.
     by
         "session", "object", "time", "day" or "build".
     fractions
-        Shares of training, validation and test, of windows; their sum is 1. A share of 0 leaves a part empty.
+        Shares of windows for training, validation and test, with sum 1. A share of 0 leaves a part empty.
     seed
         Random seed; equal seeds give equal splits.
     held_out
-        Names of objects for the test alone, where `by` is "session" or "object". By session, patterns of
-        sessions' names too, such as ``music*``; the other sessions are assigned to all parts, so that the
-        test holds known and unknown ones. By day or build, patterns alone.
+        Objects that belong to the test only, where `by` is "session" or "object". By session, also patterns
+        of session names, such as ``music*``; the other sessions are assigned to all parts, so that the test
+        also contains familiar conditions. By day or build, patterns only.
     guard
-        Least distance of the samples of two parts in s, where `by` is "time"; by default, and at least, a
-        window and a hop.
+        Smallest distance between samples of two parts in s, where `by` is "time"; at least a window and a
+        hop, which is the default.
 
     Raises
     ------
     InputError
-        If single windows are to be shuffled, the shares or names are not possible, or there are too few
-        groups.
+        If `by` would shuffle single windows, the shares or names are invalid, or there are too few groups.
 
     Examples
     --------
@@ -208,7 +207,7 @@ def split_dataset(
     parts = {name: np.flatnonzero(part_of == number) for number, name in enumerate(PARTS)}
     for name, share in zip(PARTS, fractions, strict=True):
         if share > 0.0 and not parts[name].size:
-            raise InputError(f"split by {by} that leaves nothing to {name}", _requirement(by), MORE)
+            raise InputError(f"split by {by} with an empty {name} part", _requirement(by), MORE)
     return Split(
         by=by,  # pyright: ignore[reportArgumentType]
         parts=parts,
@@ -225,7 +224,7 @@ def split_dataset(
 def refuse_impossible(
     by: str, fractions: tuple[float, float, float] = SHARES, held_out: Sequence[str] = ()
 ) -> None:
-    """Raise `InputError` for a split that no dataset allows.
+    """Raise `InputError` for a split that is invalid for any dataset.
 
     >>> refuse_impossible("session")
     """
@@ -234,13 +233,13 @@ def refuse_impossible(
         raise InputError(
             f"split by {by}",
             ", ".join(strategies),
-            "windows beside each other contain one touch, so that shuffled ones test what was trained on",
+            "neighbouring windows contain the same touch, so a shuffled split tests on training data",
         )
     if by not in strategies:
         raise InputError(f"split by {by}", ", ".join(strategies), did_you_mean(by, strategies))
     if min(fractions) < 0.0 or abs(sum(fractions) - 1.0) > 1e-6 or fractions[0] <= 0.0:
         given = "shares " + ", ".join(f"{share:g}" for share in fractions)
-        raise InputError(given, "three of 0 or more that sum to 1, the first above 0")
+        raise InputError(given, "three shares of 0 or more with sum 1, the first above 0")
     patterns = [name for name in held_out if is_pattern(name)]
     if len(patterns) < len(held_out) and by not in ("session", "object"):
         raise InputError(f"held-out objects in a split by {by}", "a split by session or object")
@@ -257,9 +256,9 @@ def refuse_too_few(
     names: Sequence[str] = (),
     builds: Sequence[int | None] = (),
 ) -> None:
-    """Raise `InputError` where sessions of these objects, days, names and builds are too few to split so.
+    """Raise `InputError` where there are too few sessions with these objects, days, names and builds.
 
-    It looks at names alone, before anything is built; `split_dataset` may still find that a part is empty.
+    It checks names only, before a build; `split_dataset` may still find an empty part.
 
     >>> refuse_too_few("object", ["wood", "wood", "steel"], [0, 0, 0], ["steel"])
     """
@@ -269,7 +268,7 @@ def refuse_too_few(
     for kind, numbers in (("day", days), ("build", builds)):
         if by == kind and None in numbers:
             given = f"sessions without a {kind} in a split by {kind}"
-            raise InputError(given, "sessions that state it", "split by session")
+            raise InputError(given, f"sessions that state their {kind}", "split by session")
     known = [body for body, name in zip(objects, names, strict=True) if not is_held_out(body, name, held_out)]
     enough = {
         "session": len(known) >= (2 if held_out else 3),
@@ -285,7 +284,7 @@ def refuse_too_few(
 
 
 def _requirement(by: str) -> str:
-    """Return in words what a split takes."""
+    """Return the requirement of a split as text."""
     return {"object": "2 objects or more, in 3 sessions or more"}.get(by, f"3 {by}s or more")
 
 

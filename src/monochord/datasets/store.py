@@ -2,14 +2,14 @@
 
 ::
 
-    manifest.json            what it is made of, the label rules, and checksums of all other files
+    manifest.json            description, label rules, and checksums of all other files
     audio/SESSION.npy        (2, n) float32: all of a session; lost frames are zeros
     windows/COLUMN.npy       (windows,): session, start, has_gap, clipped, not_finite
     labels/COLUMN.npy        (windows,) float64: contact, position, force ...; NaN where not valid
     valid/COLUMN.npy         (windows,) bool: where the label is valid
 
-Everything is plain NumPy, so that any program can read it. Audio is stored once and windows are cut from it
-when they are read, so that a smaller hop costs no space.
+Everything is plain NumPy, readable by any program. Audio is stored once, and windows are cut when they are
+read, so that a smaller hop needs no extra space.
 """
 
 from collections import OrderedDict
@@ -31,18 +31,18 @@ from monochord.datasets.checksums import REMEDY, check_blocks
 from monochord.datasets.manifest import FILE, TABLE, Layout, Manifest, file_checksum, is_column_name
 
 MAX_OPEN_FILES = 256
-"""Audio files that are mapped at once: each holds one of the process's file descriptors."""
+"""Most audio files mapped at once: each holds one of the process's file descriptors."""
 SAMPLED_BLOCKS = 128
-"""Of audio, 1 MiB each, that are compared with their checksums when a dataset is opened."""
+"""Number of 1 MiB audio blocks compared with their checksums when a dataset is opened."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Dataset:
-    """Windows with labels, in the order of their sessions and of time.
+    """Windows with labels, in order of session and time.
 
-    `session` (n,) numbers `manifest.parts`; `start` (n,) is the first frame of each window in its session.
-    `has_gap`, `clipped` and `not_finite` (n,) tell what is wrong with its samples. `labels` and `valid` map
-    a column's name to (n,). A dataset that is pickled, as for a worker process, is opened again there.
+    `session` (n,) is the index into `manifest.parts`; `start` (n,) is each window's first frame in its
+    session. `has_gap`, `clipped` and `not_finite` (n,) flag faulty samples. `labels` and `valid` map a
+    column's name to (n,). A pickled dataset, as for a worker process, is reopened there.
     """
 
     path: Path
@@ -66,7 +66,7 @@ class Dataset:
         return html_table(*self.facts())
 
     def facts(self) -> tuple[str, list[tuple[str, str]]]:
-        """Return a title and what there is to know of it, as texts for a person."""
+        """Return a title and the main facts about the dataset, as texts."""
         about = self.manifest
         bodies = dict.fromkeys(part.body for part in about.parts if part.body)
         seconds = sum(part.frames for part in about.parts) / about.sample_rate
@@ -88,12 +88,12 @@ class Dataset:
 
     @property
     def checksum(self) -> str:
-        """The SHA-256 of its manifest, which holds those of its sessions and arrays: a split names it."""
+        """SHA-256 of the manifest, which includes all checksums of sessions and arrays."""
         return file_checksum(self.path / FILE)
 
     @property
     def usable(self) -> Flags:
-        """Windows (n,) whose every sample was recorded and is a number."""
+        """Mask (n,) of windows without lost or non-finite samples."""
         return ~(self.has_gap | self.not_finite)
 
     def audio(self, session: int) -> Audio:
@@ -107,7 +107,7 @@ class Dataset:
         return tracks[session]
 
     def mapped(self, session: int) -> Audio:
-        """Return the same in a mapping of its own, which goes with it: for one pass over all sessions."""
+        """Return all samples (2, n) of a session in a new mapping, for a single pass over the sessions."""
         part = self.manifest.parts[session]
         return _mapped(self.path, part.audio, (np.float32, (self.manifest.channels, part.frames)))
 
@@ -118,7 +118,7 @@ class Dataset:
         check_blocks(self.path, files, every)
 
     def window(self, index: int) -> Audio:
-        """Return the samples (2, frames) of a window: a view of the file, read-only."""
+        """Return a window's samples (2, frames): a read-only view of the file."""
         start = int(self.start[index])
         return self.audio(int(self.session[index]))[:, start : start + self.manifest.window]
 
@@ -130,7 +130,7 @@ class Dataset:
         return samples
 
     def label(self, name: str) -> Floats:
-        """Return a column (n,) of labels, NaN where not valid; raises `InputError` where there is none."""
+        """Return a label column (n,), NaN where not valid; raises `InputError` for an unknown column."""
         if name not in self.labels:
             raise InputError(f"label '{name}'", ", ".join(self.labels), did_you_mean(name, self.labels))
         return self.labels[name]
@@ -139,23 +139,23 @@ class Dataset:
 def open_dataset(path: Path, *, sampled: int = SAMPLED_BLOCKS, seed: int | None = None) -> Dataset:
     """Open the dataset in a folder, and check that it is unchanged since it was built.
 
-    Size and header of every file are looked at, and all of the table and the labels, since they are small. Of
-    audio `sampled` blocks of 1 MiB are compared with their checksums, all of them where there are no more;
-    `Dataset.verify` compares every byte.
+    Size and header of every file are checked, and all of the table and the labels, since they are small. Of
+    the audio, `sampled` random blocks of 1 MiB are compared with their checksums; `Dataset.verify` compares
+    every byte.
 
     Parameters
     ----------
     path
-        Its folder.
+        Folder of the dataset.
     sampled
-        How many blocks of audio are compared.
+        Number of audio blocks to compare.
     seed
-        Of the draw of them; by default other ones each time.
+        Random seed of the choice; by default different each time.
 
     Raises
     ------
     InputError
-        If the folder holds no dataset, or not all of it, or anything that was looked at is damaged.
+        If the folder holds no complete dataset, or checked data are damaged.
     """
     path = Path(path).absolute()
     manifest = Manifest.read(path)
@@ -184,12 +184,12 @@ def open_dataset(path: Path, *, sampled: int = SAMPLED_BLOCKS, seed: int | None 
 
 
 def _reopened(path: Path) -> Dataset:
-    """Return a dataset that another process has opened and looked at."""
+    """Return a dataset that another process has already opened and checked."""
     return open_dataset(path, sampled=0)
 
 
 def _refuse_outside(dataset: Dataset) -> None:
-    """Refuse a table whose windows do not lie in the sound of their sessions."""
+    """Refuse a table with windows outside of their sessions' sound."""
     parts = dataset.manifest.parts
     counts, frames = ([getattr(part, what) for part in parts] for what in ("windows", "frames"))
     session = np.repeat(np.arange(len(parts)), counts)
@@ -199,19 +199,19 @@ def _refuse_outside(dataset: Dataset) -> None:
     ):
         raise InputError(
             f"{dataset.path / 'windows'} (windows outside of their sessions)",
-            "the windows that were built",
+            "the unchanged table of windows",
             REMEDY,
         )
 
 
 def write_table(folder: Path, table: Mapping[str, NDArray[Any]], labels: Mapping[str, Floats]) -> None:
-    """Write the columns of the table of windows and the labels, each (n,), with their masks.
+    """Write the window table and the labels, each (n,), with their masks.
 
-    Raises `InputError` for a label whose name cannot be that of a file.
+    Raises `InputError` for a label name that is unusable as a file name.
     """
     for name in labels:
         if not is_column_name(name):
-            raise InputError(f"label {name!r}", "a name that a file can have", "rename it in the sessions")
+            raise InputError(f"label {name!r}", "a valid file name", "rename it in the sessions")
     for name in ("windows", "labels", "valid"):
         (folder / name).mkdir(exist_ok=True)
     for name, kind in TABLE.items():
@@ -233,7 +233,7 @@ def write_array(file: Path, values: NDArray[Any]) -> None:
 
 
 def window_starts(frames: Samples, window: Samples, hop: Samples) -> Indices:
-    """Return the first frames of the windows that lie wholly in `frames`: every multiple of `hop`, as live.
+    """Return the first frames of the windows complete in `frames`: every multiple of `hop`, as live.
 
     Examples
     --------
@@ -244,7 +244,7 @@ def window_starts(frames: Samples, window: Samples, hop: Samples) -> Indices:
 
 
 def _header(layout: Layout) -> bytes:
-    """Return the bytes that a .npy file of such an array begins with."""
+    """Return the header bytes of a .npy file for such an array."""
     kind, shape = layout
     header = {"descr": np.lib.format.dtype_to_descr(np.dtype(kind)), "fortran_order": False, "shape": shape}
     out = BytesIO()
@@ -253,7 +253,7 @@ def _header(layout: Layout) -> bytes:
 
 
 def _mapped(folder: Path, name: str, layout: Layout) -> NDArray[Any]:
-    """Return the array in a file, memory-mapped; nothing in the file is interpreted, only compared."""
+    """Return a file's array, memory-mapped; the header is compared, not interpreted."""
     file, header, (kind, shape) = folder / name, _header(layout), layout
     size = len(header) + int(np.prod(shape, dtype=object)) * np.dtype(kind).itemsize
     try:
@@ -263,11 +263,11 @@ def _mapped(folder: Path, name: str, layout: Layout) -> NDArray[Any]:
             raise InputError(given, f"the dataset's file of {size} bytes", REMEDY)
         with file.open("rb") as stream:
             if stream.read(len(header)) != header:
-                given = f"{file} (damaged: its header is another one)"
+                given = f"{file} (damaged: its header differs)"
                 raise InputError(given, f"a .npy array of {np.dtype(kind).name} {shape}", REMEDY)
         if size == len(header):
             return np.zeros(shape, kind)
         return np.asarray(np.memmap(file, kind, "r", len(header), shape))
     except OSError as error:
-        given = f"{file} (absent or damaged: {error.strerror})"
+        given = f"{file} (missing or damaged: {error.strerror})"
         raise InputError(given, "a whole dataset", REMEDY) from error

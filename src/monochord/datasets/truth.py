@@ -1,4 +1,4 @@
-"""Where a session's labels come from, on one clock with its sound."""
+"""The labels of a session, on one clock with its sound."""
 
 from dataclasses import dataclass, replace
 
@@ -13,14 +13,14 @@ from monochord.sessions.alignment import AUDIO, Alignment, Spans, align, aligned
 
 RECORDED, MEASURED = "recorded", "measured"
 WRENCH, POSE = "wrench", "pose"
-"""Streams that labels are measured from."""
+"""Streams from which labels are measured."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SessionTruth:
-    """What is true of a session: `labels` on the clock of the alignment's reference, and their `source`.
+    """A session's ground truth: `labels` on the alignment's reference clock, and their `source`.
 
-    `calibrating` are the spans on that clock in which the string is not driven, so that the taps stand out.
+    `calibrating` holds the spans on that clock in which the drivers are off for the taps.
     """
 
     labels: LabelTrack
@@ -29,41 +29,40 @@ class SessionTruth:
     calibrating: Spans
 
     def time_of(self, times: Floats) -> Floats:
-        """Return times of the microphones (n,), in session seconds, on the clock of the labels."""
+        """Return microphone times (n,), in session seconds, on the labels' clock."""
         return self.alignment.correct(AUDIO, times)
 
 
 def truth_of(
     session: SessionReader, source: str = "", thresholds: Thresholds = THRESHOLDS, *, force: bool = False
 ) -> SessionTruth:
-    """Return the ground truth of a session, with its streams aligned by their taps.
+    """Return a session's ground truth, with its streams aligned by their taps.
 
     Parameters
     ----------
     session
-        A session.
+        The session.
     source
-        "recorded" for the labels that the session holds, which are on the clock of the force (without force
-        readings, of the microphones); "measured" for those that its readings give, see
-        `monochord.datasets.measured`. Left empty: recorded where there are any.
+        "recorded" for the session's labels, which are on the force sensor's clock (the microphones' clock
+        without force readings); "measured" for labels derived from its readings, see
+        `monochord.datasets.measured`. Empty: recorded where there are any.
     thresholds
-        For measured labels.
+        Thresholds of measured labels.
     force
-        Whether to take a session that its alignment warns of, and to measure with readings whose status
-        tells of a fault; without it, those count as missing.
+        Whether to accept a session with alignment flags, and to use readings with a fault status; otherwise
+        these count as missing.
 
     Raises
     ------
     InputError
-        If the alignment warns of something, or the session lacks the labels or the streams that are needed
-        for.
+        If the alignment has flags, or the session lacks the labels or the streams to measure them.
     """
     name = session.path.name
     if source not in ("", RECORDED, MEASURED):
         raise InputError(f"labels '{source}'", f"{RECORDED}, {MEASURED}")
     recorded = bool(session.labels.time.size) and source != MEASURED
     if source == RECORDED and not recorded:
-        raise InputError(f"session {name} without labels", "recorded labels", "take --labels measured")
+        raise InputError(f"session {name} without labels", "recorded labels", "use --labels measured")
     missing = [stream for stream in (WRENCH, POSE) if stream not in session.streams]
     if not recorded and missing:
         given = f"session {name} without {' and '.join(missing)}, and without labels"
@@ -72,7 +71,7 @@ def truth_of(
     if alignment.flags and not force:
         first, *others = alignment.flags
         given = f"session {name}: {first}" + (f" (and {len(others)} more)" if others else "")
-        raise InputError(given, "streams on one clock", "leave it out, or take --force")
+        raise InputError(given, "streams on one clock", "leave it out, or use --force")
     labels = session.labels
     if not recorded:
         wrench, pose = (aligned_readings(session, stream, alignment) for stream in (WRENCH, POSE))
@@ -86,7 +85,7 @@ def truth_of(
 
 
 def _sound(track: ReadingTrack, *, faulty: bool) -> ReadingTrack:
-    """Return the readings that are numbers, and whose status is 0 unless `faulty` ones are wanted too."""
+    """Return the readings that are numbers and have status 0; with `faulty`, any status."""
     valid = np.isfinite(track.values).all(axis=1) & (faulty | (track.status == 0))
     arrays = ("time", "values", "sequence", "device_time", "status")
     return replace(track, **{name: getattr(track, name)[valid] for name in arrays})

@@ -1,4 +1,4 @@
-"""Levels of a window, how much of it is hum of the mains, and how far a tone stands above its noise."""
+"""Levels of a window, its share of mains hum, and the prominence of its strongest tone."""
 
 import math
 
@@ -11,20 +11,20 @@ from monochord.core.units import Hertz
 
 MAINS: tuple[Hertz, Hertz] = (50.0, 60.0)
 HARMONICS = 3
-"""How many harmonics of the mains count as hum."""
+"""Number of mains harmonics that count as hum."""
 TONES: tuple[Hertz, Hertz] = (1000.0, 8000.0)
-"""Where tones are looked for: every string has partials there, and the mains' harmonics are weak."""
+"""Frequency range for tones: every string has partials there, and mains harmonics are weak."""
 NEIGHBOURHOOD: Hertz = 400.0
-"""Width of the bands whose median is the noise beside a tone."""
+"""Width of the bands whose median is the noise beside a tone, in Hz."""
 MIN_LINES = 16
-"""Lines of a spectrum from which a median counts."""
+"""Smallest number of lines for a median."""
 
 
 def measure_levels(samples: Audio, sample_rate: Hertz) -> Floats:
     """Return each channel's level, peak, share of samples at the peak, and share of hum, (channels, 4).
 
-    The level is the root mean square without the mean. Hum is the power at the mains' frequency, 50 or
-    60 Hz, and its first harmonics, by Goertzel's recursion (1958) under no taper, over all power.
+    The level is the root mean square without the mean. Hum is the power at the mains frequency, 50 or 60 Hz,
+    and its first harmonics, by Goertzel's recursion (1958) without a taper, relative to the total power.
 
     Parameters
     ----------
@@ -78,11 +78,10 @@ def _measured(samples: Audio, sample_rate: Hertz) -> Floats:
 
 
 def tone_prominence(samples: Audio, sample_rate: Hertz) -> float:
-    """Return the power of the strongest tone of any channel over the noise around it.
+    """Return the power of any channel's strongest tone relative to the noise around it.
 
-    It is the largest line of a Hann-windowed spectrum over the median of the lines around it. Of white noise
-    it is 8 to 60, since the power of a line is exponentially distributed. Infinite where the window is too
-    short to say.
+    It is the largest line of a Hann-windowed spectrum over the median of the lines around it. White noise
+    gives 8 to 60, since a line's power is exponentially distributed. Infinite for a window that is too short.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Mel spectrograms: the filter bank, frames, and the log-mel energies that audio transformers are fed."""
+"""Mel spectrograms: filter bank, frames, and the log-mel energies used by audio transformers."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,19 +10,19 @@ from monochord.core.units import Hertz, Samples, Seconds
 from monochord.dsp.resample import Resampler
 
 MEL_RATE = 16000
-"""Sample rate in Hz of what a log-mel spectrogram is made of."""
+"""Sample rate in Hz of the input of a log-mel spectrogram."""
 FRAME: Samples = 400
 FFT_SIZE: Samples = 512
 LOWEST: Hertz = 20.0
 PRE_EMPHASIS = 0.97
 FLOOR = float(np.finfo(np.float32).eps)
-"""Least energy of a band, so that silence has a logarithm."""
+"""Smallest energy of a band, so that the logarithm of silence is finite."""
 MAX_SAMPLE = 1.0e3
-"""Largest sample in full scale; larger ones are clipped to it."""
+"""Largest sample in full scale; larger ones are clipped."""
 
 
 def mel(frequency: Floats) -> Floats:
-    """Return frequencies in Hz on the mel scale, 1127 ln(1 + f / 700), as HTK and Kaldi have it.
+    """Return frequencies in Hz on the mel scale, 1127 ln(1 + f / 700), as in HTK and Kaldi.
 
     Examples
     --------
@@ -33,31 +33,31 @@ def mel(frequency: Floats) -> Floats:
 
 
 def mel_filters(bins: int, *, fft_size: Samples, sample_rate: int, lowest: Hertz, highest: Hertz) -> Floats:
-    """Return triangular filters, evenly spaced and straight-sided on the mel scale, each of height one.
+    """Return triangular filters, evenly spaced and linear on the mel scale, each of height one.
 
-    Filter b rises from centre b - 1 to one at its own and falls to centre b + 1, linearly in mel, where the
-    centres and the outermost feet divide `lowest` to `highest` into bins + 1 equal parts in mel.
+    Filter b rises from centre b - 1 to one at its own centre and falls to centre b + 1, linearly in mel. The
+    centres and the outer feet divide `lowest` to `highest` into bins + 1 equal parts in mel.
 
     Parameters
     ----------
     bins
-        How many filters.
+        Number of filters.
     fft_size
-        Length of the Fourier transform whose bins are weighed.
+        Length of the Fourier transform.
     sample_rate
-        In Hz.
+        Sample rate in Hz.
     lowest, highest
         Feet of the first and the last filter in Hz.
 
     Returns
     -------
     Floats
-        (bins, fft_size // 2 + 1), to be multiplied by an amplitude or energy spectrum.
+        Filters (bins, fft_size // 2 + 1), to multiply by an amplitude or energy spectrum.
 
     Raises
     ------
     InputError
-        If the band is not within 0 to half the rate, or there is no filter.
+        If the band is outside 0 to half the sample rate, or `bins` is below 1.
 
     References
     ----------
@@ -82,11 +82,12 @@ def mel_filters(bins: int, *, fft_size: Samples, sample_rate: int, lowest: Hertz
 
 
 def frame_indices(size: Samples, *, frame: Samples, hop: Samples, centred: bool) -> NDArray[np.intp]:
-    """Return which samples each frame of a signal holds.
+    """Return the sample indices of each frame of a signal.
 
-    Not centred, frame t begins at t `hop` and all lie within: 1 + (size - frame) // hop of them. Centred, the
-    middle of frame t is at (t + 1/2) `hop`, there are (size + hop // 2) // hop of them, and beyond its ends
-    the signal is mirrored, its first and last sample repeated (Kaldi's ``snip_edges=False``).
+    Uncentred frames begin at multiples of `hop` and lie completely within the signal: there are 1 + (size -
+    frame) // hop. Centred frames have their middle at (t + 1/2) `hop`: there are (size + hop // 2) // hop,
+    and beyond its ends the signal is mirrored, with its first and last sample repeated (Kaldi's
+    ``snip_edges=False``).
 
     Returns
     -------
@@ -108,21 +109,22 @@ def frame_indices(size: Samples, *, frame: Samples, hop: Samples, centred: bool)
 
 
 class LogMel:
-    """Log-mel energies as Kaldi has them and the Audio Spectrogram Transformer was trained on.
+    """Log-mel energies as in Kaldi and in the training of the Audio Spectrogram Transformer.
 
-    Of each frame of 25 ms: take off the mean, then x[k] - 0.97 x[k-1], a symmetric Hann window, the energy
-    spectrum of 512 points, triangular mel filters from 20 Hz to 8 kHz, the natural logarithm. Without dither.
+    For each frame of 25 ms: subtract the mean, apply x[k] - 0.97 x[k-1] and a symmetric Hann window, take the
+    energy spectrum of 512 points, triangular mel filters from 20 Hz to 8 kHz, and the natural logarithm.
+    There is no dither.
 
     Parameters
     ----------
     size
-        Samples of a signal, at `MEL_RATE`.
+        Length of the signal in samples at `MEL_RATE`.
     hop
-        Samples from frame to frame: 160, as in AudioSet, or 16, which makes 100 frames of 0.1 s.
+        Hop in samples: 160, as in AudioSet, or 16, which gives 100 frames in 0.1 s.
     bins
         Mel bands.
     centred
-        Frames as `frame_indices` has them.
+        Whether frames are centred, see `frame_indices`.
 
     Raises
     ------
@@ -158,7 +160,7 @@ class LogMel:
 
     @property
     def frames(self) -> int:
-        """How many frames a signal has."""
+        """Number of frames in a signal."""
         return self._indices.shape[0]
 
     def __call__(self, signal: Audio) -> Audio:
@@ -177,7 +179,7 @@ class LogMel:
 
 
 class MelSound:
-    """Windows of one length as sound at 16 kHz; `context` seconds at the start only settle the resampler."""
+    """Windows of one length as sound at 16 kHz; the first `context` seconds only settle the resampler."""
 
     def __init__(self, signal: Signal, size: Samples, *, context: Seconds = 0.0) -> None:
         if signal.sample_rate < MEL_RATE:
@@ -190,14 +192,14 @@ class MelSound:
 
     @property
     def length(self) -> Samples:
-        """Samples of a window at 16 kHz."""
+        """Length of a window in samples at 16 kHz."""
         return self._resampler.length
 
     def check(self, windows: Audio) -> Audio:
-        """Return windows as float32; raise `InputError` for another form than (n, channels, size)."""
+        """Return windows as float32; raises `InputError` for a shape other than (n, channels, size)."""
         return batch(windows, self.channels, self._size)
 
     def __call__(self, window: Audio) -> Audio:
-        """Return the sound (channels, length) of a window; samples that are not numbers are silence."""
+        """Return a window's sound (channels, length); non-finite samples become silence."""
         sound = np.clip(np.nan_to_num(window, nan=0.0, posinf=0.0, neginf=0.0), -MAX_SAMPLE, MAX_SAMPLE)
         return self._resampler(sound)

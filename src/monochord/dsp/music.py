@@ -1,4 +1,4 @@
-"""A synthetic loop of music as ambient noise: drums, bass, chords and a tune."""
+"""A synthetic music loop as ambient noise: drums, bass, chords and a melody."""
 
 from functools import cache
 
@@ -9,27 +9,27 @@ from monochord.core.units import Hertz, Seconds
 
 BEATS_PER_MINUTE = 112.0
 CHORDS = ((57, 60, 64), (53, 57, 60), (48, 52, 55), (55, 59, 62))
-"""MIDI keys of the four chords, a bar each: A minor, F, C and G major, the most common of popular songs."""
+"""MIDI keys of the four chords, one bar each: A minor, F, C and G major, the most common in pop songs."""
 SCALE = (69, 72, 74, 76, 79, 81)
-"""MIDI keys of the tune: the minor pentatonic scale on A, and the octave."""
+"""MIDI keys of the melody: the minor pentatonic scale on A, and the octave."""
 BARS = 8
 LOUDNESS = 0.1
 """Rms of the loop in full scale."""
 
 
 def loop(seed: int = 0, *, sample_rate: int = 44100) -> Audio:
-    """Return about seventeen seconds of synthetic music, mono, that repeats without a seam.
+    """Return about seventeen seconds of synthetic mono music that loops seamlessly.
 
-    A kick drum on each beat, a snare on every second, a hi-hat on the halves, a bass, sustained chords of
-    saw-like partials, and a tune drawn by the seed. Its spectrum falls from the bass to some 10 kHz, as that
-    of a mixed song does, and its level rises and falls with the beat.
+    It has a kick drum on each beat, a snare on every second, a hi-hat on the half beats, a bass, sustained
+    sawtooth-like chords, and a random melody. Its spectrum falls from the bass to some 10 kHz, like a mixed
+    song's, and its level follows the beat.
 
     Parameters
     ----------
     seed
-        Random seed of the tune and of the drums' noise.
+        Random seed of the melody and of the drums' noise.
     sample_rate
-        Frames a second.
+        Sample rate in Hz.
 
     Returns
     -------
@@ -75,7 +75,7 @@ def _pitch(key: int) -> Hertz:
 
 
 def _tone(time: Floats, pitch: Hertz, partials: int) -> Floats:
-    """Return a tone whose partials fall as one over their number."""
+    """Return a tone whose partial amplitudes fall as one over their number."""
     number = np.arange(1, partials + 1)
     return np.sin(2.0 * np.pi * pitch * np.outer(time, number)) @ (1.0 / number)
 
@@ -94,6 +94,6 @@ def _swell(time: Floats, length: Seconds) -> Floats:
 
 
 def _add(loop_: Floats, start: Seconds, sound: Floats, rate: int) -> None:
-    """Add a sound to the loop from a time on; its part beyond the end wraps to the beginning."""
+    """Add a sound to the loop from a time on; the part beyond the end wraps to the beginning."""
     at = (round(start * rate) + np.arange(sound.size)) % loop_.size
     loop_[at] += sound

@@ -1,8 +1,8 @@
-"""Noise of unit level, and mixing at a signal-to-noise ratio.
+"""Noise generators of unit level, and mixing at a signal-to-noise ratio.
 
-Every generator takes a random generator, a shape (..., n) and the rate in Hz, and gives float64 noise whose
-root mean square over the last axis is one. They hold for a stretch by itself: two stretches do not join up,
-but `noise_loop` makes a loop of several.
+Every generator takes a random generator, a shape (..., n) and the sample rate in Hz, and returns float64
+noise with root mean square one over the last axis. Two stretches do not join seamlessly; `noise_loop` makes a
+loop from several.
 """
 
 from collections.abc import Callable
@@ -15,20 +15,20 @@ from monochord.core.units import Hertz, Seconds
 
 Shape = tuple[int, ...]
 Noise = Callable[[np.random.Generator, Shape, float], Floats]
-"""A generator as those below: random generator, shape (..., n), rate in Hz."""
+"""A noise generator: random generator, shape (..., n), sample rate in Hz."""
 AUDIBLE: Hertz = 30.0
-"""Where pink noise begins."""
+"""Lowest frequency of pink noise, in Hz."""
 MAINS: Hertz = 60.0
 HARMONICS = 10
 HISS: tuple[Hertz, Hertz] = (2000.0, 8000.0)
 TONES: tuple[Hertz, Hertz] = (50.0, 1000.0)
 PARTIALS = 12
 GEAR_TEETH = 17
-"""The gear mesh of a motor sounds at this multiple of its speed, and at its first harmonics."""
+"""The gear mesh of a motor sounds at this multiple of its speed, and at the first harmonics of that."""
 MOTOR_SPEEDS = (5.0, 60.0)
-"""Revolutions a second of a motor that runs steadily."""
+"""Revolutions per second of a motor at constant speed."""
 DECAY: tuple[Seconds, Seconds] = (0.05, 2.0)
-"""Times in which a tone of a chord dies away."""
+"""Range of decay times of a chord's tones, in s."""
 
 
 def white(stream: np.random.Generator, shape: Shape, sample_rate: float) -> Floats:  # noqa: ARG001
@@ -43,12 +43,12 @@ def white(stream: np.random.Generator, shape: Shape, sample_rate: float) -> Floa
 
 
 def pink(stream: np.random.Generator, shape: Shape, sample_rate: float, *, lowest: Hertz = AUDIBLE) -> Floats:
-    """Return pink (1/f) noise: as strong in every octave from `lowest` up, independent in every channel.
+    """Return pink (1/f) noise: equal power in every octave from `lowest` up, independent in every channel.
 
     Raises
     ------
     InputError
-        If the stretch is too short to hold anything above `lowest`.
+        If the stretch is too short for any frequency above `lowest`.
 
     Examples
     --------
@@ -68,12 +68,12 @@ def band(
     low: Hertz = HISS[0],
     high: Hertz = HISS[1],
 ) -> Floats:
-    """Return noise that is white between `low` and `high` and nothing outside, independent in every channel.
+    """Return noise that is white between `low` and `high` and zero outside, independent in every channel.
 
     Raises
     ------
     InputError
-        If no frequency of the stretch lies in the band.
+        If the stretch is too short for any frequency in the band.
 
     Examples
     --------
@@ -95,14 +95,15 @@ def hum(
     mains: Hertz = MAINS,
     harmonics: int = HARMONICS,
 ) -> Floats:
-    """Return mains hum: `mains` and its first harmonics, the k-th of amplitude 1/k, phases at random.
+    """Return mains hum: `mains` and its first harmonics, the k-th of amplitude 1/k, with random phases.
 
-    All channels have the same hum, as they share the mains; harmonics from half the rate up are left out.
+    All channels have the same hum, since they share the mains; harmonics at or above half the sample rate are
+    left out.
 
     Raises
     ------
     InputError
-        If not even `mains` lies below half the rate.
+        If `mains` is not below half the sample rate.
 
     Examples
     --------
@@ -123,11 +124,10 @@ def hum(
 
 
 def chord(stream: np.random.Generator, shape: Shape, sample_rate: float) -> Floats:
-    """Return noise like music: tones of random pitch that begin or fade at random, and a drum stroke.
+    """Return music-like noise: tones of random pitch with random onsets and decays, and a drum stroke.
 
-    Two to six tones from 50 to 1000 Hz, each of twelve partials whose amplitude falls as a power of their
-    number, 1 to 2; and a burst of white noise of up to their level, which dies away. All channels have the
-    same.
+    It has two to six tones from 50 to 1000 Hz, each of twelve partials whose amplitude falls as their number
+    to the power 1 to 2, and a decaying burst of white noise of up to the same level. All channels are equal.
 
     Examples
     --------
@@ -157,10 +157,10 @@ def chord(stream: np.random.Generator, shape: Shape, sample_rate: float) -> Floa
 
 
 def geared_motor(stream: np.random.Generator, speed: Floats, sample_rate: float) -> Floats:
-    """Return the sound (n,) of a motor at a speed (n,) in revolutions a second; its level is about two.
+    """Return the sound (n,) of a motor at a speed (n,) in revolutions per second; its level is about two.
 
-    Harmonics of its speed, the gear mesh, and noise from 1 to 6 kHz that the mesh modulates. Assumed: their
-    levels.
+    It consists of harmonics of the speed, the gear mesh frequency, and noise from 1 to 6 kHz modulated by the
+    mesh. Their levels are assumed.
 
     Examples
     --------
@@ -178,7 +178,7 @@ def geared_motor(stream: np.random.Generator, speed: Floats, sample_rate: float)
 
 
 def motor(stream: np.random.Generator, shape: Shape, sample_rate: float) -> Floats:
-    """Return the sound of a geared motor at a constant speed; all channels have the same.
+    """Return the sound of a geared motor at constant speed, the same in all channels.
 
     Examples
     --------
@@ -193,9 +193,9 @@ def motor(stream: np.random.Generator, shape: Shape, sample_rate: float) -> Floa
 NOISES: dict[str, Noise] = {
     "white": white, "pink": pink, "hum": hum, "band": band, "chord": chord, "motor": motor,
 }  # fmt: skip
-"""Every generator by name."""
+"""All noise generators by name."""
 STEADY = ("white", "pink", "hum", "band")
-"""Names of those that sound the same throughout."""
+"""Names of the stationary noises."""
 
 
 def noise_loop(
@@ -207,10 +207,10 @@ def noise_loop(
     stretches: int = 8,
     fade: Seconds = 0.02,
 ) -> Floats:
-    """Return a noise that repeats without a jump, made of `stretches` that are each as long as `shape`.
+    """Return noise that loops without a jump, made of `stretches`, each of the given `shape`.
 
-    Each stretch fades into the next, and the last into the first, with powers that add up to one: the level
-    stays that of the stretches.
+    Each stretch crossfades into the next, and the last into the first, with powers that sum to one: the level
+    stays constant.
 
     Examples
     --------
@@ -233,15 +233,15 @@ def noise_loop(
 def mixed(signal: Floats, noise: Floats, ratio: float) -> Floats:
     """Return a signal with noise added at a signal-to-noise ratio in dB.
 
-    signal + g noise, where g makes 10 log10(<signal^2> / <(g noise)^2>) the `ratio`, means taken over all
-    channels and samples: what one channel has more of the signal, it keeps. Silence stays silence.
+    The result is signal + g noise, where g makes 10 log10(<signal^2> / <(g noise)^2>) equal to `ratio`, with
+    means over all channels and samples; level differences between channels stay. Silence stays silence.
 
     Parameters
     ----------
     signal, noise
-        (..., n) of one shape.
+        Signal and noise (..., n), of one shape.
     ratio
-        In dB.
+        Signal-to-noise ratio in dB.
 
     Raises
     ------
@@ -258,7 +258,7 @@ def mixed(signal: Floats, noise: Floats, ratio: float) -> Floats:
     """
     power = np.vdot(noise, noise) / noise.size
     if power == 0.0:
-        raise InputError("noise that is silent", "noise with sound in it")
+        raise InputError("silent noise", "a level above zero")
     gain = float(np.sqrt(np.vdot(signal, signal) / signal.size / power)) * 10.0 ** (-ratio / 20.0)
     return signal + gain * noise
 
@@ -269,7 +269,7 @@ def _frequencies(shape: Shape, sample_rate: float) -> Floats:
 
 def _shaped(stream: np.random.Generator, shape: Shape, gains: Floats, what: str) -> Floats:
     if not gains.any():
-        raise InputError(f"{what} in {shape[-1]} samples", "a stretch that is long enough to hold it")
+        raise InputError(f"{what} in {shape[-1]} samples", "a longer stretch")
     return _unit(np.fft.irfft(np.fft.rfft(stream.normal(size=shape)) * gains, shape[-1]))
 
 

@@ -1,7 +1,7 @@
-"""Which stiff harmonic series sounds in a short window: candidates with their evidence.
+"""Finds the stiff harmonic series in a short window: candidates with their evidence.
 
-A coarse comb over a grid of f0 and B proposes, a least-squares fit to the spectral peaks refines, and the
-evidence of each refined series decides. Nothing is carried from window to window.
+A coarse comb over a grid of f0 and B proposes candidates, a least-squares fit to the spectral peaks refines
+them, and their evidence decides. Windows are analysed independently.
 """
 
 from dataclasses import dataclass, field
@@ -15,17 +15,17 @@ from monochord.dsp import series
 from monochord.dsp.spectrum import FLOOR_WIDTH, Analyser
 
 GRID_CENTS = 4.0
-"""Distance of neighbouring guesses of f0."""
+"""Relative spacing of the f0 grid."""
 MIN_SALIENCE = 1.0
-"""Least salience of a peak."""
+"""Smallest salience of a peak."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Series:
-    """One candidate: f0 in Hz and B with their standard errors, and the evidence for it.
+    """One candidate series: f0 in Hz and B with their standard errors, and its evidence.
 
-    `claims` says of every spectral peak what share of all power it is if it lies on a partial, and zero if
-    not; `evidence` is the log evidence over clutter in nats.
+    `claims` holds each spectral peak's share of the total power if the peak lies on a partial, else zero.
+    `evidence` is the log evidence over clutter in nats.
     """
 
     frequency: Hertz
@@ -36,7 +36,7 @@ class Series:
     claims: Floats = field(repr=False, compare=False)
 
     def beside(self, other: "Series") -> float:
-        """Return the share of all power that this series explains and the other does not."""
+        """Return the share of the total power that this series explains and the other does not."""
         return float(self.claims[other.claims == 0.0].sum())
 
 
@@ -44,23 +44,23 @@ class Series:
 class PitchFinder:
     """Finds stiff harmonic series with f0 in [lowest, highest], in windows of one size.
 
-    Series outside that range are reported where they are relatives of one inside, such as its lower octave.
+    Series outside that range are also reported if related to one inside, such as its lower octave.
 
     Parameters
     ----------
     sample_rate, size
-        Frames a second, and frames a window.
+        Sample rate in Hz, and window length in frames.
     lowest, highest
         Range of f0 in Hz.
     top
-        Highest frequency looked at, Hz.
+        Highest analysed frequency, in Hz.
     partials
         Largest number of partials.
     residual_weight
         See `monochord.dsp.series.series_evidence`.
     inharmonicity_prior
-        Mean and standard deviation of B at `lowest`; at f0 both are (f0 / lowest)^2 times as large, as on a
-        string that is shortened.
+        Mean and standard deviation of B at `lowest`; both scale with (f0 / lowest)^2, as on a shortened
+        string.
 
     Examples
     --------
@@ -109,7 +109,7 @@ class PitchFinder:
             resolution=analyser.resolution,
             bottom=0.5 * self.lowest,
             top=analyser.top,
-            most=self.partials,
+            max_partials=self.partials,
             residual_weight=self.residual_weight,
         )
         rows, claims = series.search(self._grid, self.inharmonicity_prior, peaks, view)

@@ -1,8 +1,8 @@
-"""Whether the partials of a series stand still within a window, as a string's do and a voice's do not.
+"""Measures whether the partials of a series are steady within a window, as a string's are and a voice's not.
 
-A string keeps its pitch while its partials hold or decay. The window is analysed in two overlapping views,
-each a share `VIEW` of it, and every partial is looked for in both. Partials of a voice glide and jitter
-between them; those of a series that only happens to lie near the partials of other sounds move apart.
+A string keeps its pitch while its partials sound or decay. The window is analysed in two overlapping views,
+each a share `VIEW` of it, and every partial is searched in both. Partials of a voice glide and jitter between
+the views; those of a series that coincides with other sounds' partials by chance drift apart.
 """
 
 from dataclasses import dataclass, field
@@ -16,23 +16,23 @@ from monochord.core.units import Hertz, Samples, Seconds
 from monochord.dsp.spectrum import Analyser
 
 VIEW = 0.6
-"""Length of a view as a share of the window; their centres are the rest of it apart."""
+"""Length of a view as a share of the window; the remaining share separates their centres."""
 PARTIALS = 40
 """Largest number of partials."""
 REACH = 0.03
-"""How far from its partial a line is looked for, as a share of the frequency."""
-MOST_REACH, LEAST_REACH = 0.4, 0.8
-"""That distance as a share of f0 at most, and as a share of a view's resolution at least."""
+"""Search range around a partial, relative to its frequency."""
+MAX_REACH, MIN_REACH = 0.4, 0.8
+"""Upper limit of that range relative to f0, and lower limit relative to a view's resolution."""
 RANGE = 1.0e-3
-"""Least power of a partial that counts, as a share of the strongest one's."""
+"""Smallest power of a partial that counts, relative to the strongest one's."""
 
 
 class Steadiness(NamedTuple):
-    """How the partials of a series change from the first view to the second.
+    """Change of a series' partials from the first view to the second.
 
-    `glide` is the change of the pitch and `scatter` the spread of the partials about it, both in 1/s as a
-    change of the logarithm of frequency; `missing` is the share of the series without a line in both views.
-    Partials count by the fourth root of their power times their number; glide and scatter are medians.
+    `glide` is the change of the pitch and `scatter` the spread of the partials about it, both as the change
+    of log frequency in 1/s. `missing` is the share of the series without a line in both views. Partials are
+    weighted by the fourth root of their power times their number; glide and scatter are weighted medians.
     """
 
     glide: float
@@ -42,14 +42,14 @@ class Steadiness(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SteadinessMeter:
-    """Measures the steadiness of series in windows of one size; one thread only: it reuses its memory.
+    """Measures the steadiness of series in windows of one size; not thread-safe, since it reuses its memory.
 
     Parameters
     ----------
     sample_rate, size
-        Frames a second, and frames a window.
+        Sample rate in Hz, and window length in frames.
     top
-        Highest frequency looked at, Hz.
+        Highest analysed frequency, in Hz.
 
     Examples
     --------
@@ -76,7 +76,7 @@ class SteadinessMeter:
 
     @property
     def apart(self) -> Seconds:
-        """Time between the centres of the views."""
+        """Time between the centres of the views, in s."""
         return (self.size - self._analyser.size) / self.sample_rate
 
     def measure(self, samples: Floats | Audio, frequency: Hertz, inharmonicity: float) -> Steadiness:
@@ -101,14 +101,14 @@ class SteadinessMeter:
 def _changes(
     first: Floats, second: Floats, partials: Floats, grid: tuple[Hertz, Hertz]
 ) -> tuple[Floats, Floats]:
-    """Return the change of the logarithm of each partial's frequency, NaN for none, and its weight.
+    """Return the change of each partial's log frequency, NaN for none, and its weight.
 
-    `grid` is the distance of two bins and the resolution in Hz.
+    `grid` holds the bin spacing and the resolution in Hz.
     """
     spacing, resolution = grid
     change, power = np.full(partials.size, np.nan), np.zeros(partials.size)
     for k in range(partials.size):
-        reach = max(min(MOST_REACH * partials[0], REACH * partials[k]), LEAST_REACH * resolution)
+        reach = max(min(MAX_REACH * partials[0], REACH * partials[k]), MIN_REACH * resolution)
         low = max(int((partials[k] - reach) / spacing), 1)
         high = min(int((partials[k] + reach) / spacing) + 1, first.size - 2)
         if high <= low:
@@ -124,7 +124,7 @@ def _changes(
 
 @part()
 def _line(power: Floats, k: int) -> float:
-    """Return where the parabola through the logarithms of three bins is highest, in bins."""
+    """Return the vertex of the parabola through the logarithms of three bins, in bins."""
     y0, y1, y2 = np.log(power[k - 1]), np.log(power[k]), np.log(power[k + 1])
     bend = y0 - 2.0 * y1 + y2
     return k + (0.5 * (y0 - y2) / bend if bend < 0.0 else 0.0)

@@ -1,4 +1,4 @@
-"""Windows at another sample rate, each by itself and in one shot."""
+"""Resamples windows to another sample rate, each one separately."""
 
 from math import gcd
 
@@ -9,31 +9,32 @@ from monochord.core.types import Audio
 from monochord.core.units import Samples, Seconds
 
 LEAD: Seconds = 0.01
-"""Sound on either side of a window that the resampler's filter is given at the least."""
+"""Sound on either side of a window needed by the resampler's filter."""
 
 
 class Resampler:
-    """Resample windows of one length, linear phase, each window by itself.
+    """Resamples windows of one length with linear phase, each window separately.
 
-    Sample k of the result is the sound k / `new_rate` after the window's first frame. A window is cut out of
-    a sound that goes on, and the filter needs some of what is outside: it is given the window's point
-    reflections, 2 x[0] - x[k] before it and 2 x[n-1] - x[n-1-k] after it, or before it real sound where the
-    caller has that. The filter is soxr's "HQ".
+    Sample k of the result is the sound k / `new_rate` after the window's first frame. The filter needs some
+    sound beyond the window: it gets the window's point reflections, 2 x[0] - x[k] before it and 2 x[n-1] -
+    x[n-1-k] after it, or before it real sound where the caller has some. The filter is soxr's "HQ".
 
     Parameters
     ----------
     sample_rate, new_rate
         In Hz, whole numbers.
     size
-        Frames of a window, those of `context` included.
+        Frames of a window, including `context`.
     context
-        How many of them, at the start, are there for the filter alone and not in the result; 10 ms suffice. A
-        whole number of the stretches after which both rates meet: 441 frames from 44.1 to 16 kHz.
+        Number of frames at the start that only settle the filter and are not in the result; 10 ms suffice. It
+        must be a multiple of the shortest stretch with a whole number of frames at both rates: 441 frames
+        from 44.1 to 16 kHz.
 
     Raises
     ------
     InputError
-        If a rate is not above zero, nothing is left behind the context, or that is not such a stretch.
+        If a rate is not above zero, no frames remain after the context, or the context is not such a
+        multiple.
 
     Notes
     -----

@@ -1,7 +1,7 @@
-"""A stiff harmonic series among spectral peaks: its fit, and the evidence for it.
+"""Fits a stiff harmonic series to spectral peaks, and rates the evidence for it.
 
-The partials of a stiff string are f_n = n f0 sqrt(1 + B n^2) (Fletcher 1964). Here peaks are given, and the
-series is fitted to those that belong to it, then judged against the thought that all of them are clutter.
+The partials of a stiff string are f_n = n f0 sqrt(1 + B n^2) (Fletcher 1964). The series is fitted to the
+given peaks that belong to it, then compared with the hypothesis that all peaks are clutter.
 """
 
 from typing import NamedTuple
@@ -18,36 +18,37 @@ from monochord.dsp.spectrum import Peaks
 GRID_INHARMONICITY = np.array([0.0, 1e-4, 2.5e-4, 5e-4])
 """Guesses of B."""
 RELATIVES = np.array([1 / 5, 1 / 4, 1 / 3, 2 / 5, 1 / 2, 2 / 3, 3 / 4, 4 / 3, 3 / 2, 2.0, 3.0, 4.0])
-"""Series that share many partials with a candidate and must be weighed against it, inside the grid or not."""
+"""Related series that share many partials with a candidate and must be compared with it."""
 PROPOSED, WEIGHED = 10, 4
-"""How many maxima of the comb are looked at, and of how many the relatives too."""
+"""Number of comb maxima examined, and of those whose relatives are examined too."""
 CAPTURE = 1.2
-"""How far from its partial a peak is looked for at first, as a share of the resolution."""
+"""Initial search range of a peak around its partial, relative to the resolution."""
 MATCH = 0.15
-"""Standard deviation of a peak about its partial when series and peaks are compared, likewise."""
+"""Standard deviation of a peak about its partial in the comparison, relative to the resolution."""
 ROBUST = 0.08
-"""Distance from its partial at which a peak has lost three quarters of its weight in the fit, likewise."""
+"""Distance at which a peak has a quarter of its weight in the fit, relative to the resolution.
+"""
 LEAST_B, MOST_B = 0.0, 3.0e-3
 MISSING = 0.03
 """Probability that a partial between strong ones is missing."""
 NODES, NODE_COST = 5, 4.0
-"""A pluck at a k-th of the string leaves out every k-th partial: up to which k, and its price in nats."""
+"""Largest k for a pluck at 1/k of the string, which misses every k-th partial, and its cost in nats."""
 AROUND = 5
-"""How many partials on each side tell what height a partial should have."""
+"""Number of partials on each side that determine a partial's expected height."""
 DIP = 4.0
 """How far below its weaker side, in nepers of power, a partial counts as missing."""
 DISTINCT = 0.0012
-"""Series whose f0 differ by less than this share are one."""
+"""Series whose f0 differ relatively by less than this are the same."""
 COLUMNS = ("frequency", "frequency_std", "inharmonicity", "inharmonicity_std", "evidence")
-"""What `search` returns of each series."""
+"""Columns that `search` returns for each series."""
 
 
 class View(NamedTuple):
-    """The spectrum that a search reads, and the series it looks for.
+    """The spectrum that a search reads, and the limits of the search.
 
-    `salience` is the logarithmic height of the spectrum over its noise floor, (bins,); `spacing` the distance
-    of two bins and `resolution` one over the window's duration, in Hz. Peaks count from `bottom` to `top`, in
-    Hz; a series has at most `most` partials; for `residual_weight` see `series_evidence`.
+    `salience` is the logarithmic height of the spectrum over its noise floor, (bins,); `spacing` is the bin
+    spacing and `resolution` one over the window's duration, in Hz. Peaks count from `bottom` to `top`, in Hz;
+    a series has at most `max_partials` partials; for `residual_weight` see `series_evidence`.
     """
 
     salience: Floats
@@ -55,7 +56,7 @@ class View(NamedTuple):
     resolution: float
     bottom: float
     top: float
-    most: int
+    max_partials: int
     residual_weight: float
 
 
@@ -75,9 +76,9 @@ def _nearest(sorted_values: Floats, value: float) -> int:
 
 
 @kernel()
-def partial_count(f0: Hertz, top: Hertz, most: int) -> int:
-    """Return how many partials of `f0` lie below `top`, between 1 and `most`."""
-    return max(1, min(most, int(top / f0)))
+def partial_count(f0: Hertz, top: Hertz, max_partials: int) -> int:
+    """Return how many partials of `f0` lie below `top`, between 1 and `max_partials`."""
+    return max(1, min(max_partials, int(top / f0)))
 
 
 def fit_series(
@@ -85,18 +86,18 @@ def fit_series(
 ) -> tuple[float, float, float, float, int]:
     """Fit f0 and B to the peaks near a guess; return f0, its standard error, B, its standard error, matches.
 
-    Gauss-Newton steps of weighted least squares on f_n = n f0 sqrt(1 + B n^2), with a normal prior on B,
-    while more partials are let in (6, 12, 24, all) and the search narrows. From the third step on, peaks off
-    the series lose weight as under a Cauchy error law squared.
+    The fit takes Gauss-Newton steps of weighted least squares on f_n = n f0 sqrt(1 + B n^2), with a normal
+    prior on B, while more partials are included (6, 12, 24, all) and the search range narrows. From the third
+    step on, peaks off the series lose weight as under a squared Cauchy error law.
 
     Parameters
     ----------
     f0, inharmonicity
         Starting guess of f0 in Hz and of B.
     prior
-        Mean and standard deviation of B before looking.
+        Prior mean and standard deviation of B.
     peaks, view
-        What is there, and where to look.
+        The spectral peaks, and the search limits.
     """
     _check(peaks, view)
     return _fitted(f0, inharmonicity, prior, peaks, view)
@@ -108,7 +109,7 @@ def _fitted(
 ) -> tuple[float, float, float, float, int]:
     std, bend_std, used = np.inf, np.inf, 0
     for step in range(6):
-        count = partial_count(f0, view.top, min(view.most, 6 * 2**step))
+        count = partial_count(f0, view.top, min(view.max_partials, 6 * 2**step))
         weight = 1.0 / prior[1] ** 2
         a11, a12, a22 = 0.0, 0.0, weight
         b1, b2 = 0.0, weight * (prior[0] - inharmonicity)
@@ -145,13 +146,13 @@ def _fitted(
 def series_evidence(f0: Hertz, inharmonicity: float, peaks: Peaks, view: View) -> tuple[float, Floats]:
     """Return the log evidence for a series over clutter alone, in nats, and the power of the peaks it claims.
 
-    Three parts. (1) Each partial either shows a peak, spread about its place as a normal law, or does not;
-    clutter scatters peaks uniformly, and the stronger a peak, the rarer its like in clutter: the density of
-    clutter peaks as strong as the k-th strongest is k over the band. (2) A partial that is far weaker than
-    partials on both sides counts as missing, which a string seldom has but at the nodes of its pluck, and
-    which all odd partials of an octave-too-low guess are. (3) What the series explains: `residual_weight`
-    ln(total / residual power), which a guess that leaves the strongest peak over cannot have; the weight is
-    half the effective number of independent residuals.
+    It has three parts. (1) Each partial either shows a peak, normally distributed about its frequency, or
+    does not; clutter scatters peaks uniformly, and strong clutter is rare: the density of clutter peaks as
+    strong as the k-th strongest is k over the band. (2) A partial far weaker than its neighbours on both
+    sides counts as missing: on a string this is rare except at the nodes of its pluck, but it holds for all
+    odd partials of an octave-too-low guess. (3) The explained power: `residual_weight` ln(total / residual
+    power), which is small for a guess that leaves the strongest peak unexplained; the weight is half the
+    effective number of independent residuals.
     """
     _check(peaks, view)
     return _evidence(f0, inharmonicity, peaks, view)
@@ -159,7 +160,7 @@ def series_evidence(f0: Hertz, inharmonicity: float, peaks: Peaks, view: View) -
 
 @kernel()
 def _evidence(f0: Hertz, inharmonicity: float, peaks: Peaks, view: View) -> tuple[float, Floats]:
-    count = partial_count(f0, view.top, view.most)
+    count = partial_count(f0, view.top, view.max_partials)
     height = np.empty(count)
     gain = np.empty(count)
     claimed = np.zeros(peaks.frequency.size)
@@ -198,7 +199,7 @@ def _evidence(f0: Hertz, inharmonicity: float, peaks: Peaks, view: View) -> tupl
 
 @part(inline="always")
 def _neighbours(height: Floats, i: int) -> float:
-    """Return the lower of the greatest heights within `AROUND` partials on the left and on the right."""
+    """Return the lower of the largest heights within `AROUND` partials on the left and on the right."""
     if i + 1 >= height.size:
         return -np.inf
     right = height[i + 1 : i + 1 + AROUND].max()
@@ -207,10 +208,10 @@ def _neighbours(height: Floats, i: int) -> float:
 
 @part()
 def _comb(f0: float, inharmonicity: float, view: View) -> float:
-    """Return the mean salience at the partials less that midway between them, low partials weighing more."""
+    """Return the mean salience at the partials minus that midway between them; low partials weigh more."""
     score, weights = 0.0, 0.0
     limit = view.salience.size - 2
-    for n in range(1, view.most + 1):
+    for n in range(1, view.max_partials + 1):
         at = _partial(f0, inharmonicity, n)
         if at >= view.top:
             break
@@ -225,21 +226,21 @@ def _comb(f0: float, inharmonicity: float, view: View) -> float:
 
 
 def search(grid: Floats, prior: tuple[float, float], peaks: Peaks, view: View) -> tuple[Floats, Floats]:
-    """Return the distinct series found, best first, as rows of `COLUMNS`, and each one's claims on the peaks.
+    """Return the distinct series, best first, as rows of `COLUMNS`, and each one's claims on the peaks.
 
     Claims (series, peaks) are shares of the power of all peaks.
 
-    Relatives of what is found on the grid are found outside it too, so that the octave of a note that lies
-    outside does not pass for the note.
+    Relatives of series found on the grid are searched outside it too, so that the octave of a note outside
+    the grid is not mistaken for the note.
 
     Parameters
     ----------
     grid
         Guesses of f0 in Hz (guesses,), ascending in equal ratios.
     prior
-        Mean and standard deviation of B at the lowest guess; both grow as f0 squared.
+        Prior mean and standard deviation of B at the lowest guess; both grow as f0 squared.
     peaks, view
-        What is there, and where to look.
+        The spectral peaks, and the search limits.
     """
     _check(peaks, view)
     alike("guesses", grid)
@@ -247,7 +248,7 @@ def search(grid: Floats, prior: tuple[float, float], peaks: Peaks, view: View) -
 
 
 def _check(peaks: Peaks, view: View) -> None:
-    """Raise `InputError` unless the kernels can read them: one peak or more, and two bins or more."""
+    """Raise `InputError` unless there are at least one peak and two bins, as the kernels require."""
     alike("peaks", *peaks)
     if view.salience.ndim != 1 or view.salience.size < 2:
         raise InputError(f"salience of shape {view.salience.shape}", "two bins or more")

@@ -1,4 +1,4 @@
-"""Spectra of short windows: power, noise floor, and the peaks that stand out of it."""
+"""Spectra of short windows: power, noise floor, and the peaks above it."""
 
 import math
 from dataclasses import dataclass, field
@@ -14,18 +14,18 @@ from monochord.core.types import Audio, Floats
 from monochord.core.units import Hertz, Samples, Seconds
 
 FLOOR_WIDTH: Hertz = 500.0
-"""Width of the blocks that the noise floor is taken in; several partials wide."""
+"""Block width of the noise floor in Hz; several partials wide."""
 BEAT = 0.01
-"""Standard deviation of a strong peak's frequency, as a share of the resolution: partials beat and glide."""
+"""Standard deviation of a strong peak's frequency, relative to the resolution: partials beat and glide."""
 BLUR = 0.55
-"""The same for a peak at the noise floor."""
+"""Standard deviation of the frequency of a peak at the noise floor, relative to the resolution."""
 
 
 class Peaks(NamedTuple):
     """Spectral peaks by ascending frequency, each array (peaks,).
 
-    `frequency` in Hz and its `variance` in Hz^2; `power`, and `rank` by power from 1; `salience`, the
-    logarithmic height over the noise floor in nepers of power.
+    `frequency` is in Hz and its `variance` in Hz^2. `rank` orders the peaks by `power`, from 1. `salience` is
+    the logarithmic height over the noise floor in nepers of power.
     """
 
     frequency: Floats
@@ -37,16 +37,16 @@ class Peaks(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Analyser:
-    """Spectra of windows of one size, up to a highest frequency; one thread only: it reuses its memory.
+    """Spectra of windows of one size, up to a highest frequency; not thread-safe, since it reuses its memory.
 
     Parameters
     ----------
     sample_rate, size
-        Frames a second, and frames a window.
+        Sample rate in Hz, and window length in frames.
     top
-        Highest frequency looked at in Hz; at most nine tenths of half the sample rate are.
+        Highest analysed frequency in Hz, limited to nine tenths of half the sample rate.
     floor_width
-        Width in Hz of the blocks that the noise floor is taken in.
+        Block width of the noise floor in Hz.
     """
 
     sample_rate: int
@@ -67,12 +67,12 @@ class Analyser:
 
     @property
     def spacing(self) -> Hertz:
-        """Distance of two bins."""
+        """Bin spacing in Hz."""
         return self.sample_rate / self.padded
 
     @property
     def resolution(self) -> Hertz:
-        """One over the window's duration: the least distance of two frequencies that are resolved."""
+        """One over the window's duration: the smallest resolved frequency difference, in Hz."""
         return self.sample_rate / self.size
 
     def powers(self, samples: Floats | Audio) -> Floats:
@@ -102,8 +102,8 @@ def power_spectrum(
 ) -> Floats:
     """Return the power spectrum of each channel, scaled to unit power.
 
-    Scaling lets a quiet channel count as much as a loud one, so that two transducers of different gain can be
-    analysed together.
+    Scaling gives a quiet channel the same weight as a loud one, so that two transducers of different gain can
+    be analysed together.
 
     Parameters
     ----------
@@ -114,10 +114,10 @@ def power_spectrum(
     size
         Length of the zero-padded transform, at least n.
     bins
-        How many bins from 0 Hz on are wanted; all size // 2 + 1 if None.
+        Number of bins from 0 Hz on; all size // 2 + 1 if None.
     buffer
-        Memory for one transform, (size // 2 + 1,). Fresh memory of this size costs a live loop more than the
-        transform does: the system clears every page of it again for each window.
+        Memory for one transform, (size // 2 + 1,). In a live loop, fresh memory would cost more than the
+        transform, since the system clears every page for each window.
 
     Returns
     -------
@@ -146,7 +146,7 @@ def power_spectrum(
 
 @kernel(fastmath={"reassoc"})
 def _levelled(samples: Floats | Audio, taper: Floats) -> Floats:
-    """Return each channel about its mean, scaled to unit power and tapered; a silent one stays silent."""
+    """Return each channel without its mean, scaled to unit power and tapered; silence stays silence."""
     levelled = np.empty(samples.shape)
     for channel, row in zip(samples, levelled):  # noqa: B905  (numba knows no strict)
         total = square = 0.0
@@ -163,18 +163,18 @@ def _levelled(samples: Floats | Audio, taper: Floats) -> Floats:
 
 
 def noise_floor(power: Floats, block: int, share: float = 0.15) -> Floats:
-    """Return a smooth estimate of the mean noise power at every bin, blind to peaks.
+    """Return a smooth estimate of the mean noise power at every bin, insensitive to peaks.
 
-    In each block of bins the `share` quantile is taken, which partials do not reach as long as they fill less
-    than the rest, and scaled to the mean that exponentially distributed noise power with that quantile has.
-    Between block centres the logarithm is interpolated linearly.
+    In each block of bins it takes the `share` quantile, which partials do not affect as long as they fill
+    less than the remaining share, and scales it to the mean of exponentially distributed noise power with
+    that quantile. Between block centres the logarithm is interpolated linearly.
 
     Parameters
     ----------
     power
         Power spectrum (bins,).
     block
-        Bins a block; must be a few times the distance of the partials.
+        Bins per block; must be a few times the spacing of the partials.
     share
         Quantile, 0 to 1.
 
@@ -200,7 +200,7 @@ def noise_floor(power: Floats, block: int, share: float = 0.15) -> Floats:
 
 
 def _quantile(rows: Floats, share: float) -> Floats:
-    """Return a quantile of each row, linear between its two neighbours in rank."""
+    """Return a quantile of each row, interpolated linearly between ranks."""
     rank = share * (rows.shape[1] - 1)
     below, above = math.floor(rank), math.ceil(rank)
     ranked = np.partition(rows, (below, above), axis=1)
@@ -212,20 +212,20 @@ def find_peaks(
 ) -> tuple[Floats, Floats, Floats]:
     """Return frequency, power and salience of the spectral peaks, without side lobes of stronger peaks.
 
-    A peak is a local maximum of `power` whose salience is at least `least`; its place is that of the parabola
-    through the logarithms of three bins (Smith & Serra 1987). A peak below the side-lobe envelope that a Hann
-    window gives a stronger neighbour is left out; the envelope falls as the cube of the distance.
+    A peak is a local maximum of `power` with a salience of at least `least`; its frequency is the vertex of
+    the parabola through the logarithms of three bins (Smith & Serra 1987). A peak below a stronger
+    neighbour's Hann side-lobe envelope is left out; the envelope falls as the cube of the distance.
 
     Parameters
     ----------
     power, salience
         Spectrum and its logarithmic height over the noise floor, (bins,).
     spacing
-        Distance of two bins in Hz.
+        Bin spacing in Hz.
     duration
         Length of the window in seconds.
     least
-        Least salience.
+        Smallest salience.
 
     Returns
     -------

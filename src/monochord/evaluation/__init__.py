@@ -1,4 +1,4 @@
-"""What estimators make of takes whose truth is known: replay, scores, baselines and the report."""
+"""Evaluation of estimators on takes with ground truth: replay, scores, baselines and the report."""
 
 from monochord.evaluation.baselines import RIDGE, Baselines, features_of, fit_baselines
 from monochord.evaluation.evaluate import Evaluation, evaluate, write
@@ -13,7 +13,7 @@ from monochord.evaluation.recordings import (
     interference_recordings,
     takes,
 )
-from monochord.evaluation.replay import Selection, replay, replay_together
+from monochord.evaluation.replay import Selection, replay, replay_estimators
 from monochord.evaluation.results import CLEAN, Results, Trial, join, read_results, write_results
 from monochord.evaluation.scorecard import EVERYTHING, Scorecard, scorecard
 from monochord.evaluation.scores import (
@@ -80,7 +80,7 @@ __all__ = [
     "regression",
     "regression_rows",
     "replay",
-    "replay_together",
+    "replay_estimators",
     "score_of",
     "scorecard",
     "select",

@@ -1,7 +1,7 @@
-"""Baselines: ridge regression and extra trees on the features of a model, fitted to its training windows.
+"""Baselines: ridge regression and extra trees on a model's features, fitted to its training windows.
 
-A model has to earn its complexity: what a linear map or averaged decision trees reach on the same features
-stands beside it in every table. Both see single windows, without the untouched reference, without noise
+They show whether a model's complexity pays off: every table lists what a linear map and averaged decision
+trees reach on the same features. Both see single windows, without the untouched reference and without noise
 augmentation.
 """
 
@@ -38,12 +38,14 @@ PROBABILITIES = ("contact", "slip")
 FORCE = "force"
 QUANTITIES = ("position", FORCE)
 MAX_TRAINING_WINDOWS = 20_000
-"""Of more training windows this many are used, spread evenly."""
+"""Most training windows used, spread evenly."""
 BATCH = 64
-"""Windows whose features are computed at once."""
+"""Number of windows whose features are computed at once."""
 MAX_DEVIATION = 8.0
-"""Bound on scaled features, in standard deviations of the training windows, as the model bounds its own: a
-column that hardly varies in training would otherwise carry a linear map anywhere."""
+"""Bound on scaled features, in standard deviations of the training windows, as in the model.
+
+Without it, a column that hardly varies in training could drive a linear map anywhere.
+"""
 
 
 FeatureRows: TypeAlias = tuple[Audio, Floats]
@@ -52,10 +54,10 @@ FeatureRows: TypeAlias = tuple[Audio, Floats]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Baselines:
-    """Fitted baselines: by name and label the regressor or classifier, on the rows of a feature.
+    """Fitted baselines: by name and label the regressor or classifier on a feature's rows.
 
-    `design` is the string that they know; where a sensor is tuned otherwise, the feature is relative to its
-    own string, as a model's, and forces are scaled as a model's are.
+    `design` is the string of the training. For a sensor tuned differently, features are relative to its own
+    string and forces are scaled, as in a model.
     """
 
     feature: Mapping[str, Any]
@@ -69,9 +71,9 @@ class Baselines:
         progress: Progress = lambda *_: None,
         features: FeatureRows | None = None,
     ) -> dict[str, Results]:
-        """Return the results of every baseline on the selected windows, in noise where there is any.
+        """Return the results of every baseline on the selected windows, with noise where requested.
 
-        `features` are those of the windows, where they are computed already.
+        `features` are the windows' features, if already computed.
         """
         if features is None:
             features = features_of(selection, self.feature, self.design, noise, progress)
@@ -89,18 +91,18 @@ def features_of(
     noise: Disturbance | None = None,
     progress: Progress = lambda *_: None,
 ) -> FeatureRows:
-    """Return the features (k, columns) of the selected windows, in noise, and the scale (k,) of their forces.
+    """Return the selected windows' features (k, columns), with noise, and the scale (k,) of their forces.
 
     Parameters
     ----------
     selection
         The windows, with the string of their sensor.
     feature
-        A feature by its name and options.
+        The feature's name and options.
     design
-        The string that features are relative to, as in `Baselines`.
+        The string of the training, as in `Baselines`.
     noise
-        What is added to the sound.
+        The noise to add.
     progress
         Called before each session.
     """
@@ -118,7 +120,7 @@ def _features_in(
     workers: int | None = 1,
     cluster: str = "",
 ) -> Iterator[tuple[int, FeatureRows]]:
-    """Yield the number of each condition with the features of its windows, as soon as these are there."""
+    """Yield each condition's number with its windows' features, as soon as they are computed."""
     jobs, work = jobs_of(conditions), partial(_features_of_session, tuple(conditions), feature, design)
     names = [*(f"{name}, baselines" for name in jobs.values()), ""]
     parts: list[dict[int, FeatureRows]] = [{} for _ in conditions]
@@ -166,14 +168,14 @@ def fit_baselines(
     workers: int | None = 1,
     cluster: str = "",
 ) -> Baselines:
-    """Return the baselines fitted to usable training windows, on a feature of this name and these options.
+    """Fit the baselines to usable training windows, on a feature given by name and options.
 
-    `workers` and `cluster` compute the features, see `baseline_results`.
+    `workers` and `cluster` compute the features; see `baseline_results`.
 
     Raises
     ------
     InputError
-        If the feature refuses the signal.
+        If the feature rejects the signal.
 
     Examples
     --------
@@ -187,7 +189,7 @@ def fit_baselines(
 
 
 def prepared(feature: Mapping[str, Any], signal: Signal, size: Samples) -> Extractor:
-    """Return a feature, by its name and options, for a signal and windows of `size` frames."""
+    """Return a feature, given by name and options, prepared for a signal and windows of `size` frames."""
     options = dict(feature)
     return FEATURES.build(options.pop("name"), options).prepare(signal, size)
 
@@ -200,7 +202,7 @@ def training_features(
     workers: int | None = 1,
     cluster: str = "",
 ) -> Audio:
-    """Return the features (k, columns) of rows in rising order, relative to the string of each session."""
+    """Return the features (k, columns) of rows in rising order, relative to each session's string."""
     design = training.string
     strings = retuned_strings(training.dataset, design) if design is not None else {}
     chosen = replace(training, rows=rows)
@@ -234,27 +236,27 @@ def baseline_results(
     workers: int | None = 1,
     cluster: str = "",
 ) -> dict[str, Results]:
-    """Return the results of every baseline, as recorded and in each noise.
+    """Return the results of every baseline, as recorded and with each noise.
 
     Parameters
     ----------
     selection
-        Windows that are evaluated.
+        Windows to evaluate.
     training
-        Usable windows that the baselines are fitted to.
+        Usable windows for fitting.
     feature
         Name and options of the feature.
     noises
-        Noise that is added to the evaluated sessions, each in a pass of its own.
+        Noises to add to the evaluated sessions, one pass for each.
     progress
         Called for every session.
     workers, cluster
-        What computes the features, as in `monochord.evaluation.evaluate.evaluate`.
+        Where features are computed, as in `monochord.evaluation.evaluate.evaluate`.
 
     Raises
     ------
     InputError
-        If the feature refuses the signal.
+        If the feature rejects the signal.
 
     Examples
     --------
@@ -273,7 +275,7 @@ def baseline_results(
 def _fitted(
     training: Selection, rows: Indices, features: Floats, names: Sequence[str]
 ) -> dict[str, dict[str, Any]]:
-    """Return by baseline the fitted regressor or classifier of each label that the training windows have."""
+    """Return, by baseline, the fitted regressor or classifier of each label in the training windows."""
     dataset, design = training.dataset, training.string
     touched = dataset.label("contact")[rows] == 1.0
     fitted: dict[str, dict[str, Any]] = {baseline: {} for baseline in names}
@@ -311,7 +313,7 @@ def _fit(baseline: str, name: str, features: Floats, label: Floats) -> Any:
 def _columns(
     models: Mapping[str, Any], rows: Audio, scale: Floats, usable: NDArray[np.bool_]
 ) -> dict[str, Any]:
-    """Return the columns of `replay.columns` for n windows; those that are not usable have no estimate."""
+    """Return the columns of `replay.columns` for n windows; unusable windows have no estimate."""
     features = rows.astype(np.float64)
     value = {
         name: model.predict_proba(features)[:, 1] if name in PROBABILITIES else model.predict(features)
@@ -322,6 +324,6 @@ def _columns(
     return {
         "value": {name: np.where(usable, column, np.nan) for name, column in value.items()},
         "std": {name: np.full(len(rows), np.nan) for name in value},
-        "why": {name: (~usable).astype(np.int16) for name in value},
+        "reason_index": {name: (~usable).astype(np.int16) for name in value},
         "reasons": ("", "gap"),
     }

@@ -1,7 +1,7 @@
-"""An evaluation from beginning to end: load an estimator, select windows, replay them, score, write.
+"""Runs a whole evaluation: load an estimator, select windows, replay them, score, write.
 
 `evaluate` calls the five steps in this order. `load` and `select` are in `monochord.evaluation.select`, which
-keeps the test apart from the training; the others are here.
+keeps test and training data apart; the others are here.
 """
 
 import json
@@ -25,15 +25,15 @@ from monochord.evaluation.scorecard import Scorecard, scorecard
 from monochord.evaluation.select import Candidate, EvaluationData, EvaluationSettings, load, select
 
 RESULTS, TABLE, SCORES, PAGE = "results.npz", "results.csv", "scores.json", "report.html"
-"""Files that an evaluation writes."""
+"""Files written by an evaluation."""
 
 Draw: TypeAlias = Callable[[Path, Results], Mapping[str, str]]
-"""Returns the figures of a results file, SVG texts by title."""
+"""Returns the figures of a results file, as SVG texts by title."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Evaluation:
-    """Outcome of an evaluation: estimates, scores, and the candidate's name in tables of features."""
+    """Result of an evaluation: estimates, scores, and the candidate's name in tables of features."""
 
     results: Results
     card: Scorecard
@@ -47,24 +47,23 @@ def evaluate(
     workers: int | None = None,
     cluster: str = "",
 ) -> Evaluation:
-    """Return the estimates and scores of an estimator on sessions that it was not trained on.
+    """Evaluate an estimator on sessions that it was not trained on, and return estimates and scores.
 
-    They are the same in however many processes.
+    They do not depend on the number of processes.
 
     Parameters
     ----------
     settings
-        What is evaluated.
+        The estimator, the data, and the noises.
     progress
         Called for every session.
     workers, cluster
-        As in `monochord.core.workers.run_all`, but that without any few sessions and windows are done in this
-        process.
+        As in `monochord.core.workers.run_all`; by default, small evaluations run in this process.
 
     Raises
     ------
     InputError
-        If something cannot be used, the split leaks, or a session was trained on.
+        If an input is unusable, the split leaks, or a session was used for training.
 
     Examples
     --------
@@ -106,15 +105,14 @@ def replay_conditions(
     workers: int | None = 1,
     cluster: str = "",
 ) -> Results:
-    """Return the estimates of all windows as recorded, then in each noise.
+    """Return the estimates of all windows as recorded, then with each noise.
 
-    Sessions that were recorded with ambient noise get no noise on top. `workers` and `cluster` are as in
-    `evaluate`.
+    Sessions recorded with ambient noise get no added noise. `workers` and `cluster` are as in `evaluate`.
 
     Raises
     ------
     InputError
-        If the estimator refuses the signal.
+        If the estimator rejects the signal.
 
     Examples
     --------
@@ -146,21 +144,21 @@ def score(
 
 
 def write(folder: Path, evaluation: Evaluation, draw: Draw = lambda *_: {}) -> None:
-    """Write results, their table, the scores and the report into a folder, which is made.
+    """Write results, their table, the scores and the report into a new folder.
 
     Parameters
     ----------
     folder
-        The folder.
+        The output folder.
     evaluation
-        What is written.
+        The evaluation to write.
     draw
-        Draws the figures of the report.
+        Returns the figures of the report.
 
     Raises
     ------
     InputError
-        If the folder cannot be made.
+        If the folder cannot be created.
 
     Examples
     --------
@@ -170,7 +168,7 @@ def write(folder: Path, evaluation: Evaluation, draw: Draw = lambda *_: {}) -> N
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"folder {folder} ({error.strerror})", "a folder that can be made") from error
+        raise InputError(f"folder {folder} ({error.strerror})", "a folder that can be created") from error
     write_results(results, folder / RESULTS)
     write_csv(results, folder / TABLE)
     scores = json.dumps(card.tree(), indent=1, allow_nan=False)
@@ -180,12 +178,14 @@ def write(folder: Path, evaluation: Evaluation, draw: Draw = lambda *_: {}) -> N
 
 
 def refuse_unwritable(folder: Path) -> None:
-    """Refuse a folder that cannot be made, before anything is computed in vain; nothing remains of the trial.
+    """Raise `InputError` for a folder that cannot be created, before any computation.
+
+    The trial leaves nothing.
 
     Raises
     ------
     InputError
-        If it cannot be made, or is a file.
+        If the folder cannot be created, or is a file.
     """
     made: list[Path] = []
     try:
@@ -194,14 +194,14 @@ def refuse_unwritable(folder: Path) -> None:
                 each.mkdir()
                 made.append(each)
     except OSError as error:
-        raise InputError(f"folder {folder} ({error.strerror})", "a folder that can be made") from error
+        raise InputError(f"folder {folder} ({error.strerror})", "a folder that can be created") from error
     finally:
         for each in reversed(made):
             each.rmdir()
 
 
 def _noises(settings: EvaluationSettings, sample_rate: int) -> list[Disturbance]:
-    """Return what sounds are disturbed by; synthetic music stands in where there is no recording of any."""
+    """Return the noises of the evaluation; synthetic music replaces missing recordings of music."""
     recorded = settings.suite or any(text.partition(":")[0] in RECORDED for text in settings.noises)
     recordings = noise_recordings(sample_rate, loop(0)) if recorded else {}
     noises = [parse_noise(text, recordings, settings.seed) for text in settings.noises]

@@ -1,4 +1,4 @@
-"""Limits of every estimator: the Cramer-Rao bound, and the noise of the force sensor that gave the truth."""
+"""Limits of every estimator: the Cramer-Rao bound, and the noise of the force sensor behind the labels."""
 
 import math
 from dataclasses import dataclass
@@ -15,20 +15,20 @@ from monochord.sessions import SessionReader
 MAX_BOUND_WINDOWS = 200
 """The bound is computed for this many windows, spread evenly over all."""
 TENSION_KNOWN, ENDS_KNOWN = 1e-3, 1e-4
-"""Assumed: the share of its tension, and the metres of its ends, to which a sensor is known."""
+"""Assumed accuracy of a sensor's tension (relative) and of its ends' positions (m)."""
 MEDIAN_OF_NORMAL = 0.6745
 """Median absolute value of a normal variable of unit standard deviation."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BoundComparison:
-    """Errors beside the smallest that a window allows, both as medians, in m or N.
+    """Errors beside the smallest possible ones for a window, both as medians, in m or N.
 
     `ratio` is the assumed signal-to-noise ratio of each partial in dB. `error` is the standard deviation of a
-    normal error with the measured median absolute error; `times` is `error` over `bound`, that of white noise
-    alone, and `times_built` over `bound_built`, that of two pitches where tension and ends are known to
-    `TENSION_KNOWN` and `ENDS_KNOWN`. Neither counts the untouched pitch, which lowers `bound_built`, nor how
-    much contact and mount lengthen the segments, which raises it.
+    normal error with the measured median absolute error. `times` is `error` over `bound`, the bound from
+    white noise alone. `times_built` is `error` over `bound_built`, the bound from two pitches where tension
+    and ends are known to `TENSION_KNOWN` and `ENDS_KNOWN`. Neither includes the untouched pitch, which lowers
+    `bound_built`, nor the lengthening of the segments by contact and mount, which raises it.
     """
 
     ratio: float
@@ -49,12 +49,11 @@ def compare_with_bound(
     law: TensionLaw = "geometric",
     sample_rate: float = 44100.0,
 ) -> BoundComparison | None:
-    """Return the errors of "position" or "force" beside the Cramer-Rao bound; None if there are no errors.
+    """Compare the errors of "position" or "force" with the Cramer-Rao bound; None if there are no errors.
 
-    The bound is that of `monochord.physics.theory.contact_bound` for the clamped string at each window's true
-    position and force, for a sensor known exactly and for one whose tension and ends are known as assumed.
-    The error is not due to noise where it is far above the first; see `BoundComparison` for what the second
-    leaves out.
+    The bound is `monochord.physics.theory.contact_bound` for the clamped string at each window's true
+    position and force: for a perfectly known sensor, and for one with tension and ends known as assumed. An
+    error far above the first bound is not due to noise; see `BoundComparison` for what the second omits.
 
     Parameters
     ----------
@@ -123,11 +122,11 @@ def _ratio(error: float, bound: float) -> float:
 
 
 def force_floor(session: SessionReader, window: Seconds) -> Newtons | None:
-    """Return the mean absolute error of the mean force reading over a window, in N.
+    """Return the mean absolute error of a window's mean force reading, in N.
 
     Measured in stretches without contact, by the session's labels: 0.8 standard deviations of the windows'
-    means, less their slow drift. Where the truth was measured, it is known no better than this, so no
-    estimate can be better. None where there are no readings or no such stretch.
+    means, minus their slow drift. It limits the accuracy of measured labels, so no estimate can score better.
+    None where there are no readings or no such stretch.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Noise that an evaluation adds to the sound of whole sessions, at a ratio of signal to noise.
+"""Adds noise to whole sessions for an evaluation, at a given signal-to-noise ratio.
 
 The noises of `monochord.dsp.noise`, a synthetic motor and synthetic speech, and recordings of music and
 speech where they are available.
@@ -20,15 +20,15 @@ from monochord.dsp.noise import NOISES, STEADY, band, geared_motor
 from monochord.evaluation.recordings import interference_recordings, resampled, takes
 
 SUITE_RATIOS = (0.0, 5.0, 10.0, 15.0, 20.0, 25.0)
-"""Ratios of the noise suite in dB."""
+"""Signal-to-noise ratios of the noise suite, in dB."""
 RECORDED = {"music": "Kevin_MacLeod", "speech": "198_209"}
-"""How the names of the recordings of interference begin, by kind."""
+"""Name prefixes of the interference recordings, by kind."""
 MOTOR_SPEEDS: tuple[Hertz, Hertz] = (35.0, 55.0)
-"""Range of the speed of the synthetic motor in revolutions a second."""
+"""Speed range of the synthetic motor, in revolutions per second."""
 SPEED_PERIOD: Seconds = 1.5
-"""Period of the variation of the motor speed by 3 %."""
+"""Period of the motor's 3 % speed variation, in s."""
 SYLLABLE_RATE: Hertz = 4.0
-"""Syllables a second of the synthetic speech."""
+"""Syllables per second of the synthetic speech."""
 FORMANTS: tuple[tuple[Hertz, Hertz, Hertz], ...] = (
     (730.0, 1090.0, 2440.0),
     (270.0, 2290.0, 3010.0),
@@ -36,7 +36,7 @@ FORMANTS: tuple[tuple[Hertz, Hertz, Hertz], ...] = (
     (570.0, 840.0, 2410.0),
     (300.0, 870.0, 2240.0),
 )
-"""First three formants of the vowels of a male voice.
+"""First three formants of a male voice's vowels, in Hz.
 
 Peterson and Barney (1952), Control methods used in a study of the vowels, J. Acoust. Soc. Am. 24, 175.
 """
@@ -44,13 +44,13 @@ Peterson and Barney (1952), Control methods used in a study of the vowels, J. Ac
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Disturbance(Checked):
-    """Noise of one `kind` that is added to every session at a `ratio` in dB.
+    """Noise of one `kind`, added to every session at a `ratio` in dB.
 
-    The level of the noise is constant over a session: the ratio is the mean power of the session's touched
-    windows, over both microphones, to the power of the noise. Single windows therefore have higher and lower
-    ratios, as they would beside a loudspeaker. The noise depends on `seed`, the kind and the session's name
-    alone, so it is the same at every ratio and for every estimator. "white", "pink" and "band" are
-    independent in both microphones, all other kinds are the same in both.
+    The noise level is constant over a session: the ratio compares the mean power of the session's touched
+    windows, over both microphones, with the power of the noise. Single windows therefore have higher and
+    lower ratios, as they would beside a loudspeaker. The noise depends only on `seed`, the kind and the
+    session's name, so it is the same at every ratio and for every estimator. "white", "pink" and "band" are
+    independent in both microphones; all other kinds are the same in both.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ class Disturbance(Checked):
     Raises
     ------
     InputError
-        For an unknown kind, a ratio out of range, or a recording that is silent.
+        If the kind is unknown, the ratio is out of range, or a recording is silent.
 
     Examples
     --------
@@ -89,7 +89,7 @@ class Disturbance(Checked):
         sound = self.recordings.get(self.kind)
         if sound is not None and not (np.isfinite(sound).all() and np.any(sound)):
             raise InputError(
-                f"recording of {self.kind} (silent, or not numbers)", "a recording with sound in it"
+                f"recording of {self.kind} (silent, or not finite)", "finite samples with a level above zero"
             )
 
     def apply(self, audio: Audio, power: float, sample_rate: int, session: str) -> Audio:
@@ -115,7 +115,7 @@ class Disturbance(Checked):
 
 
 def noise_kinds(recordings: Mapping[str, Audio] | None = None) -> tuple[str, ...]:
-    """Return the kinds of noise: built in, and recordings (n,) by name.
+    """Return the kinds of noise: built-in ones, and recordings (n,) by name.
 
     >>> noise_kinds()
     ('white', 'pink', 'hum', 'band', 'motor', 'speech')
@@ -129,7 +129,7 @@ def parse_noise(text: str, recordings: Mapping[str, Audio], seed: int = 0) -> Di
     Raises
     ------
     InputError
-        For an unknown kind, or a ratio that is missing or out of range.
+        If the kind is unknown, or the ratio is missing or out of range.
 
     Examples
     --------
@@ -191,8 +191,8 @@ def noise_recordings(sample_rate: int, music: Audio | None = None) -> dict[str, 
 def motor(stream: np.random.Generator, size: int, sample_rate: float) -> Floats:
     """Return the sound (n,) of a small geared motor, of unit level.
 
-    Harmonics of its speed, the gear mesh, and noise from 1 to 6 kHz. The speed varies, so that no line is
-    constant.
+    It consists of harmonics of its speed, the gear mesh frequency, and noise from 1 to 6 kHz. The speed
+    varies, so that no line is constant.
 
     Examples
     --------
@@ -209,8 +209,8 @@ def motor(stream: np.random.Generator, size: int, sample_rate: float) -> Floats:
 def babble(stream: np.random.Generator, size: int, sample_rate: float) -> Floats:
     """Return synthetic speech (n,) of unit level, for use where no recording is available.
 
-    Vowels of gliding pitch and fricatives in syllables and pauses: pitch, formants and rhythm of speech
-    without words.
+    Vowels of gliding pitch and fricatives alternate in syllables and pauses, with the pitch, formants and
+    rhythm of speech but without words.
 
     Examples
     --------
@@ -244,7 +244,7 @@ SYNTHETIC = {"motor": motor, "speech": babble}
 
 
 def _fast_length(size: int) -> int:
-    """Return the smallest length of at least `size` that is a power of two, or 5/8, 3/4 or 7/8 of one."""
+    """Return the smallest length of at least `size` that is 2^k, or 5/8, 3/4 or 7/8 of it."""
     whole = 1 << max(size - 1, 7).bit_length()
     return min(length for length in (whole * 5 // 8, whole * 3 // 4, whole * 7 // 8, whole) if length >= size)
 

@@ -1,4 +1,4 @@
-"""The paper's tables: its figures of the real sensor, and rows of ours in the same form.
+"""The paper's tables: its figures for the real sensor, and Monochord's rows in the same form.
 
 Yi, Xing, Manchester and Fazeli, Sound of Touch, tables of contact location and of force under acoustic noise:
 one real sensor, features of an Audio Spectrogram Transformer, windows of 0.1 s; the noise is pop music from a
@@ -25,7 +25,7 @@ from monochord.evaluation.scores import Score
 
 NOISE = "noise"
 RANDOM_WEIGHTS = " random weights"
-"""Suffix of the name of a feature whose network has random weights."""
+"""Name suffix of a feature whose network has random weights."""
 QUANTITIES = {
     "position": ("position_mae_mm", "position_within_5mm", "position_r", "mm", "within 5 mm", 1e3),
     "force": ("force_mae_n", "force_within_0_2n", "force_r", "N", "within 0.2 N", 1.0),
@@ -73,9 +73,9 @@ PAPER: Mapping[str, Mapping[str, Mapping[str, Reported]]] = MappingProxyType(
 
 
 def reported(quantity: str, body: str, condition: str) -> Reported | None:
-    """Return the paper's figure of a quantity, object and condition, or None if it has none.
+    """Return the paper's figure of a quantity, object and condition, or None.
 
-    Music at any ratio stands beside the paper's noise, which was music; other noises have no counterpart.
+    The paper's noise was music, so its figures stand beside music at any ratio; other noises have none.
 
     Examples
     --------
@@ -89,7 +89,7 @@ def reported(quantity: str, body: str, condition: str) -> Reported | None:
 
 
 def labelled(feature: str, *, random: bool) -> str:
-    """Return the name of a feature for its rows, marked if its weights are random.
+    """Return a feature's name in its rows, marked if its weights are random.
 
     >>> labelled("ast", random=True), labelled("log_mel", random=False)
     ('ast random weights', 'log_mel')
@@ -98,16 +98,16 @@ def labelled(feature: str, *, random: bool) -> str:
 
 
 def paper_rows(card: Scorecard, feature: str, part: str = "test") -> list[PaperRow]:
-    """Return the rows of a scorecard and of its baselines under the name of a feature.
+    """Return the rows of a scorecard and of its baselines under a feature's name.
 
     Parameters
     ----------
     card
         The scores.
     feature
-        Name of the rows; those of a baseline add its name.
+        Name of the rows; baselines add their own names.
     part
-        Part of the split that the scores are of.
+        Part of the split that was scored.
 
     Examples
     --------
@@ -155,12 +155,12 @@ def _rounded(score: Score, factor: float = 1.0) -> float | None:
 
 
 def keep_rows(file: Path, rows: Sequence[PaperRow]) -> None:
-    """Put rows into FILE.json in place of those of the same features, and print all in it to FILE.md.
+    """Replace the rows of the same features in FILE.json, and print all its rows to FILE.md.
 
     Raises
     ------
     InputError
-        If the file holds something else.
+        If the file has other content.
     """
     stored: list[PaperRow] = []
     replaced = {row["feature"] for row in rows}
@@ -169,7 +169,7 @@ def keep_rows(file: Path, rows: Sequence[PaperRow]) -> None:
             stored = json.loads(file.read_text(encoding="utf-8"))
             stored = [row for row in stored if row["feature"] not in replaced]
         except (OSError, ValueError, TypeError, KeyError) as error:
-            raise InputError(f"rows {file} (damaged)", "a file that monochord evaluate wrote") from error
+            raise InputError(f"rows {file} (damaged)", "a file from monochord evaluate") from error
     every = sorted([*stored, *rows], key=lambda row: row["feature"])
     lines = ",\n".join(json.dumps(row, allow_nan=False) for row in every)
     with replacing(file) as part:
@@ -179,9 +179,9 @@ def keep_rows(file: Path, rows: Sequence[PaperRow]) -> None:
 
 
 def paper_page(rows: Sequence[PaperRow]) -> str:
-    """Return rows as text in Markdown: position, force, contact and slip, a table for each condition.
+    """Return rows as Markdown: position, force, contact and slip, one table for each condition.
 
-    The paper's own figures stand in the first row of the tables for which it has any.
+    The paper's figures form the first row of each table for which it has any.
 
     Examples
     --------
@@ -250,7 +250,7 @@ def _detections(rows: Sequence[PaperRow], column: str, conditions: Sequence[str]
 
 
 def _bodies(rows: Sequence[PaperRow]) -> list[str]:
-    """Return the objects of rows, those of the paper first and in its order."""
+    """Return the objects of the rows: the paper's first, in its order."""
     bodies = list(dict.fromkeys(row["object"] for row in rows))
     known = [body for body in PAPER["position"] if body in bodies]
     return known + [body for body in bodies if body not in known]

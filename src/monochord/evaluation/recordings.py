@@ -1,4 +1,4 @@
-"""Real recordings of instruments: strings of known fret, and music and speech to be mixed in.
+"""Real recordings of instruments: strings with known fret positions, and music and speech as interference.
 
 They are not part of Monochord; the environment variable MONOCHORD_REALSTRINGS names their folder.
 """
@@ -15,9 +15,9 @@ from monochord.core.types import Audio
 from monochord.core.units import Hertz, Metres
 
 SCALE: Metres = 0.65
-"""String length that positions refer to; the scales of the instruments differ from it by a few mm."""
+"""String length that positions refer to, in m; the instruments' scales differ by a few mm."""
 RATE = 44100
-"""Sample rate in Hz of the recordings of interference and of the takes that they are added to."""
+"""Sample rate in Hz of the interference recordings and of the takes they are added to."""
 REMEDY = "set the environment variable MONOCHORD_REALSTRINGS to it"
 
 
@@ -34,11 +34,11 @@ class RealTake:
 
     @property
     def string_name(self) -> str:
-        """The instrument and the string's own name."""
+        """The instrument's and the string's name."""
         return f"{self.instrument} {self.string}"
 
     def read(self) -> tuple[Audio, int]:
-        """Return samples (channels, n) and the sample rate."""
+        """Return samples (channels, n) and the sample rate in Hz."""
         import soundfile  # noqa: PLC0415
 
         samples, rate = soundfile.read(self.path, dtype="float32", always_2d=True)
@@ -46,13 +46,13 @@ class RealTake:
 
 
 def folder() -> Path | None:
-    """Return the folder of the recordings, or None if there is none."""
+    """Return the recordings' folder, or None."""
     named = os.environ.get("MONOCHORD_REALSTRINGS")
     return Path(named) if named and (Path(named) / "manifest.csv").is_file() else None
 
 
 def takes(*, kind: str | None = None, labelled: bool = False) -> list[RealTake]:
-    """Return the recordings that the manifest lists, by file name; an empty list where there are none.
+    """Return the recordings in the manifest, by file name; empty where there are none.
 
     Parameters
     ----------
@@ -87,12 +87,12 @@ def _take(home: Path, row: dict[str, str]) -> RealTake:
 
 
 def interference_recordings() -> dict[str, Audio]:
-    """Return the recordings of interference by name, one channel (n,), resampled to `RATE`.
+    """Return the interference recordings by name, one channel (n,), resampled to `RATE`.
 
     Raises
     ------
     InputError
-        If there are none on this machine.
+        If this machine has none.
     """
     sounds = {take.path.stem: take.read() for take in takes(kind="interference")}
     if not sounds:

@@ -1,4 +1,4 @@
-"""Test sessions played again, window by window, through an estimator, as in live inference."""
+"""Replays test sessions window by window through an estimator, as in live inference."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -21,23 +21,22 @@ from monochord.evaluation.results import Results, Trial
 from monochord.perception.estimators.base import Estimator
 
 MANY = 4000
-"""Windows from which on several processes are worth their start."""
+"""Number of windows from which starting several processes pays off."""
 MUSIC, RECORDED = "music", "recorded"
 AMBIENT_NOISE: Mapping[str, str] = {"music*": MUSIC}
-"""Noise present during the recording, by pattern of session name, of sessions that do not state it."""
+"""Noise present during the recording, by session name pattern, for sessions that do not state it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Selection:
-    """What is evaluated: the `rows` (k,) of a dataset, in rising order.
+    """The windows to evaluate: the `rows` (k,) of a dataset, in rising order.
 
-    Every session that has one is replayed from its beginning, so that an estimator with a memory has had the
-    windows that it would have had live; the estimates of windows that are no rows are discarded. `string` is
-    the sensor's string, and `sensing_range` where along it, in m, the sensor can tell places, for estimators
-    that use them. `ambient_noise` names the noise that was present during the recording by pattern of session
-    name, for sessions that do not state whether there was music. With `tuned` the string of a session is as
-    tuned, estimated from its untouched sound as by ``monochord tune``; one that was recorded as tuned is so
-    anyway, as it is live.
+    Every session with a row is replayed from its beginning, so that an estimator with memory sees the same
+    windows as it would live; estimates of other windows are discarded. `string` is the sensor's string, and
+    `sensing_range` the part of it, in m, where the sensor can resolve positions, for estimators that use
+    them. `ambient_noise` names the noise present during the recording by session name pattern, for sessions
+    that do not state whether there was music. With `tuned`, a session's string is tuned to its untouched
+    sound, as by ``monochord tune``; a session recorded with a tuned sensor always uses that tuning, as live.
     """
 
     dataset: Dataset
@@ -49,7 +48,7 @@ class Selection:
 
     def __post_init__(self) -> None:
         if not len(self.rows):
-            raise InputError("no windows to evaluate", "one or more", "split by other shares")
+            raise InputError("no windows to evaluate", "one or more", "use other shares for the split")
 
     @property
     def signal(self) -> Signal:
@@ -63,7 +62,7 @@ class Selection:
         )
 
     def signal_of(self, session: int) -> Signal:
-        """Return the signal of a session, with its string as tuned."""
+        """Return a session's signal, with its string's tuning."""
         part = self.dataset.manifest.parts[session]
         counts = self.tuned or part.tuned == RECORDED
         if self.string is None or part.tension is None or not counts:
@@ -72,19 +71,19 @@ class Selection:
 
     @property
     def sessions(self) -> list[int]:
-        """Numbers of the sessions that have a row, in rising order."""
+        """Numbers of the sessions with a row, in rising order."""
         return np.unique(self.dataset.session[self.rows]).tolist()
 
     @property
-    def quiet_part(self) -> "Selection | None":
-        """The rows of the sessions without ambient noise; None if there are none."""
+    def without_ambient_noise(self) -> "Selection | None":
+        """The rows of sessions without ambient noise; None if there are none."""
         parts = self.dataset.manifest.parts
         quiet = np.array([not self.ambient(part) for part in parts])
         rows = self.rows[quiet[self.dataset.session[self.rows]]]
         return replace(self, rows=rows) if len(rows) else None
 
     def ambient(self, part: Part) -> str:
-        """Return the noise that was present while a session was recorded, empty for none."""
+        """Return the ambient noise of a session's recording, empty for none."""
         if part.music is not None:
             return MUSIC if part.music else ""
         patterns = self.ambient_noise.items()
@@ -101,31 +100,31 @@ def replay(
 ) -> Results:
     """Return the estimates of every selected window, beside the truth.
 
-    The estimator is prepared anew for each session and given its windows one by one, in order: the same calls
-    in the same order as `monochord.live.run` makes with the dataset's window and hop, so the same numbers to
-    the bit. It never sees a label.
+    The estimator is prepared anew for each session and receives its windows one by one, in order: the same
+    calls as in `monochord.live.run` with the dataset's window and hop, so the same numbers to the bit. It
+    never sees a label.
 
     Parameters
     ----------
     selection
-        What is replayed.
+        The windows to replay.
     estimator, name
         The estimator, and its name in the results.
     disturbance
-        Noise that is added to the sound of each session; none by default.
+        Noise to add to each session's sound; none by default.
     progress
         Called for every session.
 
     Raises
     ------
     InputError
-        If the estimator refuses the signal.
+        If the estimator rejects the signal.
 
     Examples
     --------
     ``examples/evaluate_an_estimator.py`` does so with two simulated sessions.
     """
-    (results,) = replay_together(
+    (results,) = replay_estimators(
         (selection,), (estimator,), name=name, disturbance=disturbance, progress=progress
     )
     return results
@@ -133,26 +132,26 @@ def replay(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Condition:
-    """The windows of one condition: a selection for each estimator, and what disturbs them."""
+    """The windows of one condition: a selection for each estimator, and the added noise."""
 
     selections: tuple[Selection, ...]
     disturbance: Disturbance | None = None
 
     @property
     def sessions(self) -> list[int]:
-        """Numbers of the sessions that have a row of any selection, in rising order."""
+        """Numbers of the sessions with a row in any selection, in rising order."""
         return np.unique(np.concatenate([each.sessions for each in self.selections])).tolist()
 
 
 def conditions_of(selection: Selection, noises: Sequence[Disturbance]) -> list[Condition]:
-    """Return the selection as recorded, then in each noise, but for sessions that had ambient noise."""
-    quiet = selection.quiet_part
+    """Return the selection as recorded, then with each noise, without sessions that had ambient noise."""
+    quiet = selection.without_ambient_noise
     noisy = [Condition(selections=(quiet,), disturbance=noise) for noise in noises if quiet]
     return [Condition(selections=(selection,)), *noisy]
 
 
 def jobs_of(conditions: Sequence[Condition]) -> dict[tuple[int, int], str]:
-    """Return the jobs of conditions, of each session by itself: by their numbers, the session's name."""
+    """Return the jobs of conditions, one per session: session name by job key."""
     return {
         (number, session): condition.selections[0].dataset.manifest.parts[session].name
         for number, condition in enumerate(conditions)
@@ -161,12 +160,12 @@ def jobs_of(conditions: Sequence[Condition]) -> dict[tuple[int, int], str]:
 
 
 def processes(workers: int | None, conditions: Sequence[Condition]) -> int | None:
-    """Return the number of worker processes: as given, or 1 where conditions have few windows."""
+    """Return the number of worker processes: as given, or 1 for few windows."""
     windows = sum(len(each.rows) for condition in conditions for each in condition.selections)
     return workers or (1 if windows < MANY else None)
 
 
-def replay_together(
+def replay_estimators(
     selections: Sequence[Selection],
     estimators: Sequence[Estimator],
     *,
@@ -174,15 +173,15 @@ def replay_together(
     disturbance: Disturbance | None = None,
     progress: Progress = lambda *_: None,
 ) -> list[Results]:
-    """Return the results of several estimators, each on its own selection of one dataset and string.
+    """Return the results of several estimators, each on its selection from one dataset and string.
 
-    They are as of `replay`, one after another. The estimators get each window in turn, so that what they
-    share of its analysis is computed once.
+    Each equals the result of `replay`. The estimators receive each window in turn, so that shared analysis is
+    computed once.
 
     Raises
     ------
     InputError
-        If an estimator refuses the signal.
+        If an estimator rejects the signal.
     """
     condition = Condition(selections=tuple(selections), disturbance=disturbance)
     (results,) = replay_all([condition], estimators, name=name, progress=progress)
@@ -198,15 +197,15 @@ def replay_all(
     workers: int | None = 1,
     cluster: str = "",
 ) -> list[list[Results]]:
-    """Return the results of conditions one after another, each as of `replay_together`.
+    """Return the results of several conditions, each as in `replay_estimators`.
 
-    Sessions are replayed in this process, in several, or on a cluster: see `monochord.core.workers.run_all`,
-    but that None means this process for few windows. The results are the same to the bit.
+    Sessions are replayed in this process, in several, or on a cluster: see `monochord.core.workers.run_all`;
+    None uses this process for few windows. The results are the same to the bit.
 
     Raises
     ------
     InputError
-        If an estimator refuses the signal.
+        If an estimator rejects the signal.
     """
     jobs, work = jobs_of(conditions), partial(_replayed, tuple(conditions), tuple(estimators))
     names = [*jobs.values(), ""]
@@ -235,7 +234,7 @@ def replay_all(
 def _replayed(
     conditions: tuple[Condition, ...], estimators: tuple[Estimator, ...], job: tuple[int, int]
 ) -> list[list[Estimates]]:
-    """Return the estimates by each estimator of one session in one condition, of the selected windows."""
+    """Return each estimator's estimates of the selected windows of one session in one condition."""
     number, session = job
     selections, disturbance = conditions[number].selections, conditions[number].disturbance
     first, dataset = selections[0], selections[0].dataset
@@ -259,7 +258,7 @@ def results_of(
     disturbance: Disturbance | None = None,
     options: Mapping[str, Any] | None = None,
 ) -> Results:
-    """Return `columns` of estimates of the selected windows beside their truth."""
+    """Return `columns` of the selected windows' estimates beside their truth."""
     dataset, rows, sessions = selection.dataset, selection.rows, selection.sessions
     rate = dataset.manifest.sample_rate
     return Results(
@@ -277,33 +276,34 @@ def results_of(
 
 
 def columns(estimates: Sequence[Estimates]) -> dict[str, Any]:
-    """Return the estimates of n windows as the columns ``value``, ``std`` and ``why``, and the ``reasons``.
+    """Return n windows' estimates as columns ``value``, ``std``, ``reason_index``, and the ``reasons``.
 
     Examples
     --------
     >>> from monochord.core.types import Estimate
     >>> table = columns([{"force": Estimate(value=1.0, std=0.5, unit="N")}, {}])
-    >>> table["value"]["force"].tolist(), [table["reasons"][at] for at in table["why"]["force"].tolist()]
+    >>> reasons = [table["reasons"][at] for at in table["reason_index"]["force"].tolist()]
+    >>> table["value"]["force"].tolist(), reasons
     ([1.0, nan], ['', 'not estimated'])
     """
     names = dict.fromkeys(name for each in estimates for name in each)
     reasons: dict[str, int] = {"": 0}
-    value, std, why = dict[str, Floats](), dict[str, Floats](), dict[str, NDArray[np.int16]]()
+    value, std, reason_index = dict[str, Floats](), dict[str, Floats](), dict[str, NDArray[np.int16]]()
     for name in names:
         value[name], std[name] = np.full(len(estimates), np.nan), np.full(len(estimates), np.nan)
-        why[name] = np.zeros(len(estimates), np.int16)
+        reason_index[name] = np.zeros(len(estimates), np.int16)
         for row, each in enumerate(estimates):
             estimate = each.get(name)
             if estimate is not None and estimate.valid:
                 value[name][row], std[name][row] = estimate.value, estimate.std
                 continue
             reason = (estimate.reason or "no reason given") if estimate is not None else "not estimated"
-            why[name][row] = reasons.setdefault(reason, len(reasons))
-    return {"value": value, "std": std, "why": why, "reasons": tuple(reasons)}
+            reason_index[name][row] = reasons.setdefault(reason, len(reasons))
+    return {"value": value, "std": std, "reason_index": reason_index, "reasons": tuple(reasons)}
 
 
 def disturbed_audio(dataset: Dataset, session: int, disturbance: Disturbance | None) -> Audio:
-    """Return a session's sound (2, n), with noise at its ratio to the mean power of the touched windows."""
+    """Return a session's sound (2, n), with noise at a ratio to the mean power of the touched windows."""
     audio = dataset.audio(session)
     if disturbance is None:
         return audio

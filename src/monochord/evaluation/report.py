@@ -1,4 +1,4 @@
-"""The report of an evaluation: one HTML page that loads nothing, with the paper's figures in its tables."""
+"""The report of an evaluation: one self-contained HTML page, with the paper's figures in its tables."""
 
 from base64 import b64encode
 from collections.abc import Mapping
@@ -12,7 +12,7 @@ from monochord.metrics import LIMITS, normal_coverage
 
 TEMPLATE = "report.html.jinja"
 UNITS: Mapping[str, tuple[float, str]] = {"position": (1e3, "mm"), "force": (1.0, "N")}
-"""Factor from SI and unit in which a quantity is shown."""
+"""Scale factor from SI, and display unit, of a quantity."""
 
 
 def page(card: Scorecard, drawings: Mapping[str, str]) -> str:

@@ -1,4 +1,4 @@
-"""What an estimator predicted for windows whose truth is known, in memory and on disk.
+"""An estimator's predictions for windows with ground truth, in memory and on disk.
 
 Every score and every figure of an evaluation is computed from `Results`. On disk they are one ``.npz`` of
 plain arrays, which NumPy reads without pickle: ``trial``, ``start`` and ``usable``, then ``truth.NAME``,
@@ -25,20 +25,20 @@ from monochord.core.units import Metres, Seconds
 
 CLEAN = "clean"
 """The condition without noise."""
-COLUMNS = ("truth", "value", "std", "why")
-"""Fields of `Results` that map names to columns."""
+COLUMNS = {"truth": "truth", "value": "value", "std": "std", "reason_index": "why"}
+"""Fields of `Results` that map names to columns, with their key prefix in a file."""
 FORMAT = 1
-"""Version of the layout on disk."""
+"""Version of the on-disk format."""
 ROWS = ("trial", "start", "usable")
-"""Fields of `Results` with one value a window."""
+"""Fields of `Results` with one value per window."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trial:
     """One session in one condition.
 
-    `noise` names the noise, empty for none. With a `ratio` in dB it was added to the recording; without one
-    it was present while the session was recorded. `checksum` is that of the session's file.
+    `noise` names the noise, empty for none. With a `ratio` in dB it was added to the recording; without, it
+    was present during the recording. `checksum` is that of the session's file.
 
     >>> Trial(session="a").condition, Trial(session="a", noise="white", ratio=5.0).condition
     ('clean', 'white 5 dB')
@@ -56,7 +56,7 @@ class Trial:
 
     @property
     def condition(self) -> str:
-        """The condition in words, as tables show it."""
+        """The condition as shown in tables."""
         if not self.noise:
             return CLEAN
         return self.noise if self.ratio is None else f"{self.noise} {self.ratio:g} dB"
@@ -64,14 +64,14 @@ class Trial:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Results:
-    """Estimates beside the truth, a row a window, in the order of the trials and of time.
+    """Estimates beside the truth, one row per window, in order of trial and time.
 
-    `trial` (n,) indexes `trials`; `start` (n,) is the start of the window in s from that of its session;
-    `usable` (n,) marks windows whose every sample was recorded. `truth` holds the labels by name, `value` and
-    `std` the estimates, each (n,), in SI units, NaN where unknown or where the estimator abstained. `why`
-    (n,) indexes `reasons`: 0, an empty reason, where the estimate is valid, else the reason of the
-    abstention. `window` and `hop` are in s; `estimator` is the estimator's name, `options` are its options,
-    `notes` what a reader must know.
+    `trial` (n,) indexes `trials`; `start` (n,) is the window's start in s since its session's; `usable` (n,)
+    marks windows without lost samples. `truth` holds the labels by name, `value` and `std` the estimates,
+    each (n,), in SI units, NaN where unknown or where the estimator abstained. `reason_index` (n,) indexes
+    `reasons`: 0, an empty reason, where the estimate is valid, else the reason of the abstention. `window`
+    and `hop` are in s; `estimator` is the estimator's name, `options` its options, `notes` what a reader must
+    know.
     """
 
     estimator: str
@@ -84,7 +84,7 @@ class Results:
     truth: Mapping[str, Floats]
     value: Mapping[str, Floats]
     std: Mapping[str, Floats]
-    why: Mapping[str, NDArray[np.int16]]
+    reason_index: Mapping[str, NDArray[np.int16]]
     reasons: tuple[str, ...] = ("",)
     options: Mapping[str, Any] = field(default_factory=dict[str, Any])
     notes: tuple[str, ...] = ()
@@ -100,17 +100,17 @@ class Results:
     def of_trials(self, name: str) -> NDArray[Any]:
         """Return a field of the trials (``object``, ``condition``, ``day`` ...) for each window (n,).
 
-        Text where the field is text; numbers are NaN where a trial leaves the field unknown.
+        A text field gives text; a number is NaN where a trial leaves the field unknown.
         """
         values = [getattr(trial, name) for trial in self.trials]
         return np.array([np.nan if value is None else value for value in values])[self.trial]
 
     def label(self, name: str) -> Floats:
-        """Return a label (n,), NaN throughout if there is none of this name."""
+        """Return a label (n,), all NaN for an unknown name."""
         return self.truth.get(name, np.full(len(self), np.nan))
 
     def estimate(self, name: str) -> Floats:
-        """Return an estimate (n,), NaN where it abstained and throughout if there is none of this name."""
+        """Return an estimate (n,), NaN where it abstained, all NaN for an unknown name."""
         return self.value.get(name, np.full(len(self), np.nan))
 
     def error_of(self, name: str) -> Floats:
@@ -118,7 +118,7 @@ class Results:
         return self.estimate(name) - self.label(name)
 
     def where(self, rows: NDArray[np.bool_]) -> "Results":
-        """Return the rows where `rows` (n,) is true; all trials stay."""
+        """Return the rows where `rows` (n,) is true, with all trials."""
         columns = {
             kind: {name: column[rows] for name, column in getattr(self, kind).items()} for kind in COLUMNS
         }
@@ -128,7 +128,7 @@ class Results:
 
 
 def join(parts: Sequence[Results]) -> Results:
-    """Return the results of one estimator in several conditions as one.
+    """Join the results of one estimator in several conditions.
 
     Columns that a part lacks are NaN in its rows.
 
@@ -150,7 +150,7 @@ def join(parts: Sequence[Results]) -> Results:
     ...     truth={},
     ...     value={},
     ...     std={},
-    ...     why={},
+    ...     reason_index={},
     ... )
     >>> join([one, one]).trial.tolist()
     [0, 0, 1, 1]
@@ -160,7 +160,7 @@ def join(parts: Sequence[Results]) -> Results:
     first = parts[0]
     for part in parts:
         if (part.estimator, part.window, part.hop) != (first.estimator, first.window, first.hop):
-            given = f"results of {part.estimator}, window {part.window:g} s, beside {first.estimator}"
+            given = f"results of {part.estimator}, window {part.window:g} s, with {first.estimator}"
             raise InputError(given, "one estimator, window and hop")
     reasons = tuple(dict.fromkeys(reason for part in parts for reason in part.reasons))
     number = {reason: at for at, reason in enumerate(reasons)}
@@ -187,7 +187,7 @@ def join(parts: Sequence[Results]) -> Results:
 
 def _column(part: Results, kind: str, name: str, number: Mapping[str, int]) -> NDArray[Any]:
     columns = getattr(part, kind)
-    if kind == "why":
+    if kind == "reason_index":
         renumbered = np.array([number[reason] for reason in part.reasons], np.int16)
         return renumbered[columns[name]] if name in columns else np.zeros(len(part), np.int16)
     return columns.get(name, np.full(len(part), np.nan))
@@ -211,19 +211,19 @@ def write_results(results: Results, file: Path) -> None:
         "notes": list(results.notes),
     }
     arrays: dict[str, NDArray[Any]] = {name: getattr(results, name) for name in ROWS}
-    for kind in COLUMNS:
-        arrays |= {f"{kind}.{name}": column for name, column in getattr(results, kind).items()}
+    for kind, prefix in COLUMNS.items():
+        arrays |= {f"{prefix}.{name}": column for name, column in getattr(results, kind).items()}
     with replacing(file) as part, part.open("wb") as stream:
         np.savez_compressed(stream, allow_pickle=False, about=np.array(json.dumps(about)), **arrays)
 
 
 def read_results(file: Path) -> Results:
-    """Return the results that `write_results` wrote.
+    """Return results from a file of `write_results`.
 
     Raises
     ------
     InputError
-        If the file is absent, damaged, or of another kind.
+        If the file is missing, damaged, or of another kind.
     """
     try:
         with file.open("rb") as raw, np.load(raw, allow_pickle=False) as stored:
@@ -231,8 +231,8 @@ def read_results(file: Path) -> Results:
     except InputError:
         raise
     except (OSError, ValueError, KeyError, TypeError, AttributeError, zipfile.BadZipFile) as error:
-        given = f"results {file} (absent or damaged)"
-        raise InputError(given, "a file that monochord evaluate wrote") from error
+        given = f"results {file} (missing or damaged)"
+        raise InputError(given, "a file from monochord evaluate") from error
 
 
 def _from_arrays(arrays: dict[str, NDArray[Any]], file: Path) -> Results:
@@ -245,16 +245,17 @@ def _from_arrays(arrays: dict[str, NDArray[Any]], file: Path) -> Results:
         raise InputError(f"results {file} with columns of {len(lengths)} lengths", "one length")
     columns: dict[str, dict[str, NDArray[Any]]] = {kind: {} for kind in COLUMNS}
     rows: dict[str, Any] = {name: arrays.pop(name) for name in ROWS}
+    fields = {prefix: field for field, prefix in COLUMNS.items()}
     for name, column in arrays.items():
-        kind, _, key = name.partition(".")
-        columns[kind][key] = column
+        prefix, _, key = name.partition(".")
+        columns[fields[prefix]][key] = column
     about["trials"] = tuple(from_tree(Trial, trial) for trial in about["trials"])
     about |= {name: tuple(about[name]) for name in ("reasons", "notes")}
     return Results(**rows, **columns, **about)
 
 
 def write_csv(results: Results, file: Path) -> None:
-    """Write results as text, a row a window; unknown values are empty fields."""
+    """Write results as text, one row per window; unknown values are empty fields."""
     labels, names = [*results.truth], [*results.value]
     head = ["session", "object", "condition", "start", "usable", *(f"true_{name}" for name in labels)]
     head += [f"{name}{end}" for name in names for end in ("", "_std", "_why_not")]
@@ -266,7 +267,7 @@ def write_csv(results: Results, file: Path) -> None:
             line: list[Any] = [trial.session, trial.object, trial.condition, f"{results.start[row]:.6f}"]
             line += [int(results.usable[row]), *(_text(results.truth[name][row]) for name in labels)]
             for name in names:
-                reason = results.reasons[int(results.why[name][row])]
+                reason = results.reasons[int(results.reason_index[name][row])]
                 line += [_text(results.value[name][row]), _text(results.std[name][row]), reason]
             writer.writerow(line)
 

@@ -1,4 +1,4 @@
-"""All scores of an evaluation as one tree of numbers, which the report shows and ``scores.json`` holds."""
+"""All scores of an evaluation as one tree of numbers, for the report and ``scores.json``."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -25,10 +25,10 @@ from monochord.evaluation.scores import (
 
 QUANTITIES = ("position", "force")
 STATES = ("touched", "at rest", "sliding")
-"""Which touched windows a row of the table covers: all, those at rest, those that slide."""
+"""Windows that a table row covers: all touched ones, those at rest, those that slide."""
 EVERYTHING = "all objects"
 MAP_CELLS = 10
-"""Cells of an error map along each of its axes."""
+"""Cells of an error map along each axis."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,7 +61,10 @@ class ErrorMap:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScoreTable:
-    """Scores of one estimator: `table` of position and force, `contact` and `slip` by object, condition."""
+    """Scores of one estimator: `table` of position and force.
+
+    `contact` and `slip` by object and condition.
+    """
 
     table: tuple[TableRow, ...]
     contact: Mapping[str, Mapping[str, Detection]]
@@ -72,11 +75,11 @@ class ScoreTable:
 class Scorecard:
     """All scores of an evaluation; `simulated` marks simulated sound.
 
-    `table`, `contact` and `slip` are the estimator's `ScoreTable`, `baselines` holds the tables of plain
-    regressions on the same windows, by name, `slip_by_speed` is by condition and band in m/s, `by` has
-    position and force by day, build, radius and session in the clean condition, `bounds` and `abstentions`
-    (estimate: reason: share) are by condition. `force_floor` is the mean absolute error of the force sensor
-    itself, in N, by session.
+    `table`, `contact` and `slip` are the estimator's `ScoreTable`; `baselines` holds those of simple
+    regressions on the same windows, by name. `slip_by_speed` is by condition and band in m/s. `by` has
+    position and force by day, build, radius and session in the clean condition. `bounds` and `abstentions`
+    (estimate: reason: share) are by condition. `force_floor` is the force sensor's mean absolute error, in N,
+    by session.
     """
 
     estimator: str
@@ -99,7 +102,7 @@ class Scorecard:
     notes: tuple[str, ...] = ()
 
     def tree(self) -> Tree:
-        """Return it as plain values that JSON can hold."""
+        """Return the scores as plain values for JSON."""
         return to_tree(self)
 
     def row(self, body: str, condition: str = CLEAN, state: str = "touched") -> TableRow | None:
@@ -127,14 +130,14 @@ def scorecard(
     string
         The sensor's string, for the Cramer-Rao bound.
     force_floor
-        Error of the force sensor itself by session, see `limits.force_floor`.
+        The force sensor's error by session, see `limits.force_floor`.
     draws
         Bootstrap draws for each interval; 0 for no intervals.
 
     Raises
     ------
     InputError
-        If an estimate of contact or slip is no probability.
+        If an estimate of contact or slip is not a probability.
 
     Examples
     --------
@@ -171,7 +174,7 @@ def scorecard(
 
 
 def conditions_of(results: Results) -> list[str]:
-    """Return the conditions, the clean one first, the others in the order of their trials.
+    """Return the conditions, the clean one first, the others in order of the trials.
 
     Examples
     --------
@@ -213,7 +216,7 @@ def error_map(results: Results, quantity: str, condition: str) -> ErrorMap:
 
 
 def abstentions(results: Results) -> dict[str, dict[str, float]]:
-    """Return the share of touched windows that each estimate abstained on, by reason.
+    """Return the share of touched windows with an abstention of each estimate, by reason.
 
     Examples
     --------
@@ -221,7 +224,7 @@ def abstentions(results: Results) -> dict[str, dict[str, float]]:
     """
     touched = results.where((results.label("contact") == 1.0) & results.usable)
     shares: dict[str, dict[str, float]] = {}
-    for name, why in touched.why.items():
+    for name, why in touched.reason_index.items():
         counts = np.bincount(why, minlength=len(results.reasons))
         shares[name] = {
             reason: count / max(len(touched), 1)
@@ -262,7 +265,7 @@ def _score_table(results: Results, states: tuple[str, ...], draws: int) -> Score
 
 
 def _by_session_field(results: Results) -> dict[str, dict[str, dict[str, Regression]]]:
-    """Return position and force by the fields in which sessions differ, without intervals."""
+    """Return position and force scores by fields that differ between sessions, without intervals."""
     scored = regression_rows(results, "position")
     scores: dict[str, dict[str, dict[str, Regression]]] = {}
     for key in ("day", "build", "radius", "session"):

@@ -1,12 +1,11 @@
-"""How far estimates are from the truth: position and force as errors, contact and slip as detections.
+"""Scores of estimates: errors of position and force, detection of contact and slip.
 
-Only windows whose every sample was recorded and whose label is known are scored; position and force only
-while the string is touched. Abstaining is no advantage: the share within the tolerance and the accuracy are
-over all these windows, so that an abstention counts as a miss, and the answered share stands beside every
-error.
+Only windows without lost samples and with a known label are scored; position and force only during contact.
+Abstaining brings no advantage: the share within the tolerance and the accuracy are over all these windows, so
+an abstention counts as a miss, and every error is reported with the answered share.
 
-An event begins where the first window that reaches into it begins, though the event may start at that
-window's last sample, and it is detected at the end of the first window whose probability reaches
+An event begins at the start of the first window that overlaps it, even if the overlap is only the window's
+last sample, and it is detected at the end of the first window whose probability reaches
 `monochord.metrics.DECISION`: a stated delay is up to a hop too long and never too short.
 """
 
@@ -28,8 +27,8 @@ from monochord.metrics import (
     detection_delays,
     detection_score,
     false_alarms,
+    finite_rows,
     hit_rate,
-    known,
     mean_absolute_error,
     pearson_r,
     regression_score,
@@ -38,7 +37,7 @@ from monochord.metrics import (
 )
 
 MIN_SESSIONS = 5
-"""With this many sessions or more the bootstrap draws whole sessions, with fewer blocks of `BLOCK_LENGTH`."""
+"""Number of sessions from which the bootstrap draws whole sessions, else blocks of `BLOCK_LENGTH`."""
 BLOCK_LENGTH: Seconds = 10.0
 DRAWS = 400
 """Bootstrap draws for each interval."""
@@ -48,14 +47,14 @@ SPEED_BANDS: tuple[tuple[MetresPerSecond, MetresPerSecond], ...] = (
     (0.01, 0.02),
     (0.02, 0.04),
 )
-"""Bands of the sliding speed: [low, high)."""
+"""Bands of the sliding speed in m/s: [low, high)."""
 TRIAL_OFFSET: Seconds = 1e5
-"""Distance in time at which trials are placed so that they form one time axis."""
+"""Time between trials placed on one time axis, in s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Score:
-    """A number with its 95 % interval; None where there is too little data."""
+    """A number with its 95 % interval; None where there are too few data."""
 
     value: float | None = None
     low: float | None = None
@@ -67,12 +66,12 @@ NO_SCORE = Score()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Regression:
-    """How far the estimates of a quantity are off, in its SI unit.
+    """Errors of a quantity's estimates, in its SI unit.
 
-    `answered` is the share of the `windows` that has an estimate. Over these are `mae` (mean absolute error),
+    `answered` is the share of the `windows` with an estimate. Over these are `mae` (mean absolute error),
     `bias` (mean error), `median` (absolute error), Pearson's `r`, and `covered` (2,): the shares of truths
     within one and two stated standard errors. `within` is the share of all windows with an error of at most
-    `limit`. `blocks` names what the bootstrap draws.
+    `limit`. `blocks` names the units of the bootstrap.
     """
 
     windows: int
@@ -90,13 +89,13 @@ class Regression:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Detection:
-    """How well a yes or no is detected.
+    """Detection scores of a binary label.
 
-    Of the `windows` of known truth `positive` are yes, and the share `answered` has an estimate; `accuracy`
-    is over all of them, `area` under the curve, `brier` score and `calibration` error over the answered ones.
-    `detected` is the share of the `events` whose alarm began while they lasted; `delay` holds the median and
-    the ninetieth percentile of the time that took, in s. `false_alarms` counts alarms a minute in the `quiet`
-    seconds without an event.
+    Of the `windows` with known truth, `positive` are positive, and the share `answered` has an estimate.
+    `accuracy` is over all of them; `area` under the curve, `brier` score and `calibration` error are over the
+    answered ones. `detected` is the share of the `events` with an alarm that began during the event; `delay`
+    holds the median and ninetieth percentile of the detection delay, in s. `false_alarms` counts alarms per
+    minute in the `quiet` seconds without an event.
     """
 
     windows: int
@@ -116,9 +115,9 @@ class Detection:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SpeedBand:
-    """How well sliding in one band of speeds is detected.
+    """Detection of sliding in one band of speeds.
 
-    `detected` is the share of its sliding `windows` that is, an abstention being a miss; `area` is
+    `detected` is the detected share of its sliding `windows`, an abstention being a miss; `area` is the area
     under the curve of these windows against all windows at rest, over the answered ones.
     """
 
@@ -128,17 +127,17 @@ class SpeedBand:
 
 
 def regression_rows(results: Results, name: str) -> Flags:
-    """Return which rows (n,) are scored: touched, fully recorded, and with a label of this name."""
-    return (results.label("contact") == 1.0) & results.usable & known(results.label(name))
+    """Return which rows (n,) are scored: in contact, without lost samples, and with a label of this name."""
+    return (results.label("contact") == 1.0) & results.usable & finite_rows(results.label(name))
 
 
 def detection_rows(results: Results, name: str) -> Flags:
-    """Return which rows (n,) are scored: fully recorded, with a label of 0 or 1."""
+    """Return which rows (n,) are scored: without lost samples, with a label of 0 or 1."""
     return results.usable & np.isfinite(results.label(name))
 
 
 def regression(results: Results, name: str, rows: Flags | None = None, *, draws: int = DRAWS) -> Regression:
-    """Return how far the estimates of a quantity are off; the module states the rules.
+    """Return the errors of a quantity's estimates; the module states the rules.
 
     Parameters
     ----------
@@ -147,14 +146,14 @@ def regression(results: Results, name: str, rows: Flags | None = None, *, draws:
     name
         Name of label and estimate: "position" or "force".
     rows
-        Which rows (n,) are scored, of those of `regression_rows`; all of them by default.
+        Subset (n,) of `regression_rows` to score; all by default.
     draws
         Bootstrap draws for each interval; 0 for no intervals.
 
     Raises
     ------
     InputError
-        For a quantity without a tolerance.
+        If the quantity has no tolerance.
 
     Examples
     --------
@@ -170,7 +169,10 @@ def regression(results: Results, name: str, rows: Flags | None = None, *, draws:
     empty = Regression(windows=len(part), sessions=sessions, blocks=what, limit=limit)
     if not len(part):
         return empty
-    answered, score = known(estimate), regression_score(truth, estimate, part.std.get(name), limit=limit)
+    answered, score = (
+        finite_rows(estimate),
+        regression_score(truth, estimate, part.std.get(name), limit=limit),
+    )
     counted = replace(
         empty,
         answered=score.answered,
@@ -190,7 +192,7 @@ def regression(results: Results, name: str, rows: Flags | None = None, *, draws:
 
 
 def detection(results: Results, name: str, rows: Flags | None = None, *, draws: int = DRAWS) -> Detection:
-    """Return how well a yes or no is detected; the module states the rules.
+    """Return the detection scores of a binary label; the module states the rules.
 
     Parameters
     ----------
@@ -199,14 +201,14 @@ def detection(results: Results, name: str, rows: Flags | None = None, *, draws: 
     name
         Name of label and estimate: "contact" or "slip"; the estimate is a probability.
     rows
-        Which rows (n,) are scored; all by default.
+        Rows (n,) to score; all by default.
     draws
         Bootstrap draws for each interval; 0 for no intervals.
 
     Raises
     ------
     InputError
-        If an estimate of this name is no probability.
+        If an estimate of this name is not a probability.
 
     Examples
     --------
@@ -219,10 +221,10 @@ def detection(results: Results, name: str, rows: Flags | None = None, *, draws: 
     empty = Detection(windows=len(part), positive=int(truth.sum()), blocks=what)
     if not len(part) or name not in results.value:
         return empty
-    answered = known(estimate)
+    answered = finite_rows(estimate)
     if answered.any() and not (estimate[answered].min() >= 0.0 and estimate[answered].max() <= 1.0):
         given = f"estimates of {name} from {estimate[answered].min():g} to {estimate[answered].max():g}"
-        raise InputError(given, "probabilities of 0 to 1")
+        raise InputError(given, "probabilities from 0 to 1")
     score = detection_score(truth, estimate)
     counted = replace(
         _with_events(empty, results.where(chosen), name),
@@ -240,9 +242,9 @@ def detection(results: Results, name: str, rows: Flags | None = None, *, draws: 
 
 
 def by_speed(results: Results, *, draws: int = DRAWS) -> dict[str, SpeedBand]:
-    """Return how well sliding is distinguished from rest by bands of its speed in m/s, without empty bands.
+    """Return the detection of sliding by bands of its speed in m/s, without empty bands.
 
-    The sliding windows of each band stand against all windows at rest.
+    The sliding windows of each band are compared with all windows at rest.
 
     Examples
     --------
@@ -270,14 +272,14 @@ def by_speed(results: Results, *, draws: int = DRAWS) -> dict[str, SpeedBand]:
 
 
 def speed(results: Results) -> Floats:
-    """Return the sliding speed (n,) in m/s by the labels; NaN where neither direction is known."""
+    """Return the labelled sliding speed (n,) in m/s; NaN where neither direction is known."""
     across, along = results.label("slip_across"), results.label("slip_along")
     unknown = np.isnan(across) & np.isnan(along)
     return np.where(unknown, np.nan, np.hypot(np.nan_to_num(across), np.nan_to_num(along)))
 
 
 def area(truth: Flags, probability: Floats, blocks: Indices, draws: int) -> Score:
-    """Return the area under the curve with its interval; without a value where only one kind is present."""
+    """Return the area under the curve with its interval; no value where only one class occurs."""
 
     def statistic(at: Indices) -> float:
         return area_under_curve(probability[at][truth[at]], probability[at][~truth[at]])
@@ -286,9 +288,9 @@ def area(truth: Flags, probability: Floats, blocks: Indices, draws: int) -> Scor
 
 
 def blocks_of(results: Results) -> tuple[Indices, str]:
-    """Return the block number (n,) of each row for the bootstrap, and what the blocks are.
+    """Return each row's bootstrap block number (n,), and the kind of block.
 
-    Whole sessions, over all conditions, where there are `MIN_SESSIONS`; else stretches of time.
+    Blocks are whole sessions, over all conditions, from `MIN_SESSIONS` sessions on; else stretches of time.
     """
     names, number = np.unique(results.of_trials("session"), return_inverse=True)
     if len(names) >= MIN_SESSIONS or not len(results):
@@ -297,7 +299,7 @@ def blocks_of(results: Results) -> tuple[Indices, str]:
 
 
 def score_of(statistic: Callable[[Indices], float], blocks: Indices, draws: int = DRAWS) -> Score:
-    """Return a statistic of row numbers with its 95 % interval, if there are enough blocks for one.
+    """Return a statistic of row numbers with its 95 % interval, if there are enough blocks.
 
     Examples
     --------
@@ -316,7 +318,7 @@ def score_of(statistic: Callable[[Indices], float], blocks: Indices, draws: int 
 
 
 def _with_events(detection: Detection, results: Results, name: str) -> Detection:
-    """Return a detection with the scores of its events, over all trials on one time axis."""
+    """Return a detection with its event scores, over all trials on one time axis."""
     label, contact = results.label(name), results.label("contact")
     # A window that holds the start or the end of an event has no label, but belongs to the event.
     transition = {"contact": results.label("transition") == 1.0}

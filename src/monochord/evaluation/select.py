@@ -1,7 +1,7 @@
-"""What is evaluated, and on which windows: sessions that it was not trained on.
+"""Selects the estimator and the windows to evaluate, from sessions that it was not trained on.
 
-`select` refuses a split that leaks and sessions that a model was trained on, so that the test stays apart
-from the training.
+`select` refuses a split that leaks and sessions that a model was trained on, to keep test and training data
+apart.
 """
 
 from collections.abc import Mapping, Sequence
@@ -32,44 +32,42 @@ from monochord.physics.sensors import load_sensor
 from monochord.sessions import read_session
 
 LABELS = ("contact", "position", "force", "slip")
-"""Labels that estimates are scored by."""
+"""Labels used for scoring."""
 RANDOM = "random"
-"""Prefix of the columns of a feature with random weights."""
+"""Column prefix of a feature with random weights."""
 DEFAULT_FEATURE: Tree = {"name": "fft_harmonic"}
-"""Feature of the baselines beside an estimator without one."""
+"""Feature of the baselines for an estimator without one."""
 
 Part: TypeAlias = Literal["test", "validation"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EvaluationSettings:
-    """What is evaluated, and on what.
+    """The estimator and the data of an evaluation.
 
     Parameters
     ----------
     model
-        Folder of a model or of the training run that made it, or the name of a bundled model; None for
-        `estimator`.
+        Folder of a model or of its training run, or the name of a bundled model; None to use `estimator`.
     estimator, options
-        Name of an estimator that is no model, and options of whichever is evaluated.
+        Name of an estimator other than a model, and the options of the evaluated one.
     dataset, split, part
-        A dataset, the file of its split, and the part that is evaluated. By default those of the training
-        run.
+        A dataset, the file of its split, and the part to evaluate; by default those of the training run.
     sessions
         Session files, folders or patterns to evaluate instead of a dataset.
     sensor
-        Preset of the sensor whose string the estimator is given.
+        Sensor preset whose string the estimator gets.
     tuned
-        Whether that string is tuned as each session's untouched beginning sounds, as after ``monochord
-        tune``. That of a session that was recorded as tuned is so anyway.
+        Whether to tune that string to each session's untouched beginning, as by ``monochord tune``. A session
+        recorded with a tuned sensor always uses that tuning.
     noises
-        Noises such as ``white:10``: each is added in a replay of its own.
+        Noises such as ``white:10``, each added in a separate replay.
     suite
-        Whether every kind of noise at every ratio of `noise.SUITE_RATIOS` is added.
+        Whether to add every kind of noise at every ratio of `noise.SUITE_RATIOS`.
     seed
         Random seed of the noise.
     baselines
-        Whether ridge regression and extra trees on the same feature are fitted and evaluated beside.
+        Whether to fit and evaluate ridge regression and extra trees on the same feature.
     """
 
     model: str | None = None
@@ -89,7 +87,7 @@ class EvaluationSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Candidate:
-    """The estimator that is evaluated: if it is a model, with its definition and its training settings."""
+    """The evaluated estimator; for a model, with its definition and training settings."""
 
     estimator: Estimator
     name: str
@@ -98,13 +96,13 @@ class Candidate:
 
     @property
     def random_weights(self) -> bool:
-        """Whether the weights of its feature are random."""
+        """Whether its feature's weights are random."""
         definition = self.definition
         return definition is not None and any(name.startswith(RANDOM) for name in definition.feature.columns)
 
     @property
     def feature(self) -> Tree:
-        """Name and options of its feature; of `DEFAULT_FEATURE` where it has none."""
+        """Name and options of its feature, `DEFAULT_FEATURE` where it has none."""
         if self.definition is None:
             return DEFAULT_FEATURE
         return {"name": self.definition.feature.name, **self.definition.feature.options}
@@ -117,7 +115,7 @@ class Candidate:
 
     @property
     def about(self) -> Tree:
-        """What a model was made of, for the readers of its results."""
+        """Facts about a model's origin, for the readers of its results."""
         definition = self.definition
         if definition is None:
             return {}
@@ -132,10 +130,9 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EvaluationData:
-    """The windows that are evaluated, and those that baselines are fitted to.
+    """The windows to evaluate, and those to fit baselines to.
 
-    `force_floor` is the error of the force sensor itself by session, in N; `notes` are what a reader must
-    know.
+    `force_floor` is the force sensor's error by session, in N; `notes` are what a reader must know.
     """
 
     selection: Selection
@@ -145,12 +142,12 @@ class EvaluationData:
 
 
 def load(settings: EvaluationSettings) -> Candidate:
-    """Return the estimator that is evaluated.
+    """Return the estimator to evaluate.
 
     Raises
     ------
     InputError
-        If there is no such model or estimator, or it has no such option.
+        If the model, estimator or option does not exist.
 
     Examples
     --------
@@ -180,12 +177,13 @@ def select(
 ) -> EvaluationData:
     """Return the windows to evaluate: a part of a split, or whole sessions as a dataset in `scratch`.
 
-    `workers` and `cluster` read the sessions, see `monochord.datasets.build.build_dataset`.
+    `workers` and `cluster` read the sessions; see `monochord.datasets.build.build_dataset`.
 
     Raises
     ------
     InputError
-        If there is nothing to evaluate, a split leaks, a session was trained on, or labels cannot be used.
+        If there is nothing to evaluate, a split leaks, a session was used for training, or labels are
+        unusable.
 
     Examples
     --------
@@ -199,7 +197,7 @@ def select(
     split: Split | None = None
     if settings.sessions:
         if settings.dataset is not None:
-            raise InputError("--sessions beside --dataset", "only one of them")
+            raise InputError("--sessions with --dataset", "only one of them")
         files, window, dataset = _dataset_of_sessions(
             settings.sessions, definition, scratch, progress, workers=workers, cluster=cluster
         )
@@ -216,7 +214,7 @@ def select(
         split = Split.read(settings.split or Path(trained_with or folder / SPLIT_FILE))
         notes = audited(dataset, split, learned=definition is not None)
         if settings.part != "test":
-            notes += (f"the {settings.part} part, by which choices were made, and no test",)
+            notes += (f"the {settings.part} part was used to choose the model, so it is not a test",)
         rows = split.parts[settings.part]
     selection = Selection(
         dataset=dataset, rows=rows, string=string, sensing_range=sensing_range, tuned=settings.tuned
@@ -235,15 +233,17 @@ def select(
 
 
 def audited(dataset: Dataset, split: Split, *, learned: bool = True) -> tuple[str, ...]:
-    """Return the notes of a split's audit; refuse a split that leaks or belongs to another dataset.
+    """Return the notes of a split's audit.
 
-    Where nothing is learned from the dataset the sounds are not compared. The networks that choose the closed
-    form's modes learned from the plans `modes` and `modes_2`, which is not checked.
+    Raises `InputError` if the split leaks or belongs to another dataset.
+
+    For an estimator that learned nothing from the dataset, sounds are not compared. The networks that select
+    the closed form's modes were trained on the plans `modes` and `modes_2`, which is not checked.
 
     Raises
     ------
     InputError
-        Naming the leak.
+        If the split leaks; the error names the leak.
     """
     report = audit(dataset, split, duplicates=learned)
     if learned or any(leak.kind == "other dataset" for leak in report.leaks):
@@ -252,15 +252,15 @@ def audited(dataset: Dataset, split: Split, *, learned: bool = True) -> tuple[st
 
 
 def refuse_trained_on(selection: Selection, definition: Definition, split: Split | None) -> tuple[str, ...]:
-    """Return the notes of a test; refuse one with a session that the model was trained on.
+    """Return the notes of a test; raises `InputError` for a session that the model was trained on.
 
-    A session is recognised by its checksum, whatever its name. With a split by time of the very dataset that
-    the model was trained on, other stretches of it may have been trained on; a note then says so.
+    A session is recognised by its checksum, whatever its name. With a split by time of the training dataset,
+    other stretches of a session may have been used for training; a note then says so.
 
     Raises
     ------
     InputError
-        If a session was trained on.
+        If a session was used for training.
     """
     parts = selection.dataset.manifest.parts
     trained_on = set(definition.sessions.values())
@@ -268,19 +268,19 @@ def refuse_trained_on(selection: Selection, definition: Definition, split: Split
     if not both:
         return ()
     if split is not None and split.by == "time" and split.dataset == definition.dataset:
-        return (f"{len(both)} of the tested sessions were trained on too, other stretches of them",)
+        return (f"{len(both)} of the tested sessions also have stretches in the training data",)
     more = f" and {len(both) - 1} more" if len(both) > 1 else ""
     given = f"a test on session {both[0]}{more}, which the model was trained on"
-    raise InputError(given, "other sessions", "take the split that it was trained with")
+    raise InputError(given, "other sessions", "use the split of its training")
 
 
 def refuse_unusable_labels(selection: Selection) -> None:
-    """Refuse a selection without labels to score by, or with labels that are no numbers.
+    """Raise `InputError` for a selection without labels, or with non-finite labels.
 
     Raises
     ------
     InputError
-        If no label is known, or one that is marked valid is not finite.
+        If no label is known, or a valid label is not finite.
     """
     dataset, rows, known = selection.dataset, selection.rows, 0
     for name in LABELS:
@@ -289,12 +289,12 @@ def refuse_unusable_labels(selection: Selection) -> None:
         values, valid = dataset.labels[name][rows], np.asarray(dataset.valid[name][rows])
         strange = int((~np.isfinite(values[valid])).sum())
         if strange:
-            given = f"label '{name}' that is no number in {strange} windows where it is marked valid"
+            given = f"label '{name}' is marked valid but not finite in {strange} windows"
             raise InputError(given, "numbers", "build the dataset again")
         known += int(valid.sum())
     if not known:
-        given = f"{rows.size} windows to evaluate without a known label"
-        raise InputError(given, f"some with {', '.join(LABELS)}", "take sessions that have labels")
+        given = f"{rows.size} windows without labels"
+        raise InputError(given, f"some with {', '.join(LABELS)}", "use sessions with labels")
 
 
 def _dataset_of_sessions(
@@ -306,7 +306,7 @@ def _dataset_of_sessions(
     workers: int | None,
     cluster: str,
 ) -> tuple[list[Path], Seconds, Dataset]:
-    """Return the files of sessions, the length of a window, and the dataset of them."""
+    """Return the session files, the window length, and their dataset."""
     files = find_sessions(names)
     window = hop = 0.1
     if definition is not None:
@@ -322,7 +322,7 @@ def _dataset_of_sessions(
 def _known_of_sessions(
     files: Sequence[Path], window: Seconds
 ) -> tuple[dict[str, Newtons], StringParams | None]:
-    """Return the errors of the force sensors of sessions, and the string that they all state."""
+    """Return the force sensors' errors in the sessions, and the string that all sessions state."""
     sessions = {path.stem: read_session(path) for path in files}
     strings = [session.description.string for session in sessions.values()]
     floors = {name: force_floor(session, window) for name, session in sessions.items()}
@@ -332,14 +332,14 @@ def _known_of_sessions(
 
 
 def _is_same_wire(string: StringParams | None, other: StringParams | None) -> bool:
-    """Return whether two strings are the same, at whatever tension."""
+    """Return whether two strings are the same wire, at any tension."""
     if string is None or other is None:
         return string is other
     return replace(string, tension=other.tension) == other
 
 
 def training_of(candidate: Candidate, string: StringParams | None) -> Selection | None:
-    """Return the windows that a model was trained on, for baselines; None where they are not there.
+    """Return a model's training windows, for baselines; None where they are unavailable.
 
     Examples
     --------
@@ -355,6 +355,6 @@ def training_of(candidate: Candidate, string: StringParams | None) -> Selection 
 
 
 def _fitting_rows(dataset: Dataset, split: Split, string: StringParams | None) -> Selection | None:
-    """Return the windows of the training part that can be used; None if there are none."""
+    """Return the usable windows of the training part; None if there are none."""
     rows = split.train[dataset.usable[split.train]]
     return Selection(dataset=dataset, rows=rows, string=string) if len(rows) else None

@@ -1,4 +1,4 @@
-"""What several strings cost: how many estimates a second each gets, and the time of each."""
+"""Measures the cost of several strings: estimates per second for each, and the time per estimate."""
 
 import dataclasses
 import math
@@ -23,21 +23,21 @@ from monochord.live.settings import MODEL
 from monochord.live.sinks.base import Listener, Update
 
 TAKE: Seconds = 3.0
-"""Sound of the simulated string, played over and over; each string begins elsewhere in it."""
+"""Sound of the simulated string, repeated; each string starts elsewhere in it."""
 OFFSET: Seconds = 0.3731
-"""No multiple of a hop: no two strings ever have the same window, which is analysed once."""
+"""Not a multiple of a hop: no two strings share a window, which would be analysed only once."""
 MAX_STRINGS = 32
-"""Of one interface, as the sources have it."""
+"""Strings of one audio interface, limited by the sources' channels."""
 BUILD = {"world": "plausible", "build": 131, "day": 51}
 """A build that no bundled model was trained on."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StringsCost:
-    """A run with `strings` strings: estimates a second of each, and processor time of each estimate.
+    """A run with `strings` strings: estimates per second of each, and processor time per estimate.
 
-    `latency` is the 99th percentile from a window's last sample at hand to its estimate, `skipped` the share
-    of windows that were left out, since the loop was late.
+    `latency` is the 99th percentile of the time from a window's last sample being available to its estimate,
+    `skipped` the share of windows left out because the loop was late.
     """
 
     strings: int
@@ -48,7 +48,7 @@ class StringsCost:
 
 
 def refuse_options(strings: Sequence[int], seconds: Seconds, processes: int = 1) -> None:
-    """Raise `InputError` for strings, processes or a length of sound that cannot be measured."""
+    """Raise `InputError` for an unmeasurable number of strings or processes, or length of sound."""
     if not strings or not all(1 <= each <= MAX_STRINGS for each in strings):
         given = ", ".join(map(str, strings)) or "none"
         raise InputError(f"strings {given}", f"numbers from 1 to {MAX_STRINGS}")
@@ -61,24 +61,24 @@ def refuse_options(strings: Sequence[int], seconds: Seconds, processes: int = 1)
 def strings_cost(
     strings: int, *, seconds: Seconds = 5.0, hop: Seconds = 0.01, model: str = "demo", processes: int = 1
 ) -> StringsCost:
-    """Run a model on several simulated strings at the pace of real time, and return what that costs.
+    """Run a model on several simulated strings in real time, and return the cost.
 
-    All of the live loop is counted but sinks: reading, windows, features, heads, estimates over time, events
-    and health. Processor time is that of the whole process, from the first window on.
+    Everything in the live loop except sinks counts: reading, windows, features, heads, estimates over time,
+    events and health. Processor time is that of the whole process, from the first window on.
 
     Parameters
     ----------
     strings
-        Strings, of two channels each.
+        Number of strings, with two channels each.
     seconds
-        Sound to process, and time that it takes.
+        Duration of the sound, and of the run.
     hop
-        Distance of window starts.
+        Hop, in s.
     model
         Folder or name of the model.
     processes
-        Processes that share the strings and run at the same time. The rate is then that of the slowest, and
-        so is the latency; cost and skipped windows are of all.
+        Number of parallel processes that share the strings. Rate and latency are then the slowest process's;
+        cost and skipped windows are over all.
     """
     if processes > 1:
         return _shared(strings, processes, {"seconds": seconds, "hop": hop, "model": model})
@@ -113,7 +113,7 @@ def strings_cost(
 
 
 def _shared(strings: int, processes: int, options: Mapping[str, Any]) -> StringsCost:
-    """Return what several strings cost that are shared by processes."""
+    """Return the cost of strings shared among processes."""
     each = [strings // processes + (number < strings % processes) for number in range(processes)]
     each = [count for count in each if count]
     with ProcessPoolExecutor(len(each), multiprocessing.get_context("spawn")) as pool:
@@ -129,7 +129,7 @@ def _shared(strings: int, processes: int, options: Mapping[str, Any]) -> Strings
 
 
 def _take() -> Audio:
-    """Return the sound (2, n) of a simulated string that is touched now and then."""
+    """Return the sound (2, n) of a simulated string with occasional touches."""
     with SOURCES.build("twin", {"speed": 0.0, **BUILD}).open() as stream:
         frames = round(TAKE * stream.signal.sample_rate)
         blocks = [block.samples for block in takewhile(lambda block: block.start < frames, stream)]
@@ -137,7 +137,7 @@ def _take() -> Audio:
 
 
 class _Clock(Listener):
-    """Notes clock and processor time at the first moment and the last."""
+    """Records clock and processor time at the first and the last update."""
 
     def __init__(self) -> None:
         self._count = 0
@@ -150,11 +150,11 @@ class _Clock(Listener):
 
     @property
     def rate(self) -> float:
-        """Updates a second."""
+        """Updates per second."""
         elapsed = self._last[0] - self._first[0]
         return (self._count - 1) / elapsed if elapsed else math.nan
 
     @property
     def cost(self) -> Seconds:
-        """Processor time of an update."""
+        """Processor time per update, in s."""
         return (self._last[1] - self._first[1]) / (self._count - 1) if self._count > 1 else math.nan

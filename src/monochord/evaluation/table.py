@@ -1,4 +1,4 @@
-"""The table of scores that an evaluation prints: a row for each object, condition and estimator."""
+"""The printed table of scores: a row for each object, condition and estimator."""
 
 import html
 from collections.abc import Mapping, Sequence
@@ -28,9 +28,9 @@ class Scores(Sequence[Mapping[str, Any]]):
     """Scores of all touched windows: a row for each object, condition and estimator.
 
     A row maps `LABELS` and `NUMBERS` to values: ``position_error`` and ``force_error`` are mean absolute
-    errors in m and N, ``position_within`` and ``force_within`` the shares within 5 mm and 0.2 N,
-    ``slip_area`` is the area under the curve; None where there is no score. As text and in a notebook it is a
-    table in a person's units.
+    errors in m and N, ``position_within`` and ``force_within`` the shares within 5 mm and 0.2 N, and
+    ``slip_area`` the area under the curve; None where there is no score. As text and in a notebook, the table
+    uses mm and N.
 
     Examples
     --------
@@ -58,7 +58,7 @@ class Scores(Sequence[Mapping[str, Any]]):
     __repr__ = __str__
 
     def lines(self) -> list[str]:
-        """Return the table as lines of text, the head first."""
+        """Return the table as text lines, header first."""
         table = self._texts()
         widths = [max(len(row[column]) for row in table) for column in range(len(LABELS))]
         lines: list[str] = []
@@ -87,12 +87,12 @@ class Scores(Sequence[Mapping[str, Any]]):
         return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
 
     def _texts(self) -> list[tuple[str, ...]]:
-        """Return the cells as text, the head first."""
+        """Return the cells as text, header first."""
         return [(*LABELS, *HEADS), *map(_cells, self.rows)]
 
 
 def score_rows(card: Scorecard) -> Scores:
-    """Return the rows of a scorecard and of its baselines, over all touched windows."""
+    """Return the rows of a scorecard and its baselines, over all touched windows."""
     own = ScoreTable(table=card.table, contact=card.contact, slip=card.slip)
     tables = {card.estimator: own, **card.baselines}
     shown = [(row.object, row.condition) for row in card.table if row.state == "touched"]

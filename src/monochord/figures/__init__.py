@@ -1,4 +1,4 @@
-"""Figures for people: one file a figure, found by its name; `style` is the look that they share."""
+"""Figures: one module per figure, found by name; `_style` holds their common look."""
 
 from monochord.core.registry import Registry
 from monochord.figures import _style as style

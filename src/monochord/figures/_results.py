@@ -1,4 +1,4 @@
-"""What figures of an evaluation's results share."""
+"""Shared by the figures of evaluation results."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from monochord.core.errors import InputError, did_you_mean
 from monochord.evaluation.results import Results, read_results
 
 UNITS = {"position": (1e3, "mm"), "force": (1.0, "N")}
-"""Factor from SI and unit in which a quantity is drawn."""
+"""Scale factor from SI, and display unit, of a quantity."""
 SYMBOLS = {"position": "x", "force": "F"}
 
 
 def in_condition(path: Path, condition: str) -> Results:
-    """Return the results in a file that belong to a condition.
+    """Return the results in a file for one condition.
 
-    Raises `InputError` if there are none, naming the conditions of the file.
+    Raises `InputError` that names the file's conditions if there are none.
     """
     results = read_results(Path(path))
     rows = results.of_trials("condition") == condition
@@ -26,6 +26,6 @@ def in_condition(path: Path, condition: str) -> Results:
 
 
 def title_of(results: Results, condition: str = "") -> str:
-    """Return a title: the estimator, the condition, and whether the sound is simulated."""
+    """Return a title: estimator, condition, and whether the sound is simulated."""
     title = results.estimator.replace("_", " ") + (f", {condition}" if condition else "")
     return f"simulated: {title}" if results.simulated else title

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 TWO_COLUMNS = 182.0  # mm, the text width of a two-column journal page
 SEGMENTS = ("#0072B2", "#D55E00")  # Okabe and Ito's blue and vermilion: segment 1 and segment 2
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#444444", "#999933")
-"""Okabe and Ito's, which colour-blind readers can tell apart, and two more."""
+"""Okabe and Ito's colours, distinct for colour-blind readers, and two more."""
 INK, PALE = "#222222", "#9A9A9A"
 THEORY = (0.0, (4.0, 3.0))  # dash of a theoretical value
 LABEL, TICK, LETTER = 8.0, 7.0, 10.0  # points
@@ -22,7 +22,7 @@ LOUDNESS = "Greys"  # dark is loud; coloured theory stays visible over it, also 
 
 
 def canvas(height: float) -> Canvas:
-    """Return an empty figure, two columns wide and `height` mm high, that spaces its panels itself."""
+    """Return an empty figure, two columns wide and `height` mm high, with automatic panel spacing."""
     require_matplotlib()
     from matplotlib.figure import Figure as Canvas  # noqa: PLC0415
 
@@ -30,7 +30,7 @@ def canvas(height: float) -> Canvas:
 
 
 def dress(axes: Axes, letter: str, title: str, across: str, up: str) -> None:
-    """Give a panel its letter, its title, its axis labels and the common look."""
+    """Give a panel its letter, title, axis labels and the common look."""
     axes.set_title(letter, loc="left", fontsize=LETTER, fontweight="bold", color=INK, pad=4)
     axes.set_title(title, fontsize=LABEL, color=INK, pad=4)
     axes.set_xlabel(across, fontsize=LABEL, color=INK, labelpad=2)
@@ -43,7 +43,7 @@ def dress(axes: Axes, letter: str, title: str, across: str, up: str) -> None:
 
 
 def key(page: Canvas, *panels: Axes, columns: int = 0) -> None:
-    """Add a legend under the whole figure, each label of its panels once: in one line, or in columns."""
+    """Add a legend under the figure, each label once: in one line, or in columns."""
     shown = [pair for panel in panels for pair in zip(*panel.get_legend_handles_labels(), strict=True)]
     once = {label: handle for handle, label in shown}
     page.legend(

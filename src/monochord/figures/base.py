@@ -1,4 +1,4 @@
-"""The contract of a figure: frozen options, drawn onto a matplotlib figure."""
+"""The contract of a figure: frozen options, and a drawing on a matplotlib figure."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ class Figure(Checked, ABC):
 
     @abstractmethod
     def draw(self) -> Canvas:
-        """Compute what the figure shows and return it drawn, good enough to print."""
+        """Compute and draw the figure, in print quality."""
 
 
 class Measured(Figure):
-    """A figure that also returns what it shows as numbers, for `monochord figure NAME --json`."""
+    """A figure that also returns its numbers, for `monochord figure NAME --json`."""
 
     @abstractmethod
     def numbers(self) -> dict[str, Any]:
-        """Return what the figure shows, by name, as values that JSON can hold."""
+        """Return the figure's numbers by name, as values for JSON."""
 
 
 def require_matplotlib() -> None:
-    """Check that matplotlib is installed.
+    """Raise `MissingLibraryError` unless matplotlib is installed.
 
     Raises
     ------
     MissingLibraryError
-        If it is not; the error says how to install it.
+        If matplotlib is not installed; the error says how to install it.
     """
     if find_spec("matplotlib") is None:
         raise MissingLibraryError("Drawing a figure", "matplotlib >= 3.9", "figures")

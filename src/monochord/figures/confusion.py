@@ -1,4 +1,4 @@
-"""How often contact and slip are detected, missed, false alarms, or without an estimate."""
+"""Counts of detected, missed and false contact and slip, and of abstentions."""
 
 from __future__ import annotations
 
@@ -21,28 +21,28 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
 
 QUESTIONS = {"contact": ("untouched", "touched"), "slip": ("at rest", "sliding")}
-"""Estimates, and the names of their no and yes."""
+"""Estimates, with the names of their negative and positive class."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Confusion(Measured):
-    """Counts of windows by truth and answer, of contact and of slip; a probability above one half is a yes.
+    """Counts of windows by truth and answer, of contact and slip; a probability above 0.5 is positive.
 
-    The shade is the share of the windows of that truth. Abstentions have a column of their own.
+    The shade is the share of windows with that truth. Abstentions have a separate column.
 
     Parameters
     ----------
     results
-        The file ``results.npz`` that `monochord evaluate` wrote.
+        The file ``results.npz`` from `monochord evaluate`.
     condition
-        Condition that is drawn: "clean", or another one of the results.
+        Condition to draw: "clean", or another condition of the results.
     """
 
     results: Path
     condition: str = CLEAN
 
     def numbers(self) -> dict[str, Any]:
-        """Return counts by truth (no, yes), each by estimate (no, yes, none)."""
+        """Return counts by truth (no, yes), each by answer (no, yes, none)."""
         results = in_condition(self.results, self.condition)
         about = {"simulated": results.simulated, "estimator": results.estimator, "condition": self.condition}
         return about | {name: _counts(results, name).astype(int).tolist() for name in QUESTIONS}

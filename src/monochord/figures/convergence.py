@@ -29,7 +29,7 @@ MIN_LEVEL = -70.0  # dB
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SegmentSound:
-    """One segment as simulated: velocity (n,) in m/s, its sample rate, and the fundamental of theory."""
+    """One simulated segment: velocity (n,) in m/s, its sample rate, and the theoretical fundamental."""
 
     velocity: Floats
     rate: Hertz
@@ -38,7 +38,7 @@ class SegmentSound:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Convergence(Figure):
-    """Velocity, spectrogram and spectra of both segments of one simulated touch, from its beginning.
+    """Velocity, spectrogram and spectra of both segments of one simulated touch, from its start.
 
     The paper's appendix figure: A and B show the velocities with their envelopes, C and D the spectrograms
     and E and F the spectra of a transient and of a steady window, with the frequencies of Eq. 14 dashed.
@@ -48,18 +48,18 @@ class Convergence(Figure):
     string
         Preset, or the path of a TOML file.
     position
-        Place of the touch as a share of the length.
+        Position of the touch, as a share of the length.
     force
-        Normal force in N; at zero the touch splits the string and leaves its tension.
+        Normal force in N; at zero the touch splits the string without changing its tension.
     seconds
-        How long to simulate; at least 0.35 s, the end of the steady window.
+        Simulated time in s; at least 0.35 s, the end of the steady window.
     model
         Only the split string has two segments that can be recorded separately.
     route
         How to simulate: the finite-difference scheme, or the exact modal route, which is faster.
     nodes, time_step
-        Grid of the finite-difference scheme: nodes a segment, and step in s; None takes 1 us, or the longest
-        whole fraction of it that is stable.
+        Grid of the finite-difference scheme: nodes per segment, and time step in s; None uses 1 us, or its
+        largest stable integer fraction.
     highest
         Highest frequency shown, in multiples of the open string's.
     """
@@ -107,9 +107,9 @@ class Convergence(Figure):
 
 
 def envelope(segment: SegmentSound) -> Floats:
-    """Return the amplitude of a segment's velocity: its greatest magnitude within half a period either side.
+    """Return a segment's velocity amplitude: its largest magnitude within half a period on either side.
 
-    Same shape and unit as the velocity; the half window at both ends uses what there is.
+    Same shape and unit as the velocity; at both ends, the available half window is used.
     """
     from scipy.ndimage import maximum_filter1d  # noqa: PLC0415
 
@@ -118,7 +118,7 @@ def envelope(segment: SegmentSound) -> Floats:
 
 
 def spectrum(segment: SegmentSound, span: tuple[Seconds, Seconds]) -> tuple[Floats, Floats]:
-    """Return the spectrum of a segment's velocity within a span of time, under a Hann window.
+    """Return the spectrum of a segment's velocity in a time span, with a Hann window.
 
     Returns
     -------
@@ -134,7 +134,7 @@ def spectrum(segment: SegmentSound, span: tuple[Seconds, Seconds]) -> tuple[Floa
 
 
 def spectrogram(segment: SegmentSound, highest: Hertz) -> tuple[Floats, Floats, Floats]:
-    """Return a segment's spectrogram: Hann windows of 30 ms, or ten periods if that is longer, every 2 ms.
+    """Return a segment's spectrogram: Hann windows of 30 ms, or ten periods if longer, every 2 ms.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Errors of an estimator over true position and true force."""
+"""Errors of an estimator as maps over true position and force."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ErrorMapFigure(Measured):
-    """Mean absolute error of position and of force over true position and true force.
+    """Mean absolute error of position and force, as maps over true position and force.
 
-    The scale ends at twice the paper's limits, 5 mm and 0.2 N. Cells are blank where nothing touched, and
-    crossed where too few windows have an estimate.
+    The scale ends at twice the paper's limits, 5 mm and 0.2 N. Cells without touches are blank; cells with
+    too few estimates are crossed.
 
     Parameters
     ----------
     results
-        The file ``results.npz`` that `monochord evaluate` wrote.
+        The file ``results.npz`` from `monochord evaluate`.
     condition
-        Condition that is drawn: "clean", or another one of the results.
+        Condition to draw: "clean", or another condition of the results.
     least
-        Windows with an estimate that a cell needs to be drawn.
+        Smallest number of estimates for a cell to be drawn.
     """
 
     results: Path

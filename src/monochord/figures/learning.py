@@ -1,4 +1,4 @@
-"""The history of a training run: its loss, and each head's validation error, epoch by epoch."""
+"""The history of a training run: loss, and each head's validation error, by epoch."""
 
 from __future__ import annotations
 
@@ -27,32 +27,35 @@ if TYPE_CHECKING:
 
 COLUMNS = 3
 SHOWN = {"m": (1e3, "mm")}
-"""Factor from SI and unit in which a quantity is drawn, by its SI unit; others are drawn as they are."""
+"""Display factor and unit by SI unit; other units are drawn unchanged."""
 LATEST_EPOCH = 1e9
 LOG_RANGE = 3.0
-"""A curve whose largest value is this many times its smallest is drawn logarithmically."""
+"""A curve whose maximum is this many times its minimum is drawn logarithmically."""
 BEST, MEAN = "best epoch, selected", "the mean label"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Learning(Measured):
-    """Joint loss and each head's validation error over the epochs of a run, finished or under way.
+    """Joint loss and each head's validation error over the epochs of a finished or running training.
 
     The error of a quantity is its mean absolute error, that of a probability its log loss. A dot marks the
-    epoch whose weights a head uses. The dashed line is the error of a constant estimate, known once the run
-    is finished: the mean label of the training for a quantity, the share of windows that are a yes for a
-    probability. Errors are over all rows by which the epoch was selected, augmented ones too.
+    epoch whose weights a head uses. The dashed line is the error of a constant estimate, available once the
+    run is finished: the mean training label of a quantity, or the positive share for a probability. Errors
+    are over all rows used to select the epoch, augmented ones included.
 
     Parameters
     ----------
     run
-        Folder that `monochord train` wrote.
+        Folder of a run, from `monochord train`.
     """
 
     run: Path
 
     def numbers(self) -> dict[str, Any]:
-        """Return epochs and joint loss (n,), and by head its errors (n,), best epoch and the mean label's."""
+        """Return epochs and joint loss (n,).
+
+        By head its errors (n,), best epoch and constant-estimate error.
+        """
         history, metrics = _history(Path(self.run)), _metrics(Path(self.run))
         epochs = history.pop("epoch").astype(int)
         loss, units = history.pop("loss"), _units(Path(self.run), list(history))
@@ -105,7 +108,7 @@ def _draw_head(axes: Axes, letter: str, name: str, epochs: list[int], head: dict
 
 
 def _draw(axes: Axes, epochs: list[int], values: Floats) -> None:
-    """Draw a curve over epochs, logarithmic where it is above zero throughout and falls far."""
+    """Draw a curve over epochs, logarithmically where it is positive throughout and falls far."""
     from matplotlib.ticker import FormatStrFormatter, LogLocator, MaxNLocator, NullFormatter  # noqa: PLC0415
 
     axes.plot(epochs, values, color=_style.SEGMENTS[0], lw=1.1, marker="." if len(epochs) == 1 else "")
@@ -122,10 +125,10 @@ def _draw(axes: Axes, epochs: list[int], values: Floats) -> None:
 
 
 def _history(run: Path) -> dict[str, Floats]:
-    """Return the columns (n,) of a run's history, by name."""
+    """Return the columns (n,) of a run's history by name."""
     file = run / HISTORY
     if not (run / CONFIG).is_file():
-        raise InputError(f"run {run} (no {CONFIG} in it)", "a folder that monochord train made")
+        raise InputError(f"run {run} (no {CONFIG} in it)", "a folder from monochord train")
     try:
         with file.open(encoding="utf-8", newline="") as stream:
             names, *lines = list(csv.reader(stream))
@@ -133,23 +136,23 @@ def _history(run: Path) -> dict[str, Floats]:
         columns = dict(zip(names, table.T, strict=True))
         known = np.abs(columns["epoch"]) < LATEST_EPOCH
     except FileNotFoundError as error:
-        raise InputError(f"run {run} (no epoch done yet)", "a run with one epoch or more") from error
+        raise InputError(f"run {run} (no epoch done yet)", "a run with at least one epoch") from error
     except (OSError, ValueError, KeyError, csv.Error) as error:
-        raise InputError(f"history {file} (damaged)", "a table as monochord train writes it") from error
+        raise InputError(f"history {file} (damaged)", "a table from monochord train") from error
     if "loss" not in columns or not table.size or not known.all():
-        raise InputError(f"history {file} (damaged)", "a table as monochord train writes it")
+        raise InputError(f"history {file} (damaged)", "a table from monochord train")
     return columns
 
 
 class _Scores(msgspec.Struct):
-    """Scores of a head that are drawn."""
+    """The drawn scores of a head."""
 
     baseline_mae: float | None = None
     baseline_accuracy: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] | None = None
 
 
 class _Metrics(msgspec.Struct):
-    """Metrics of a run that are drawn."""
+    """The drawn metrics of a run."""
 
     simulated: bool | None = None
     heads: dict[str, _Scores] = {}
@@ -157,24 +160,24 @@ class _Metrics(msgspec.Struct):
 
 
 def _metrics(run: Path) -> _Metrics:
-    """Return the metrics of a run; none while it is under way."""
+    """Return the metrics of a run; none while it is running."""
     file = run / METRICS
     if not file.is_file():
         return _Metrics(done=False)
     try:
         return msgspec.convert(json.loads(file.read_text(encoding="utf-8")), _Metrics)
     except (OSError, ValueError, RecursionError) as error:
-        raise InputError(f"metrics {file} (damaged)", "what monochord train wrote") from error
+        raise InputError(f"metrics {file} (damaged)", "the unchanged output of monochord train") from error
 
 
 def _units(run: Path, names: list[str]) -> dict[str, str]:
-    """Return the unit of each head, from the settings; empty for a probability."""
+    """Return each head's unit from the settings; empty for a probability."""
     options = table(load_toml(run / CONFIG), "heads")
     return {name: HEADS.build(name, table(options, name)).task().unit for name in names}
 
 
 def _named(run: Path) -> dict[str, str]:
-    """Return the run's title and its feature, from its settings."""
+    """Return the run's title and feature from its settings."""
     settings = load_toml(run / CONFIG)
     feature = table(settings, "feature")
     name = str(feature.get("name", "")).replace("_", " ")
@@ -183,9 +186,9 @@ def _named(run: Path) -> dict[str, str]:
 
 
 def _mean_label(scores: _Scores) -> float | None:
-    """Return the error of a constant estimate, from a head's scores.
+    """Return the error of a constant estimate from a head's scores.
 
-    For a probability it is the entropy of the share of the more frequent label.
+    For a probability, it is the entropy of the more frequent label's share.
     """
     if scores.baseline_mae is not None or scores.baseline_accuracy is None:
         return scores.baseline_mae

@@ -1,4 +1,4 @@
-"""The steady sounds of the untouched string: which one it settles into depends on its history."""
+"""Steady sounds of the untouched string: which one it settles into depends on its history."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ if TYPE_CHECKING:
 
 RATE = 44100
 PARTIALS = 8
-"""Partials of the open string by which patterns are compared."""
+"""Partials of the open string used to compare patterns."""
 FLOOR = -30.0
-"""Level in dB of the whole below which a partial counts as absent."""
+"""Level relative to the total, in dB, below which a partial counts as absent."""
 PATTERN_TOLERANCE = 6.0
-"""Largest difference of a partial in dB between two sounds of one pattern."""
+"""Largest level difference of a partial between two sounds of one pattern, in dB."""
 STEADY_TOLERANCE = 3.0
-"""Largest change of a partial in dB from one half to the next of a steady sound."""
+"""Largest level change of a partial between the halves of a steady sound, in dB."""
 LISTEN: Seconds = 1.0
-"""Length of the end of each take that is analysed, in two halves."""
+"""Length of the analysed end of each take, in s, split in two halves."""
 PLUCK_SHARE = 0.25
-"""Share of histories that are plucks; the others are touches."""
+"""Share of histories with a pluck; the others are touches."""
 OBJECTS = ("plastic", "wood", "metal_tube")
 FORCE_RANGE: tuple[Newtons, Newtons] = (0.1, 2.0)
 LEAD, TAIL = 0.2, 0.8  # s shown before and after the string is left alone
@@ -47,27 +47,27 @@ MAX_FREQUENCY = 8.6  # multiples of the open string's frequency shown
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Modes(Measured):
-    """Steady sounds of the untouched string after different histories, and how often each came.
+    """Steady sounds of the untouched string after different histories, with their frequencies of occurrence.
 
-    The paper's figure of multi-stability, simulated: of each pattern one history that ends in it, as
-    spectrograms of both microphones about the moment when the string is left alone, after a touch or a
-    pluck, and the spectrum of its last half second. Two steady sounds are of one pattern if no level about
-    a partial of the open string, in either channel, differs by more than 6 dB, or if others lie between
-    them that are; levels are of the whole and count from -30 dB. A sound is steady if none changes by more
-    than 3 dB over the last second.
+    This simulates the paper's figure of multi-stability. For each pattern it shows one history: spectrograms
+    of both microphones around the moment when the string is left alone, after a touch or a pluck, and the
+    spectrum of the last half second. Two steady sounds belong to one pattern if no partial's level, in either
+    channel, differs by more than 6 dB, or if a chain of such sounds connects them; levels are relative to the
+    total and count from -30 dB. A sound is steady if no level changes by more than 3 dB over the last second.
 
     Parameters
     ----------
     sensor
         Preset, or the path of a TOML file.
     histories
-        How many: touches of 0.1 to 2 N that press, move and let go, and plucks.
+        Number of histories: touches of 0.1 to 2 N that press, move and release, and plucks.
     first
-        Seed of the first; each seeds its history, the microphones' noise and the object's surface.
+        Seed of the first history; each seed draws the history, the microphones' noise and the object's
+        surface.
     after
-        How long the string is left alone before its sound counts, in s, of which the last second is analysed.
+        Time in s that the string is left alone; the last second of it is analysed.
     shown
-        How many patterns at most, the most frequent first.
+        Largest number of patterns shown, the most frequent first.
     """
 
     sensor: str = "prototype"
@@ -77,7 +77,7 @@ class Modes(Measured):
     shown: Annotated[int, Meta(ge=1, le=6)] = 5
 
     def numbers(self) -> dict[str, Any]:
-        """Return how often each pattern came, with its levels, and the seed that shows it."""
+        """Return each pattern's count and levels, and the seed that shows it."""
         endings = self._study()
         return {
             "histories": self.histories,
@@ -97,7 +97,7 @@ class Modes(Measured):
         }
 
     def draw(self) -> Canvas:
-        """Simulate the histories and draw one of each pattern, a column each."""
+        """Simulate the histories and draw one of each pattern, in a column each."""
         endings, f0 = self._study(), open_frequency(load_sensor(self.sensor).string)
         counts = endings.counts()
         if not counts:
@@ -152,14 +152,14 @@ class Modes(Measured):
 
 
 def spectrogram(sound: Audio, released: Seconds) -> tuple[Floats, Floats, Floats]:
-    """Return a spectrogram about the release: Hann windows of 23 ms every 5 ms.
+    """Return a spectrogram around the release: Hann windows of 23 ms every 5 ms.
 
     Returns
     -------
     times (columns,), frequencies (rows,)
         In s since the release, and in Hz.
     levels (rows, columns)
-        In dB of full scale, that of a sine's amplitude.
+        In dB of full scale, for a sine's amplitude.
     """
     size, hop = 1024, round(0.005 * RATE)
     start = max(0, round((released - LEAD) * RATE))
@@ -206,7 +206,7 @@ def _draw_steady(axes: Axes, sound: Audio, top: float) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class History:
-    """What happens to the string before it is left alone at `released`."""
+    """The string's history before it is left alone at `released`."""
 
     scene: Scene
     released: Seconds
@@ -214,10 +214,10 @@ class History:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Study:
-    """How simulated histories ended.
+    """Results of simulated histories.
 
-    `levels` (n, 2, partials) are in dB of the whole; `steady` and `pattern` are (n,). Patterns are numbered
-    by how often they came, 0 first; a sound that is not steady has -1.
+    `levels` (n, 2, partials) are in dB of the total; `steady` and `pattern` are (n,). Patterns are numbered
+    by frequency of occurrence, 0 first; a sound that is not steady has -1.
     """
 
     levels: Floats
@@ -225,18 +225,18 @@ class Study:
     pattern: np.ndarray
 
     def counts(self) -> list[int]:
-        """Return how often each pattern came, the most frequent first."""
+        """Return each pattern's count, the most frequent first."""
         return np.bincount(self.pattern[self.pattern >= 0]).tolist()
 
     def typical(self, pattern: int) -> int:
-        """Return the history whose sound is nearest to the mean of its pattern."""
+        """Return the history whose sound is closest to its pattern's mean."""
         own = np.flatnonzero(self.pattern == pattern)
         off = np.abs(self.levels[own] - self.levels[own].mean(axis=0)).max(axis=(1, 2))
         return int(own[np.argmin(off)])
 
 
 def history(sensor: Sensor, seed: int) -> History:
-    """Return the history of a seed: a touch that presses, moves and lets go, or a pluck."""
+    """Return the history of a seed: a touch that presses, moves and releases, or a pluck."""
     chance = np.random.default_rng([seed, 1])
     if chance.random() < PLUCK_SHARE:
         place, height = chance.uniform(0.1, 0.9), chance.uniform(2e-4, 2e-3)
@@ -265,9 +265,9 @@ def history(sensor: Sensor, seed: int) -> History:
 
 
 def sound_of(sensor: Sensor, seed: int, after: Seconds, noise: int | None = None) -> tuple[Audio, Seconds]:
-    """Return both microphones until `after` the release, (2, n), and when that was.
+    """Return both microphones until `after` the release, (2, n), and the time of the release.
 
-    `noise` seeds the converter's noise and the object's surface, as `seed` does by default.
+    `noise` seeds the converter's noise and the object's surface; by default `seed` does.
     """
     past = history(sensor, seed)
     twin = begin(sensor, past.scene, sample_rate=RATE, seed=seed if noise is None else noise)
@@ -276,7 +276,7 @@ def sound_of(sensor: Sensor, seed: int, after: Seconds, noise: int | None = None
 
 
 def partial_levels(microphones: Audio, sensor: Sensor) -> Floats:
-    """Return the power around each partial of the open string, (2, partials), in dB of the whole."""
+    """Return the power around each partial of the open string, (2, partials), in dB of the total."""
     count = microphones.shape[1]
     power = np.abs(np.fft.rfft(microphones * np.hanning(count), axis=1)) ** 2
     nearest = np.rint(np.fft.rfftfreq(count, 1.0 / RATE) / open_frequency(sensor.string)).astype(int)
@@ -285,7 +285,7 @@ def partial_levels(microphones: Audio, sensor: Sensor) -> Floats:
 
 
 def patterns(levels: Floats) -> np.ndarray:
-    """Return which pattern each sound is of, (n,): those alike, and those alike to one of them, are one."""
+    """Return each sound's pattern (n,): connected components of similar sounds."""
     count = levels.shape[0]
     flat = levels.reshape(count, -1)
     alike = np.abs(flat[:, None] - flat[None]).max(axis=2) <= PATTERN_TOLERANCE
@@ -303,7 +303,7 @@ def patterns(levels: Floats) -> np.ndarray:
 
 @lru_cache(maxsize=8)
 def study(name: str, histories: int, first: int, after: Seconds) -> Study:
-    """Let a sensor go through histories of the seeds from `first` on, and sort what they end in."""
+    """Simulate a sensor through the histories of the seeds from `first` on, and classify the results."""
     sensor, half = load_sensor(name), round(0.5 * LISTEN * RATE)
     levels, before = np.empty((2, histories, 2, PARTIALS))
     for i in range(histories):

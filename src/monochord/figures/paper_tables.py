@@ -1,4 +1,4 @@
-"""The paper's two tables as a figure: errors by feature and object, beside the paper's own."""
+"""The paper's two tables as a figure: errors by feature and object, beside the paper's figures."""
 
 from __future__ import annotations
 
@@ -21,27 +21,27 @@ PANELS = {
     "position": ("position_mae_mm", "error of x (mm)", 1e3),
     "force": ("force_mae_n", "error of F (N)", 1.0),
 }
-"""The column of each panel, its label, and the factor from SI."""
+"""Column, label, and factor from SI of each panel."""
 COLUMNS = 4
 """Columns of the legend."""
 MARKS = "osD"
-"""One marker for each round of colours."""
+"""One marker for each cycle of colours."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PaperTables(Measured):
-    """Mean absolute errors of position and force by feature and object; lines are the paper's sensor.
+    """Mean absolute errors of position and force by feature and object; lines show the paper's sensor.
 
-    Full marks are without added noise, pale ones in `noise`.
+    Solid marks are without added noise, pale ones with `noise`.
 
     Parameters
     ----------
     rows
-        The file that `monochord evaluate --rows` wrote.
+        The file from `monochord evaluate --rows`.
     noise
-        Condition that is drawn beside the clean one; empty for none.
+        Condition drawn beside the clean one; empty for none.
     features
-        Features to draw, in this order; by default all of the file.
+        Features to draw, in this order; by default all in the file.
     """
 
     rows: Path
@@ -49,7 +49,7 @@ class PaperTables(Measured):
     features: tuple[str, ...] = ()
 
     def numbers(self) -> dict[str, Any]:
-        """Return the errors that are drawn, by quantity, condition, feature and object."""
+        """Return the drawn errors, by quantity, condition, feature and object."""
         rows = self._read()
         return {
             quantity: {
@@ -63,7 +63,7 @@ class PaperTables(Measured):
         }
 
     def draw(self) -> Canvas:
-        """Draw both quantities, a group of marks for each object."""
+        """Draw both quantities, with a group of marks for each object."""
         from matplotlib.ticker import LogLocator, NullLocator  # noqa: PLC0415
 
         rows = self._read()
@@ -101,8 +101,8 @@ class PaperTables(Measured):
             rows: list[PaperRow] = json.loads(Path(self.rows).read_text(encoding="utf-8"))
             conditions = {row["condition"] for row in rows}
         except (OSError, ValueError, TypeError, KeyError) as error:
-            given = f"rows {self.rows} (absent or damaged)"
-            raise InputError(given, "a file that monochord evaluate --rows wrote") from error
+            given = f"rows {self.rows} (missing or damaged)"
+            raise InputError(given, "a file from monochord evaluate --rows") from error
         if self.noise and self.noise not in conditions:
             known = ", ".join(sorted(conditions))
             raise InputError(f"noise '{self.noise}'", known, did_you_mean(self.noise, conditions))

@@ -1,4 +1,4 @@
-"""Estimates over the truth: position and force."""
+"""Estimates of position and force against the truth."""
 
 from __future__ import annotations
 
@@ -23,25 +23,25 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
 
 MARGIN = 0.04
-"""Share of the range of truths by which the axes reach beyond it."""
+"""Margin of the axes beyond the range of truths, as a share of it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scatter(Measured):
-    """Estimates of position and force over the truth: a point a touched window, a colour an object.
+    """Estimates of position and force against the truth: a point per touched window, a colour per object.
 
     Dashed lines are the paper's limits: 5 mm and 0.2 N. The errors in each panel are over all windows with an
-    estimate, and the share within the limit is over all touched windows. Estimates beyond the range of the
-    truth are open triangles at the edge, and their number stands there.
+    estimate; the share within the limit is over all touched windows. Estimates beyond the axes are open
+    triangles at the edge, with their number beside them.
 
     Parameters
     ----------
     results
-        The file ``results.npz`` that `monochord evaluate` wrote.
+        The file ``results.npz`` from `monochord evaluate`.
     condition
-        Condition that is drawn: "clean", or another one of the results.
+        Condition to draw: "clean", or another condition of the results.
     points
-        Largest number of points of each object, spread evenly over its windows.
+        Most points per object, spread evenly over its windows.
     """
 
     results: Path
@@ -113,7 +113,7 @@ class Scatter(Measured):
 
 
 def _draw_points(axes: Axes, truth: Floats, estimate: Floats, span: Floats, colour: str) -> None:
-    """Draw points inside the axes as dots, and those outside as triangles at the edge."""
+    """Draw points inside the axes as dots, points outside as triangles at the edge."""
     inside = (estimate >= span[0]) & (estimate <= span[1])
     axes.scatter(truth[inside], estimate[inside], s=3.0, color=colour, alpha=0.5, lw=0.0, rasterized=True)
     for outside, edge, marker in ((estimate > span[1], span[1], "^"), (estimate < span[0], span[0], "v")):
@@ -125,7 +125,7 @@ def _draw_points(axes: Axes, truth: Floats, estimate: Floats, span: Floats, colo
 
 
 def _bodies(results: Results) -> dict[str, np.ndarray]:
-    """Return the rows (n,) of each object, by its name, in the order of the trials."""
+    """Return the rows (n,) of each object by name, in order of the trials."""
     column = results.of_trials("object")
     names = dict.fromkeys(trial.object for trial in results.trials)
     rows = {name.replace("_", " ") or "an object": column == name for name in names}

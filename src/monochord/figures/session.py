@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 MIN_LEVEL = -100.0
 """Level in dB relative to full scale at which silence is drawn."""
 MAX_EVENTS = 30
-"""Kinds of events with more than this number are not drawn; they would hide the curves."""
+"""Event kinds with more events than this are not drawn; they would hide the curves."""
 ROW = 38.0
 """Height of a panel in mm."""
 
@@ -34,21 +34,21 @@ ROW = 38.0
 class SessionFigure(Figure):
     """Draw a session over time: levels of the microphones, normal force, pose, and its labels.
 
-    Lost audio is marked in the levels; vertical lines are events, those of kinds that are not many.
+    Lost audio is marked in the levels; vertical lines are events of infrequent kinds.
 
     Parameters
     ----------
     path
-        The session.
+        The session file.
     step
-        Length in s of the stretches whose level is drawn.
+        Length in s of the stretches for one level.
     """
 
     path: Path
     step: Annotated[Seconds, Meta(gt=0.0)] = 0.02
 
     def draw(self) -> Canvas:
-        """Read the session and draw a panel for each of its streams."""
+        """Read the session and draw a panel for each stream."""
         session = read_session(Path(self.path))
         panels = [_levels]
         panels += [_force] if "wrench" in session.streams else []

@@ -1,4 +1,4 @@
-"""Scores over the level of added noise, by kind of noise."""
+"""Scores over the level of added noise, by noise kind."""
 
 from __future__ import annotations
 
@@ -31,15 +31,15 @@ PANELS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SnrCurves(Measured):
-    """Errors of position and force, accuracy of contact and area under the curve of slip, over added noise.
+    """Errors of position and force, accuracy of contact, and area under the curve of slip, over added noise.
 
-    Noise was added to whole sessions at ratios of signal to noise; the dashed line is without. Errors are of
-    answered windows, so the answered share belongs beside them: see `--json`.
+    Noise was added to whole sessions at given signal-to-noise ratios; the dashed line is without noise.
+    Errors are over answered windows, so read them with the answered share: see `--json`.
 
     Parameters
     ----------
     results
-        The file ``results.npz`` that `monochord evaluate` wrote, of a run with its noise suite.
+        The file ``results.npz`` from `monochord evaluate`, with its noise suite.
     draws
         Bootstrap draws for 95 % intervals, drawn as bars; 0 for none.
     """
@@ -48,7 +48,7 @@ class SnrCurves(Measured):
     draws: Whole = 0
 
     def numbers(self) -> dict[str, Any]:
-        """Return for each noise and ratio in dB each panel's value, low, high and answered share."""
+        """Return, for each noise and ratio in dB, each panel's value, low, high and answered share."""
         results = read_results(Path(self.results))
         about = {"simulated": results.simulated, "estimator": results.estimator}
         return about | {"curves": self._curves(results)}
@@ -102,7 +102,7 @@ def _plain(score: Score, answered: float | None) -> dict[str, float | None]:
 
 
 def _draw(axes: Axes, curves: list[dict[str, Any]], name: str, factor: float) -> bool:
-    """Draw one panel; return whether there was anything to draw."""
+    """Draw one panel; return whether there were data to draw."""
     noises = list(dict.fromkeys(one["noise"] for one in curves if one["ratio"] is not None))
     for number, noise in enumerate(noises):
         points = [

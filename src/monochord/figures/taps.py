@@ -1,4 +1,4 @@
-"""Taps in a session's streams, before and after they are put on one clock."""
+"""Taps in a session's streams, before and after alignment."""
 
 from __future__ import annotations
 
@@ -30,23 +30,23 @@ if TYPE_CHECKING:
 
 RATE = 44100
 TURN: Seconds = 0.003
-"""From the touch to the turn of a tap."""
+"""Time from the touch to the turning point of a tap, in s."""
 AIR: Metres = 3e-3
 SPEED: MetresPerSecond = 0.2
 NONE: Mapping[str, tuple[Seconds, Seconds]] = MappingProxyType({})
 SHOWN = {"audio": ("microphone 1", 1.0), "fz": ("force (N)", 1.0), "z": ("height (mm)", 1e3)}
 """Axis label of each row, and the factor from SI to its unit."""
 LATE = {"audio": (0.021, 0.0215), "pose": (0.048, 0.046)}
-"""How late the streams of the simulated session are, at the start and at the end, in s."""
+"""Delays of the simulated session's streams, at the start and at the end, in s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Taps(Measured):
     """Draw sound, force and height around the taps of `session`, as stamped and as corrected.
 
-    `session` is a file; without one a small simulated session is made, whose streams are late by known times.
-    `end` shows the taps at the end instead of those at the start. `tap` counts from 0 which of them, and
-    `before` and `after` are the seconds shown around it.
+    `session` is a file; without one, a small simulated session is used, whose streams have known delays.
+    `end` shows the taps at the end instead of those at the start. `tap` is the tap's index, and `before` and
+    `after` are the seconds shown around it.
     """
 
     session: str = ""
@@ -83,7 +83,7 @@ class Taps(Measured):
         return page
 
     def numbers(self) -> dict[str, Any]:
-        """Return each stream's offset, uncertainty and taps at both ends, its drift, and what is flagged."""
+        """Return each stream's offset, uncertainty and taps at both ends, its drift, and the flags."""
         _, alignment = self._aligned()
         numbers: dict[str, Any] = {"reference": alignment.reference, "flags": list(alignment.flags)}
         for stream, late in alignment.lateness.items():
@@ -107,7 +107,7 @@ class Taps(Measured):
             return session, align(session)
 
     def _centre(self, alignment: Alignment) -> Seconds:
-        """Return when the chosen tap began, on the reference's clock."""
+        """Return the time of the chosen tap, on the reference's clock."""
         if not alignment.taps:
             raise InputError(f"session {self.session} ({'; '.join(alignment.flags)})", "a session with taps")
         group = alignment.taps[-1 if self.end else 0]
@@ -124,7 +124,7 @@ class Taps(Measured):
         centre: Seconds,
         corrected: bool,  # noqa: FBT001
     ) -> tuple[Floats, Floats]:
-        """Return times in ms from the tap and what a stream shows there."""
+        """Return times in ms from the tap and the stream's values."""
         if column == AUDIO:
             track = session.audio
             time: Floats = track.time(np.arange(track.samples.shape[1]))
@@ -138,7 +138,7 @@ class Taps(Measured):
 
 
 def _rows(session: SessionReader) -> list[tuple[str, str]]:
-    """Return the streams and columns that are shown."""
+    """Return the streams and columns to show."""
     feeds = session.description.feeds
     rows = [(feed.stream, column) for column in ("fz", "z") for feed in feeds if column in feed.columns]
     return [(AUDIO, AUDIO), *rows]
@@ -152,16 +152,16 @@ def _draw_row(axes: Axes, cut: tuple[Floats, Floats]) -> None:
 
 
 def _finite(value: float) -> float | None:
-    """Return a number that JSON can hold."""
+    """Return a finite number for JSON, else None."""
     return value if np.isfinite(value) else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tapped:
-    """The truth of a tapped string: sound (2, n), force of the touch (n,) in N, and when contacts began.
+    """A tapped string with truth: sound (2, n), contact force (n,) in N, and the contacts' onsets.
 
-    `late` is the delay of the streams audio, wrench and pose at the start and at the end, in s;
-    `rates` are those of wrench and pose in readings a second.
+    `late` is the delay of the streams audio, wrench and pose at the start and at the end, in s; `rates` are
+    those of wrench and pose in readings per second.
     """
 
     microphones: Audio
@@ -175,11 +175,11 @@ class Tapped:
 
     @property
     def seconds(self) -> Seconds:
-        """How long it lasts."""
+        """Duration in s."""
         return self.force.size / RATE
 
     def stamps(self, stream: str, time: Floats) -> Floats:
-        """Return the time stamps of a stream at true times."""
+        """Return a stream's time stamps at true times."""
         first, last = self.late.get(stream, (0.0, 0.0))
         return time + first + (last - first) * time / self.seconds
 
@@ -251,7 +251,7 @@ def tapped(
     drivers: tuple[bool, bool] = (False, False),
     seed: int = 0,
 ) -> Tapped:
-    """Return a string that is tapped `taps` times from each of the times in `groups` on, unevenly."""
+    """Return a string tapped `taps` times, unevenly, from each time in `groups`."""
     rng = np.random.default_rng(seed)
     steps = [np.concatenate([[rng.random() * 0.01], rng.uniform(0.25, 0.55, taps - 1)]) for _ in groups]
     each = [first + np.cumsum(step) for first, step in zip(groups, steps, strict=True)]

@@ -1,4 +1,4 @@
-"""The sound of a touch from beginning to end, over its labels, simulated."""
+"""The simulated sound of a touch from beginning to end, above its labels."""
 
 from __future__ import annotations
 
@@ -26,44 +26,44 @@ if TYPE_CHECKING:
 
 RATE = 44100
 LEAD: Seconds = 0.6
-"""Time for which the untouched string sounds before the figure begins."""
+"""Time that the untouched string sounds before the figure begins, in s."""
 SIZE, HOP = 0.030, 0.004
-"""Window of the spectrogram and its step in s."""
+"""Window and step of the spectrogram, in s."""
 MIN_LEVEL = -70.0  # dB
 RAMP: Seconds = 0.03
-"""Time in which the object reaches its full speed across."""
+"""Time for the object to reach its full sideways speed, in s."""
 PHASES = (
     ("untouched", 0.25), ("approach", 0.20), ("press", 0.15), ("hold", 0.40), ("slide across", 0.35),
     ("hold", 0.25), ("slide along", 0.40), ("release", 0.15), ("untouched", 0.35),
 )  # fmt: skip
-"""Phases of the touch, and their lengths in s."""
+"""Phases of the touch, with their lengths in s."""
 PLUCK_POSITION = 0.37
-"""Share of the string at which it is plucked once, before all."""
+"""Position of the first pluck, as a share of the string."""
 WAIT_CLEARANCE = 3e-3
-"""Clearance in m at which the object waits."""
+"""Clearance at which the object waits, in m."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Touch(Figure):
-    """Spectrograms of both channels while an object comes, presses, holds, slides and goes, over its labels.
+    """Spectrograms of both channels during approach, press, hold, slide and release, above the labels.
 
-    Below the sound, on the same axis of time, stand the twin's labels: contact c, position x, force F, slip s
-    with its speed, and whether the sound has settled.
+    Below the sound, on the same time axis, are the twin's labels: contact c, position x, force F, slip s with
+    its speed, and whether the sound has settled.
 
     Parameters
     ----------
     sensor, material
         Presets, or paths of TOML files.
     force
-        Of the press, in N.
+        Force of the press, in N.
     start, end
-        Where the object presses and where it has slid to, as shares of the sensor's range.
+        Positions of the press and of the end of the slide, as shares of the sensing range.
     speed
-        At which it slides across, in m/s.
+        Speed of the slide across the string, in m/s.
     highest
         Highest frequency shown, in Hz.
     seed
-        Of surface and noise.
+        Random seed of surface and noise.
     """
 
     sensor: str = "prototype"
@@ -76,7 +76,7 @@ class Touch(Figure):
     seed: int = 0
 
     def play(self) -> Take:
-        """Return sound and labels, from half a window before the figure begins to half a one after it."""
+        """Return sound and labels, from half a window before the figure to half a window after it."""
         sensor = load_sensor(self.sensor)
         low, high = sensor.range
         here, there = low + self.start * (high - low), low + self.end * (high - low)

@@ -1,4 +1,4 @@
-"""How the spectrum of a touched string moves with position and with force: theory and simulation."""
+"""How a touched string's spectrum depends on position and force: theory and simulation."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ HARMONICS = 4
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trends(Figure):
-    """Segment frequencies against position and against force, in theory and in simulated spectra.
+    """Segment frequencies over position and over force, in theory and in simulated spectra.
 
-    The four panels of the paper's Fig. 3 that need no hardware: A and D are Eq. 14 with its harmonics, B and
-    E the spectra of the simulated microphones after the transient, with Eq. 14 dashed over them. The twin's
-    drivers lock to a partial of each segment, which is often not its first, and a stiff string sounds a few
+    These are the four panels of the paper's Fig. 3 that need no hardware. A and D show Eq. 14 with its
+    harmonics; B and E show spectra of the simulated microphones after the transient, with Eq. 14 dashed. The
+    twin's drivers lock to a partial of each segment, often not its first, and a stiff string sounds a few
     thousandths above Eq. 14.
 
     Parameters
@@ -42,11 +42,11 @@ class Trends(Figure):
     string
         Preset, or the path of a TOML file.
     force
-        Normal force in N while the position is swept.
+        Normal force of the position sweep, in N.
     position
-        Place of the touch as a share of the length while the force is swept.
+        Position of the force sweep, as a share of the length.
     edge
-        Share of the length left out at each end of the position sweep.
+        Share of the length omitted at each end of the position sweep.
     highest_force
         End of the force sweep in N.
     highest
@@ -54,8 +54,8 @@ class Trends(Figure):
     steps
         Simulated touches in each sweep.
     model, route
-        What simulates B and E, and its way there, for a model that has several; the modal route is exact and
-        the fastest of the split string's.
+        Simulator of B and E, and its route, for a model with several; the modal route is exact, and the split
+        string's fastest.
     law
         How force raises tension: "linear" (Eq. 6), or "geometric", the stretch of the deflected string.
     """
@@ -135,19 +135,19 @@ def _draw_spectra(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sweep:
-    """Touches along an axis: positions in m and forces in N, both (n,), of which one varies."""
+    """Touches along an axis: positions in m and forces in N, both (n,); one of them varies."""
 
     positions: Floats
     forces: Floats
     law: TensionLaw = "linear"
 
     def fundamentals(self, string: StringParams) -> tuple[Floats, Floats]:
-        """Return f1 and f2 of theory in Hz for each touch, (n,) each."""
+        """Return the theoretical f1 and f2 in Hz for each touch, (n,) each."""
         return split_frequencies(string, self.positions, self.forces, self.law)
 
 
 def simulator(name: str, route: str = DEFAULT_ROUTE) -> Simulator:
-    """Return a simulator; a route is passed to those that have one, or if it is not the default."""
+    """Return a simulator; `route` is passed to simulators that have it, or where it is not the default."""
     has_routes = any(field.name == "route" for field in fields(SIMULATORS.load(name)))  # pyright: ignore[reportArgumentType]
     return SIMULATORS.build(name, {"route": route} if has_routes or route != DEFAULT_ROUTE else {})
 
@@ -158,11 +158,11 @@ def simulated_spectra(model: Simulator, string: StringParams, sweep: Sweep) -> t
     Parameters
     ----------
     model
-        What simulates.
+        Name of the simulator.
     string
         The string.
     sweep
-        Touches; each is simulated by itself.
+        The touches, each simulated separately.
 
     Returns
     -------

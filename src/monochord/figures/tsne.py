@@ -1,4 +1,4 @@
-"""How features arrange windows: t-SNE planes, coloured by contact, slip, position and force."""
+"""Feature spaces as t-SNE planes, coloured by contact, slip, position and force."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from monochord.core.types import Floats, Indices, Signal
 from monochord.datasets.store import Dataset, open_dataset
 from monochord.figures import _style
 from monochord.figures.base import Measured
-from monochord.metrics import known, pearson_r
+from monochord.metrics import finite_rows, pearson_r
 from monochord.perception.features import FEATURES
 from monochord.physics.sensors import load_sensor
 
@@ -30,36 +30,36 @@ TASKS = {
     "position": (1e3, "x (mm)"),
     "force": (1.0, "F (N)"),
 }
-"""Labels that colour the panels: names of no and yes, or a factor and the axis label."""
+"""Labels that colour the panels, with class names, or a factor and axis label."""
 NEIGHBOURS = 10
 COMPONENTS = 50
-"""Principal components from which distances are computed."""
+"""Number of principal components used for distances."""
 MIN_WINDOWS, MAX_WINDOWS = 100, 5000
 BATCH = 64
-"""Windows whose samples are read at once."""
+"""Number of windows read at once."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tsne(Measured):
-    """Windows of a dataset in a plane, similar ones together, by feature (rows) and label (columns).
+    """Windows of a dataset in a plane, similar ones close together, by feature (rows) and label (columns).
 
-    Windows without the label are grey: an untouched window neither slips nor has a position. Neighbourhoods
-    mean something; distances between groups, and the axes, do not (van der Maaten and Hinton 2008).
+    Windows without the label are grey: an untouched window has neither slip nor position. Neighbourhoods are
+    meaningful; distances between groups, and the axes, are not (van der Maaten and Hinton 2008).
 
     Parameters
     ----------
     dataset
-        Folder that `monochord build` made.
+        Folder from `monochord build`.
     features
-        Names of features, as `monochord list features` shows them, with default options.
+        Names of features, as in `monochord list features`, with default options.
     windows
-        Number of windows, drawn from those with a known contact whose every sample was recorded.
+        Number of windows, drawn from those with a known contact and no lost samples.
     perplexity
         Approximate number of neighbours of a window.
     sensor
-        Sensor that was recorded, whose string features may use.
+        Sensor of the recording; features may use its string.
     seed
-        Random seed of the draw and of t-SNE.
+        Random seed of the selection and of t-SNE.
     """
 
     dataset: Path
@@ -74,13 +74,15 @@ class Tsne(Measured):
         if not self.features:
             raise InputError("no features", "one or more")
         if self.perplexity >= self.windows / 3.0:
-            raise InputError(f"perplexity {self.perplexity:g}", f"below a third of {self.windows} windows")
+            raise InputError(
+                f"perplexity {self.perplexity:g}", f"less than a third of {self.windows} windows"
+            )
 
     def numbers(self) -> dict[str, Any]:
         """Return how well the ten nearest neighbours in the plane predict a window's label.
 
-        For contact and slip the mean share of neighbours with the same label, beside the share by chance; for
-        position and force the correlation with the neighbours' mean.
+        For contact and slip, it is the mean share of neighbours with the same label, beside the chance level;
+        for position and force, the correlation with the neighbours' mean.
         """
         dataset, rows = self._drawn()
         labels = _labels(dataset, rows)
@@ -121,7 +123,7 @@ class Tsne(Measured):
         return dataset, np.sort(stream.choice(rows, min(self.windows, len(rows)), replace=False))
 
     def _places(self, dataset: Dataset, rows: Indices) -> dict[str, Floats]:
-        """Return the places (n, 2) of windows in the plane of each feature."""
+        """Return the windows' positions (n, 2) in each feature's plane."""
         manifest = dataset.manifest
         string = load_sensor(self.sensor).string
         signal = Signal(sample_rate=manifest.sample_rate, channels=manifest.channels, string=string)
@@ -134,7 +136,7 @@ class Tsne(Measured):
 
 
 def embedded(rows: Floats, perplexity: float, seed: int = 0) -> Floats:
-    """Return places in a plane (n, 2) such that similar rows stand together: t-SNE.
+    """Return positions in a plane (n, 2) where similar rows are close together, by t-SNE.
 
     Columns are standardised, and the first 50 principal components are used.
 
@@ -175,13 +177,13 @@ def _is_simulated(dataset: Dataset) -> bool:
 
 
 def _labels(dataset: Dataset, rows: Indices) -> dict[str, Floats]:
-    """Return each task's label (n,) of rows, NaN where there is none."""
+    """Return each task's label (n,) of the rows, NaN where there is none."""
     blank = np.full(len(rows), np.nan)
     return {task: dataset.label(task)[rows] if task in dataset.labels else blank for task in TASKS}
 
 
 def _neighbour_scores(places: Floats, label: Floats, task: str) -> dict[str, float] | None:
-    labelled = known(label)
+    labelled = finite_rows(label)
     own, at = label[labelled], places[labelled]
     if len(own) <= NEIGHBOURS or own.min() == own.max():
         return None
@@ -196,7 +198,7 @@ def _neighbour_scores(places: Floats, label: Floats, task: str) -> dict[str, flo
 
 def _draw(axes: Axes, places: Floats, label: Floats, task: str) -> PathCollection:
     dots = {"s": 3.5, "lw": 0.0, "rasterized": True}
-    labelled = known(label)
+    labelled = finite_rows(label)
     axes.scatter(*places[~labelled].T, color=_style.PALE, alpha=0.35, **dots)
     names = TASKS[task]
     if not isinstance(names[0], str):

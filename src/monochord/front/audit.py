@@ -1,4 +1,4 @@
-"""Whether anything leaks between the parts of a dataset's split: what ``monochord audit`` does."""
+"""Checks a dataset's split for leaks, like ``monochord audit``."""
 
 from pathlib import Path
 
@@ -10,27 +10,27 @@ from monochord.perception.data import LabelledData
 
 
 def audit(data: LabelledData | Dataset | str | Path, split: str | Path | Split | None = None) -> Audit:
-    """Look for leaks between training, validation and test of a dataset.
+    """Check a dataset for leaks between training, validation and test.
 
-    A leak is a window, a sample, a session, a day or an object that two parts share, a guard gap that is too
-    small, or a recording that is there twice: under another name, shifted, scaled or with noise added.
+    A leak is a window, a sample, a session, a day or an object shared by two parts, a guard gap that is too
+    small, or a duplicate recording: renamed, shifted, scaled or with noise added.
 
     Parameters
     ----------
     data
-        What `build` or `load_dataset` returned, or the dataset's folder.
+        The result of `build` or `load_dataset`, or the dataset's folder.
     split
         A split, or its file; the dataset's own by default.
 
     Returns
     -------
     Audit
-        Its `leaks`, its `notes`, and `clean`; `refuse_leaks` raises where there is a leak.
+        The audit with `leaks`, `notes` and `clean`; its `refuse_leaks` raises on a leak.
 
     Raises
     ------
     InputError
-        If the dataset or the split is absent or damaged.
+        If the dataset or the split is missing or damaged.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Sessions into a dataset with labels, split and audited: what ``monochord build`` does."""
+"""Builds a dataset with labels from sessions, split and audited, like ``monochord build``."""
 
 import logging
 from collections.abc import Callable, Iterable, Sequence
@@ -32,7 +32,7 @@ from monochord.perception.tuning.sessions import estimate_tension
 from monochord.sessions import Description, read_session
 
 Sessions: TypeAlias = str | Path | CollectedSession | Iterable[str | Path | CollectedSession]
-"""Session files, folders with any below, patterns, or what `collect` returned; one of these or several."""
+"""Session files, folders (searched recursively), patterns, or the result of `collect`; one or several."""
 _log = logging.getLogger("monochord")
 
 
@@ -53,35 +53,35 @@ def build(
     cluster: str = "",
     progress: Progress | None = None,
 ) -> LabelledData:
-    """Build a dataset of sessions: windows with labels, split, and audited for leaks.
+    """Build a dataset from sessions: windows with labels, split, and audited for leaks.
 
-    Equal sessions and options give equal bytes, in however many processes. The string is tuned as a session
-    says, else as `sensor` does, else as its untouched beginning sounds.
+    Equal sessions and options give equal bytes, for any number of processes. The string's tuning comes from
+    the session, else from `sensor`, else from the untouched beginning of the recording.
 
     Parameters
     ----------
     sessions
-        Session files, folders, patterns, or what `collect` returned.
+        Session files, folders, patterns, or the result of `collect`.
     out
-        Folder of the dataset, a new one.
+        New folder of the dataset.
     window, hop
-        Length of a window and distance of window starts, in s.
+        Window length and hop, in s.
     labels
-        ``"recorded"`` takes the labels of a session, ``"measured"`` those that force and pose give; by
-        default the recorded ones where there are any.
+        ``"recorded"`` uses the labels of a session, ``"measured"`` labels derived from force and pose; by
+        default recorded ones where there are any.
     split
         By ``"session"``, ``"object"``, ``"time"``, ``"day"`` or ``"build"``; by default by session, by time
         with fewer than 3 sessions.
     held_out
-        Objects, or patterns of sessions' names such as ``"music*"``, for the test alone.
+        Objects, or patterns of session names such as ``"music*"``, that belong to the test only.
     seed
         Random seed of the split.
     force
         Whether to accept sessions whose streams are not on one clock.
     sensor
-        A sensor's preset, or the file of one as tuned.
+        A sensor preset, or a tuned sensor's file.
     skip
-        Whether to leave out sessions that cannot be used; `manifest.refused` of the result names them.
+        Whether to skip unusable sessions; `manifest.refused` of the result names them.
     workers, cluster
         Worker processes, or the address of a dask scheduler.
     progress
@@ -90,12 +90,12 @@ def build(
     Returns
     -------
     LabelledData
-        The dataset on disk, with `split`, `audit` and `manifest`. `train` and `evaluate` take it.
+        The dataset on disk, with `split`, `audit` and `manifest`, as input for `train` and `evaluate`.
 
     Raises
     ------
     InputError
-        If `out` exists, a session cannot be used, the split is not possible, or it leaks.
+        If `out` exists, a session is unusable, or the split is impossible or leaks.
 
     Examples
     --------
@@ -145,12 +145,12 @@ def built(
     progress: Progress | None = None,
     note: Callable[[str], None] = lambda line: _log.warning("monochord: %s", line),
 ) -> LabelledData:
-    """Return the dataset of `build` with its audit, whether it leaks or not; `note` takes what is left out.
+    """Return the dataset of `build` with its audit, even with leaks; `note` receives skipped sessions.
 
     Raises
     ------
     InputError
-        As `build`, but not for a leak.
+        As in `build`, except for a leak.
     """
     refuse_both(workers, cluster)
     folder, files = Path(out), find_sessions(session_names(sessions))
@@ -177,7 +177,7 @@ def built(
 
 
 def session_names(sessions: Sessions) -> list[str]:
-    """Return the files, folders and patterns of sessions as text.
+    """Return session files, folders and patterns as text.
 
     >>> session_names([Path("take.mcap"), "monday/*.mcap"])
     ['take.mcap', 'monday/*.mcap']
@@ -188,12 +188,12 @@ def session_names(sessions: Sessions) -> list[str]:
 
 
 def _default_split(count: int) -> str:
-    """Return how so many sessions are split by default."""
+    """Return the default split strategy for a number of sessions."""
     return "session" if count >= len(PARTS) else "time"
 
 
 def _refuse_split(by: str, files: Sequence[Path], held_out: Sequence[str]) -> None:
-    """Refuse an impossible split before anything is built."""
+    """Raise `InputError` for an impossible split before anything is built."""
     refuse_impossible(by, held_out=held_out)
     descriptions: dict[str, Description] = {}
     for name, file in named_sessions(files).items():

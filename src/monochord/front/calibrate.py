@@ -1,4 +1,4 @@
-"""A model adapted to one sensor by known touches: what ``monochord calibrate`` does."""
+"""Adapts a model to one sensor with known touches, like ``monochord calibrate``."""
 
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
@@ -16,7 +16,7 @@ from monochord.perception.training.calibration import calibrated
 
 @dataclass(frozen=True, kw_only=True)
 class CalibratedModel(Model):
-    """A model adapted to known touches; `calibration` says what these did for it, and `out` is its folder."""
+    """A model adapted to known touches; `calibration` holds its evaluation, and `out` is its folder."""
 
     calibration: Adaptation = field(repr=False)
     out: Path | None = None
@@ -48,26 +48,26 @@ def calibrate(
     force: bool = False,
     progress: Progress | None = None,
 ) -> CalibratedModel:
-    """Adapt a model to one sensor and object by a few touches of known position and force.
+    """Adapt a model to one sensor and object with a few touches of known position and force.
 
-    Every error that is stated is of touches that were left out. The model that is given stays as it is.
+    All stated errors are cross-validated on held-out touches. The input model is not changed.
 
     Parameters
     ----------
     model
-        A model, its folder, that of a training run, or a bundled model's name.
+        A model, its folder, its training run's folder, or a bundled model's name.
     sessions
         Known touches: session files, folders or patterns.
     out
-        Folder of the new model; without one it is not saved.
+        Folder of the new model; if omitted, it is not saved.
     touches
-        How many touches to use, the first in time; all by default. With 0 the model stays as it is, and all
-        touches say how good it is.
+        Number of touches to use, the earliest first; by default all. With 0 the model is unchanged, and all
+        touches test it.
     objects
-        What will touch the sensor: ``"same"`` for the object of these touches, or ``"others"`` too.
+        Objects in later use: ``"same"`` for the object of these touches, ``"others"`` for other ones too.
     labels
-        ``"recorded"`` takes the labels of a session, ``"measured"`` those that force and pose give; by
-        default the recorded ones where there are any.
+        ``"recorded"`` uses the labels of a session, ``"measured"`` labels derived from force and pose; by
+        default recorded ones where there are any.
     force
         Whether to accept sessions whose streams are not on one clock.
     progress
@@ -76,13 +76,13 @@ def calibrate(
     Returns
     -------
     CalibratedModel
-        The adapted model; its `calibration` has the errors by head, in m and N, where it can be trusted, and
-        the touch that would help most next.
+        The adapted model; its `calibration` has the errors by head, in m and N, the valid range, and the most
+        useful next touch.
 
     Raises
     ------
     InputError
-        If `out` exists, or the model or the sessions cannot be used.
+        If `out` exists, or the model or the sessions are unusable.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""The sessions of a plan, simulated: what ``monochord collect`` does."""
+"""Simulates the sessions of a plan, like ``monochord collect``."""
 
 import sys
 import time
@@ -27,9 +27,9 @@ from monochord.lab.schedule import schedule
 class CollectedSessions(Sequence[CollectedSession]):
     """The collected sessions of a plan, sorted by name, and their totals.
 
-    `plan` is its name, `seed` the random seed, `out` the folder, and `wall` the time that the work took in s.
-    Each session has its `path`, its `seconds` of sound, its `windows` by kind, its `size` in bytes and the
-    SHA-256 of its file, `checksum`.
+    `plan` is the plan's name, `seed` the random seed, `out` the folder, and `wall` the working time in s.
+    Each session has its `path`, its `seconds` of sound, its `windows` by kind, its `size` in bytes and its
+    file's SHA-256, `checksum`.
     """
 
     plan: str
@@ -53,12 +53,12 @@ class CollectedSessions(Sequence[CollectedSession]):
 
     @property
     def kept(self) -> int:
-        """How many sessions existed already and were not made again."""
+        """Number of sessions that already existed and were kept."""
         return sum(one.kept for one in self.sessions)
 
     @property
     def seconds(self) -> Seconds:
-        """Duration of all sound, in s."""
+        """Total duration of the sound, in s."""
         return sum(one.seconds for one in self.sessions)
 
     @property
@@ -68,7 +68,7 @@ class CollectedSessions(Sequence[CollectedSession]):
 
     @property
     def size(self) -> int:
-        """Bytes of all files."""
+        """Total size of the files, in bytes."""
         return sum(one.size for one in self.sessions)
 
     @property
@@ -77,7 +77,7 @@ class CollectedSessions(Sequence[CollectedSession]):
         return checksum(self.sessions)
 
     def tree(self) -> dict[str, Any]:
-        """Return the totals and the sessions as plain values, which JSON can hold."""
+        """Return the totals and the sessions as plain values for JSON."""
         return {
             "plan": self.plan,
             "seed": self.seed,
@@ -94,7 +94,7 @@ class CollectedSessions(Sequence[CollectedSession]):
         }
 
     def lines(self) -> list[str]:
-        """Return the sessions and their totals as lines of text."""
+        """Return the sessions and their totals as text lines."""
         windows, count = self.windows, len(self)
         kinds = (
             f"{windows.static} static ({windows.settled} settled), {windows.slip} slipping, "
@@ -126,8 +126,8 @@ def collect(
 ) -> CollectedSessions:
     """Simulate the sessions of a plan: a robot touches the virtual sensor while all streams are recorded.
 
-    Sessions that exist already are not made again, so that a call continues what was interrupted. The files
-    do not depend on the number of processes.
+    Existing sessions are kept, so that a call continues an interrupted collection. The files do not depend on
+    the number of processes.
 
     Parameters
     ----------
@@ -136,9 +136,9 @@ def collect(
     out
         Folder for the sessions; it is created if missing.
     workers
-        Worker processes; one a core by default, where that is faster.
+        Number of worker processes; by default one per core, where that is faster.
     cluster
-        Address of a running dask scheduler, whose workers do the work, instead of `workers`.
+        Address of a running dask scheduler, to use its workers instead of `workers`.
     seed
         Random seed.
     only
@@ -146,24 +146,24 @@ def collect(
     settings
         Overrides of the plan, such as ``"sensor=long"``.
     real_time
-        Whether to play and record through JACK, UDP and DDS, at the speed of the clock.
+        Whether to play and record in real time, through JACK, UDP and DDS.
     server
-        Name of the JACK server, where `real_time` is set.
+        Name of the JACK server for `real_time`.
     progress
         Called with the progress; by default there is a bar on a terminal and in a notebook.
 
     Returns
     -------
     CollectedSessions
-        A sequence of the sessions, sorted by name, with totals. `build` takes it.
+        A sequence of the sessions, sorted by name, with totals, as input for `build`.
 
     Raises
     ------
     InputError
-        For an unknown plan, name or setting, a folder that cannot be used or that holds other sessions of
-        the same names, or options that exclude each other.
+        If a plan, name or setting is unknown, the folder is unusable or holds other sessions of the same
+        names, or options exclude each other.
     DeviceError
-        If a device is absent, where `real_time` is set.
+        If a device is missing, with `real_time`.
 
     Examples
     --------
@@ -199,15 +199,17 @@ def collect(
 
 def _refuse_both(workers: int | None, cluster: str, server: str, *, real_time: bool) -> None:
     if server and not real_time:
-        raise InputError("--server", "with --real-time", "offline there is no server")
+        raise InputError("--server without --real-time", "both or neither", "add --real-time")
     if real_time and (workers or cluster):
-        raise InputError("--real-time with --workers or --cluster", "one of them", "real time takes its time")
+        raise InputError(
+            "--real-time with --workers or --cluster", "one of them", "real time uses one process"
+        )
 
 
 def _reported(
     results: Iterator[CollectedSession], sessions: Sequence[Assignment], report: Progress
 ) -> Iterator[CollectedSession]:
-    """Yield the results, and report the seconds of sound that are made."""
+    """Yield the results, and report the simulated seconds of sound."""
     seconds = {session.name: schedule(session).motion.end for session in sessions}
     name, total, done = "s of audio", round(sum(seconds.values())), 0.0
     report(name, 0, total)
@@ -218,7 +220,7 @@ def _reported(
 
 
 def _played(sessions: Sequence[Assignment], out: Path, server: str) -> Iterator[CollectedSession]:
-    """Yield the sessions as they are played and recorded in real time, and show the recorder's view."""
+    """Yield the sessions as they are played and recorded in real time, showing the recorder's view."""
     from rich.console import Console  # noqa: PLC0415
 
     from monochord.capture.recording.view import viewed  # noqa: PLC0415

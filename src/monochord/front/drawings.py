@@ -12,7 +12,7 @@ from monochord.figures import FIGURES
 OF_A_CONDITION = ("scatter", "error_map", "confusion")
 OVER_NOISE = "snr_curves"
 MAX_CONDITIONS = 2
-"""Conditions that have figures of their own: the clean one, and the first with ambient noise."""
+"""Conditions with separate figures: the clean one, and the first with ambient noise."""
 
 
 def drawings(file: Path, results: Results) -> dict[str, str]:

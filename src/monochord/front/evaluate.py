@@ -1,4 +1,4 @@
-"""Scores of a model or an estimator on test sessions: what ``monochord evaluate`` does."""
+"""Scores a model or an estimator on test sessions, like ``monochord evaluate``."""
 
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
@@ -28,19 +28,19 @@ from monochord.perception.data import LabelledData
 from monochord.perception.model import Model, folder_of, load, save
 
 DEFAULT_ESTIMATOR = "closed_form"
-"""What is evaluated where neither a model nor an estimator is named."""
+"""Estimator evaluated by default, without a model."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EvaluationReport:
-    """The outcome of an evaluation: estimates beside the truth, and all scores."""
+    """The result of an evaluation: estimates beside the truth, and all scores."""
 
     evaluation: Evaluation
     part: Part
 
     @property
     def results(self) -> Results:
-        """Estimates beside the truth, a row a window, in SI units."""
+        """Estimates beside the truth, one row per window, in SI units."""
         return self.evaluation.results
 
     @property
@@ -55,15 +55,15 @@ class EvaluationReport:
         return self.table()._repr_html_()
 
     def table(self) -> Scores:
-        """Return the table that the command prints: a row for each object, condition and estimator."""
+        """Return the printed table: a row for each object, condition and estimator."""
         return score_rows(self.card)
 
     def tree(self) -> dict[str, Any]:
-        """Return all scores as plain values, which JSON can hold."""
+        """Return all scores as plain values for JSON."""
         return self.card.tree()
 
     def lines(self) -> list[str]:
-        """Return the number of windows, the notes and the table as lines of text."""
+        """Return the number of windows, the notes and the table as text lines."""
         card = self.card
         kind = ", simulated" if card.simulated else ""
         first = f"{card.estimator}{kind}: {card.windows} windows of {card.sessions} sessions"
@@ -72,15 +72,15 @@ class EvaluationReport:
     def write(self, folder: str | Path) -> None:
         """Write results, their table, the scores and a report with figures into a folder.
 
-        Figures need matplotlib. Raises `InputError` if the folder cannot be made.
+        Figures need matplotlib. Raises `InputError` if the folder cannot be created.
         """
         write(Path(folder), self.evaluation, drawings)
 
     def keep_rows(self, file: str | Path, feature: str | None = None) -> None:
-        """Put the table's rows into a JSON file, in place of those of the same name, and print all beside it.
+        """Put the table's rows into a JSON file, replacing those of the same name, and print all beside it.
 
-        `feature` is their name; by default that of the model's feature, or of the estimator. Raises
-        `InputError` if the file holds something else.
+        `feature` is the rows' name; by default the model's feature, or the estimator. Raises `InputError` if
+        the file has other content.
         """
         keep_rows(Path(file), paper_rows(self.card, feature or self.evaluation.label, self.part))
 
@@ -104,21 +104,22 @@ def evaluate(
     cluster: str = "",
     progress: Progress | None = None,
 ) -> EvaluationReport:
-    """Test a model, or another estimator, on sessions that it was not trained on.
+    """Test a model, or another estimator, on sessions outside its training.
 
     Every test session is replayed window by window, as live. Ridge regression and extra trees on the same
-    features are fitted to the training windows and stand below, where there are any.
+    features are fitted to the training windows, if available, for comparison.
 
     Parameters
     ----------
     model
-        A model, its folder, that of a training run, or a bundled model's name.
+        A model, its folder, its training run's folder, or a bundled model's name.
     data
-        What `build` or `load_dataset` returned, or the dataset's folder; that of the training run by default.
+        The result of `build` or `load_dataset`, or the dataset's folder; by default the training run's
+        dataset.
     sessions
-        Session files, folders or patterns to test on instead.
+        Session files, folders or patterns to test on instead of a dataset.
     split
-        File of the split; by default that of the training run, or of `data`.
+        File of the split; by default the training run's split, or that of `data`.
     part
         Part of the split: ``"test"`` or ``"validation"``.
     estimator
@@ -126,17 +127,17 @@ def evaluate(
     settings
         Overrides of the estimator's options, such as ``"tension_law=geometric"``.
     sensor
-        Preset of the sensor whose string the estimator is given.
+        Sensor preset whose string the estimator gets.
     tuned
-        Whether it is given that string as tuned, by each session's untouched beginning.
+        Whether to tune that string to each session's untouched beginning.
     noise
-        Noises to test with too, such as ``"music:10"``: a kind, and the ratio in dB.
+        Additional noises, such as ``"music:10"``: a kind, and the signal-to-noise ratio in dB.
     suite
-        Whether to test with every kind of noise too, at 0 to 25 dB.
+        Whether to also test with every kind of noise, at 0 to 25 dB.
     seed
         Random seed of the noise.
     baselines
-        Whether ridge regression and extra trees are evaluated beside.
+        Whether to also test ridge regression and extra trees.
     workers, cluster
         Worker processes, or the address of a dask scheduler.
     progress
@@ -145,12 +146,12 @@ def evaluate(
     Returns
     -------
     EvaluationReport
-        Its `table` has the rows that the command prints; `write` makes a folder of results.
+        The report: `table` has the rows printed by the command; `write` creates a folder of results.
 
     Raises
     ------
     InputError
-        If something cannot be used, the split leaks, or a session was trained on.
+        If an input is unusable, the split leaks, or a session was used for training.
 
     Examples
     --------
@@ -163,7 +164,7 @@ def evaluate(
     ('plastic', 'model', True)
     """
     if model is not None and estimator is not None:
-        raise InputError(f"model {_named(model)} beside --estimator {estimator}", "one of both")
+        raise InputError(f"model {_named(model)} with --estimator {estimator}", "one of both")
     refuse_both(workers, cluster)
     dataset = data.path if isinstance(data, LabelledData | Dataset) else Path(data) if data else None
     if split is None and isinstance(data, LabelledData):
@@ -194,16 +195,16 @@ def _named(model: str | Path | Model) -> str:
 
 
 def _file_of(data: LabelledData) -> Path | None:
-    """Return the file of a dataset's split where it is another than the dataset's own."""
+    """Return the file of a dataset's split where it differs from the dataset's own file."""
     file = data.split_file
     return None if file is None or file.absolute() == (data.path / SPLIT_FILE).absolute() else file
 
 
 @contextmanager
 def _folder(model: str | Path | Model | None) -> Generator[str | None]:
-    """Yield the folder or name of a model; one in memory is written into a temporary folder.
+    """Yield a model's folder or name; a model in memory is written to a temporary folder.
 
-    That of a training run stays where it is, if it is the same still: dataset and split are in its settings.
+    An unchanged model of a training run stays in its folder, since its settings name dataset and split.
     """
     if not isinstance(model, Model):
         yield None if model is None else str(model)
@@ -217,5 +218,5 @@ def _folder(model: str | Path | Model | None) -> Generator[str | None]:
 
 
 def _is_on_disk(model: TrainedModel) -> bool:
-    """Return whether the folder of a model's run holds this very model."""
+    """Return whether the folder of a model's run holds exactly this model."""
     return folder_of(model.run) is not None and load(model.run).definition == model.definition

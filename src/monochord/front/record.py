@@ -1,4 +1,4 @@
-"""A recording in the background, until a block ends: what ``monochord record`` does."""
+"""Records in the background until a block ends, like ``monochord record``."""
 
 import re
 import threading
@@ -24,18 +24,18 @@ from monochord.live.settings import recording_source
 from monochord.sessions import Event
 
 RESERVED = tuple(field.name for field in fields(RecordingSettings))
-"""Tables that settings reach by their first word, and so no instrument's name."""
+"""First words of settings, which cannot be instrument names."""
 
 
 class Recording:
-    """A recording that runs in a thread of its own.
+    """A recording that runs in a separate thread.
 
     Attributes
     ----------
     path
         The session's file.
     summary
-        What was saved; None until the recording has ended.
+        Summary of the saved data; None until the recording has ended.
     """
 
     def __init__(self, job: RecordingJob) -> None:
@@ -52,16 +52,16 @@ class Recording:
 
     @property
     def running(self) -> bool:
-        """Whether it is still recording; it ends by itself where the source ends or the time is over."""
+        """Whether it is still recording; it ends by itself when the source ends or the time is over."""
         return self._thread.is_alive()
 
     @property
     def seconds(self) -> Seconds:
-        """How much is recorded, in s."""
+        """Duration recorded so far, in s."""
         return self.summary.seconds if self.summary else self._progress.elapsed if self._progress else 0.0
 
     def start(self) -> None:
-        """Start, and return once data are saved; raises what the start failed with."""
+        """Start, and return once data are saved; raises the error of a failed start."""
         self._thread.start()
         try:
             self._begun.wait()
@@ -76,12 +76,12 @@ class Recording:
         self._stop.requested = True
 
     def wait(self, timeout: Seconds | None = None) -> bool:
-        """Wait until it has ended by itself, for `timeout` s at most; return whether it has."""
+        """Wait until it has ended by itself, at most `timeout` s; return whether it has."""
         self._thread.join(timeout)
         return not self.running
 
     def end(self) -> RecordingSummary | None:
-        """End it, and return the summary; raises the error that it ended with."""
+        """End the recording and return its summary; raises the error that ended it."""
         self.stop()
         self._thread.join()
         if self._error is not None:
@@ -122,33 +122,33 @@ def record(
 ) -> Generator[Recording]:
     """Record audio, force and pose into a session while a ``with`` block runs.
 
-    The recording runs in a thread of its own and ends with the block, or before where the source ends or the
-    time is over. What was recorded is saved at every moment.
+    The recording runs in a separate thread and ends with the block, or earlier when the source ends or the
+    time is over. All data recorded so far are always saved.
 
     Parameters
     ----------
     path
-        The session's file, a new one that ends in ``.mcap``.
+        The new session file, ending in ``.mcap``.
     source
-        As for `listen`: the name of a source, a recording, or a source that was built; by default that of
-        `config`, else ``"jack"``.
+        As for `listen`: a source's name, a recording, or a source object; by default from `config`, else
+        ``"jack"``.
     instruments
-        Force sensors, robots and other streams to record beside it, such as ``"net_ft=192.168.1.1"`` or
+        Force sensors, robots and other instruments to record, such as ``"net_ft=192.168.1.1"`` or
         ``"left:pose_udp=9871"``: ``[STREAM:]NAME[=WHERE]``.
     seconds
-        How long at most, in s; until the end of the block by default.
+        Largest duration in s; by default until the end of the block.
     object, material
-        What touches the string, and what that is made of.
+        The touching object and its material.
     radius
-        Its radius at the touch, in m.
+        Radius of the object at the contact, in m.
     sensor
-        A sensor's preset, or the file of one as tuned.
+        A sensor preset, or a tuned sensor's file.
     notes
-        Whatever else should be known.
+        Further notes.
     simulated
-        Whether to mark the session as no real one.
+        Whether to mark the session as simulated.
     config
-        A TOML file of settings, over which all others go.
+        A TOML file of settings, overridden by all other arguments.
     settings
         Overrides, such as ``"net_ft.bias=true"``.
     options
@@ -157,15 +157,15 @@ def record(
     Yields
     ------
     Recording
-        Its `seconds` so far, and after the block its `summary`.
+        The recording, with its `seconds` so far and, after the block, its `summary`.
 
     Raises
     ------
     InputError
         At the start, if the file exists, its disk is too full, or an option cannot be used.
     DeviceError
-        At the start, if a device is absent; at the end of the block, if one went away for good. What was
-        recorded until then is saved.
+        At the start, if a device is missing; at the end of the block, if one was lost for good. The data
+        recorded until then are saved.
 
     Examples
     --------
@@ -218,25 +218,25 @@ def recording_job(
     notes: str | None = None,
     **about: Any,
 ) -> RecordingJob:
-    """Return a recording, ready to start.
+    """Return a recording job, ready to start.
 
     Parameters
     ----------
     path
         The session's file.
     tree
-        Settings as plain values, over which the others go.
+        Settings as plain values, overridden by the other arguments.
     instruments
         As for `record`.
     settings
-        Overrides; an instrument's options go by its name.
+        Overrides; an instrument's options start with its name.
     seconds, notes, about
-        As for `record`; None leaves what the tree says.
+        As for `record`; None keeps the tree's values.
 
     Raises
     ------
     InputError
-        For an unknown name, option or sensor, or no .mcap.
+        If a name, option or sensor is unknown, or the path does not end in .mcap.
     """
     tables = _instruments(table(tree, "instruments"), instruments)
     given = {key: value for key, value in {**about, "note": notes}.items() if value is not None}
@@ -249,7 +249,7 @@ def recording_job(
 
 
 def _instruments(configured: Tree, named: Sequence[str]) -> Tree:
-    """Return the tables of instruments: those of the configuration, with those of --instrument over them."""
+    """Return the instrument tables: those of the configuration, overridden by --instrument."""
     tables: Tree = {name.replace("-", "_"): table(configured, name) for name in configured}
     if len(tables) < len(configured):
         raise InputError(f"instruments {', '.join(configured)}", "names that differ by more than - and _")
@@ -262,11 +262,11 @@ def _instruments(configured: Tree, named: Sequence[str]) -> Tree:
         ):  # one of the configuration's own
             stream, kind = kind, kind_of(kind, tables[kind])
         if head.count(":") and not re.fullmatch("[a-z][a-z0-9_]*", stream):
-            raise InputError(f"stream '{stream}'", "small letters, digits and _, a letter first")
+            raise InputError(f"stream '{stream}'", "lower-case letters, digits and _, starting with a letter")
         name = stream or free_name(kind, given)
         if name in given or name in RESERVED:
             allowed = (
-                "a name of its own for each" if name in given else f"a name other than {', '.join(RESERVED)}"
+                "a different name for each" if name in given else f"a name other than {', '.join(RESERVED)}"
             )
             raise InputError(f"--instrument {text} called '{name}'", allowed, "name it: STREAM:NAME=WHERE")
         given.add(name)
@@ -280,7 +280,7 @@ def _instruments(configured: Tree, named: Sequence[str]) -> Tree:
 
 
 def _in_full(assignments: Sequence[str], instruments: Iterable[str]) -> list[str]:
-    """Return assignments, those that begin with an instrument's name put into the table of them."""
+    """Return assignments, with those that start with an instrument's name moved into its table."""
     names = set(instruments)
     full: list[str] = []
     for text in assignments:
@@ -290,18 +290,18 @@ def _in_full(assignments: Sequence[str], instruments: Iterable[str]) -> list[str
             full.append(f"instruments.{name}{dot}{rest}")
             continue
         if name in INSTRUMENTS.names():
-            raise InputError(f"--set {text}", f"options of what is recorded; add --instrument {name}")
+            raise InputError(f"--set {text}", f"options of a recorded instrument; add --instrument {name}")
         full.append(text)
     return full
 
 
 def _source_table(source: str | Path) -> Tree:
-    """Return the table of a source by its name, or of the one that reads a recording."""
+    """Return the table of a source by name, or of the source that reads a recording."""
     if isinstance(source, str) and source.replace("-", "_") in SOURCES.names():
         return {"name": source}
     return {"name": recording_source(source) or "wav", "path": str(source)}
 
 
 def _first_field(kind: str) -> str:
-    """Return the name of the option that says what an instrument opens."""
+    """Return the name of the option with an instrument's input."""
     return next(each.name for each in fields(INSTRUMENTS.load(kind)) if each.init)  # pyright: ignore[reportArgumentType]

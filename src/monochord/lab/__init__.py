@@ -1,4 +1,4 @@
-"""The laboratory: what stands in for people, robots and instruments, so that real devices can be tried."""
+"""The virtual laboratory: stands in for people, robots and instruments, so that device code can be tested."""
 
 from monochord.core.workers import run_all
 from monochord.lab.collection import collect

@@ -1,4 +1,4 @@
-"""The file that a simulated device plays when it is a process: arrays and settings."""
+"""The file that a simulated device plays when it runs as a process: arrays and settings."""
 
 import json
 import sys
@@ -23,7 +23,7 @@ def write_script(path: Path, arrays: Mapping[str, Floats | Audio], settings: Any
 
 
 def read_script(path: Path, kind: type[T]) -> tuple[dict[str, Floats], T]:
-    """Return the arrays by name, and the settings; raises `InputError` for any other file."""
+    """Return the arrays by name, and the settings; raises `InputError` for an invalid file."""
     try:
         with np.load(path, allow_pickle=False) as file:
             arrays = {name: np.asarray(file[name], np.float64) for name in file if name != "settings"}
@@ -31,12 +31,12 @@ def read_script(path: Path, kind: type[T]) -> tuple[dict[str, Floats], T]:
                 name: value for name, value in json.loads(str(file["settings"])).items() if value is not None
             }
     except (OSError, ValueError, KeyError) as error:
-        raise InputError(f"{path} ({error})", "a file that write_script wrote") from error
+        raise InputError(f"{path} ({error})", "a file from write_script") from error
     return arrays, from_tree(kind, tree)
 
 
 def follow_input(address: Mapping[str, Any], begin_at: Callable[[Seconds], None]) -> None:
-    """Print an address as a line of JSON, then read each line of the input as a start time, until it ends."""
+    """Print an address as a line of JSON, then read start times from the input, one a line, until it ends."""
     print(json.dumps(address), flush=True)  # noqa: T201  (read by the parent process)
     try:
         for line in sys.stdin:

@@ -1,4 +1,4 @@
-"""A whole plan carried out: its sessions, spread over processes or machines."""
+"""Runs a whole plan: its sessions, spread over processes or machines."""
 
 import hashlib
 import logging
@@ -17,12 +17,12 @@ _log = logging.getLogger("monochord")
 
 
 def chosen(plan: Plan, *, seed: int = 0, only: str = "") -> list[Assignment]:
-    """Return the sessions of a plan, or those of one name: a group's or a session's own.
+    """Return the sessions of a plan, or those of one group or one session by name.
 
     Raises
     ------
     InputError
-        If the plan has none of this name, or the seed is negative.
+        If the plan has no session or group of this name, or the seed is negative.
 
     Examples
     --------
@@ -46,35 +46,38 @@ def chosen(plan: Plan, *, seed: int = 0, only: str = "") -> list[Assignment]:
 def collect(
     sessions: Iterable[Assignment], folder: Path, *, workers: int | None = None, cluster: str = ""
 ) -> Generator[CollectedSession]:
-    """Make sessions, and yield each result as it finishes.
+    """Simulate sessions, and yield each result as it finishes.
 
-    Sessions that exist already are not made again. Files do not depend on the number of workers.
+    Existing sessions are kept. Files do not depend on the number of workers.
 
     Parameters
     ----------
     sessions
-        The sessions to make, of one plan.
+        The sessions, all of one plan.
     folder
-        Where; it is created if missing. Workers on other machines must see it under the same name.
+        Output folder, created if missing. Workers on other machines must see it under the same path.
     workers, cluster
         As in `monochord.core.workers.run_all`.
 
     Raises
     ------
     InputError
-        If the folder cannot be made, another collection is writing to it, or it contains other sessions of
-        the same names.
+        If the folder cannot be created, another collection is writing to it, or it contains different
+        sessions of the same names.
     """
     folder = made_folder(folder.resolve())
     return _collect(folder, list(sessions), workers, cluster)
 
 
 def made_folder(folder: Path) -> Path:
-    """Make a folder unless it exists, and return it; raises `InputError` where a file is in the way."""
+    """Create a folder unless it exists, and return it.
+
+    Raises `InputError` where a file of that name exists.
+    """
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except (FileExistsError, NotADirectoryError) as error:
-        raise InputError(f"folder '{folder}' (a file)", "a folder, or a name that is free") from error
+        raise InputError(f"folder '{folder}' (a file)", "a folder, or a free name") from error
     return folder
 
 
@@ -97,7 +100,7 @@ def _collect(
 
 
 def _remove_unfinished(folder: Path, sessions: Sequence[Assignment]) -> int:
-    """Remove the sessions' files that workers began and did not finish; return their number."""
+    """Remove unfinished session files left by workers; return their number."""
     names = {session.name for session in sessions}
     parts = [file for file in folder.glob("*.mcap.part-*") if file.name.partition(".mcap.part-")[0] in names]
     for file in parts:
@@ -106,6 +109,6 @@ def _remove_unfinished(folder: Path, sessions: Sequence[Assignment]) -> int:
 
 
 def checksum(results: Iterable[CollectedSession]) -> str:
-    """Return one SHA-256 over the names and checksums of all sessions, whatever their order."""
+    """Return one SHA-256 over the names and checksums of all sessions, independent of their order."""
     lines = sorted(f"{result.name} {result.checksum}\n" for result in results)
     return hashlib.sha256("".join(lines).encode()).hexdigest()

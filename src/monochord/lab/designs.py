@@ -1,4 +1,4 @@
-"""Designs that are drawn: the same string with other drivers and microphones, as other labs build it."""
+"""Random sensor designs: the same string with other drivers and microphones, as other labs might build it."""
 
 from dataclasses import replace
 
@@ -8,18 +8,17 @@ from monochord.lab.objects import evenly
 from monochord.physics.twin.setup import Ebow, Sensor
 
 ALIKE = 0.5
-"""Share of designs whose two drivers are of one make."""
+"""Share of designs with two identical drivers."""
 LOWEST, HIGHEST = 600.0, 5000.0
-"""Centre of a driver's band in Hz."""
+"""Centre frequency of a driver's band, in Hz."""
 
 
 def drawn_design(sensor: Sensor, random: np.random.Generator) -> Sensor:
-    """Return a sensor with the same string, whose drivers, microphones and frame are drawn.
+    """Return a sensor with the same string and random drivers, microphones and frame.
 
-    All ranges are assumed. Each driver's coils are at 4 to 20 % of the length from its end, in either order;
-    band, gain, limit and width are drawn for both together in half of the designs, which have two drivers of
-    one make, and for each by itself in the others. The microphones' gains, the share of the frame's crosstalk
-    and its losses are drawn, too.
+    All ranges are assumed. Each driver's coils are at 4 to 20 % of the length from its end, in either order.
+    In half of the designs both drivers are of one make: they share band, gain, limit and width; in the others
+    each driver has its own. The microphones' gains and the frame's crosstalk and losses are random too.
 
     Examples
     --------
@@ -55,7 +54,7 @@ def drawn_design(sensor: Sensor, random: np.random.Generator) -> Sensor:
 
 
 def _make(driver: Ebow, random: np.random.Generator) -> Ebow:
-    """Return a driver of a make of its own, whose coils are where they were."""
+    """Return a driver of another make, with its coils in the same place."""
     between = evenly(random)
     return replace(
         driver,

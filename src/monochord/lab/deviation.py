@@ -1,7 +1,7 @@
-"""What is wrong with a sensor and its object, a quantity each: faults and conditions of a test, set by hand.
+"""Deviations of a sensor and its object, one quantity each: faults and test conditions, set by hand.
 
-A plausible world draws many effects at once. A deviation states them one by one, for sessions that differ
-from others in nothing else.
+A plausible world draws many effects at once. A deviation sets single effects, for sessions that differ only
+in them.
 """
 
 from dataclasses import dataclass, replace
@@ -24,7 +24,7 @@ END_RESONANCES: tuple[Hertz, Hertz] = (700.0, 1600.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Deviation(Checked):
-    """How the sensor and the object of a session deviate; not at all by default.
+    """Deviations of a session's sensor and object; none by default.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ class Deviation(Checked):
     swapped: bool = False
 
     def of_sensor(self, sensor: Sensor) -> Sensor:
-        """Return a sensor that deviates so.
+        """Return a sensor with this deviation.
 
         Examples
         --------
@@ -122,7 +122,7 @@ class Deviation(Checked):
         return pickups
 
     def of_touch(self, touch: Touch) -> Touch:
-        """Return a touch whose object deviates so."""
+        """Return a touch with this deviation of its object."""
         if self.spring is not None:
             touch = replace(touch, mount=Mount(modes=touch.mount.modes, compliance=1.0 / self.spring))
         return replace(touch, law=ContactLaw(exponent=1.0)) if self.linear else touch

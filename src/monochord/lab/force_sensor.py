@@ -1,4 +1,4 @@
-"""The model of a force/torque sensor: friction, lever, crosstalk, bandwidth, its own noise and drift."""
+"""The model of a force/torque sensor: friction, lever, crosstalk, bandwidth, noise and drift."""
 
 from dataclasses import dataclass
 from math import ceil
@@ -11,7 +11,10 @@ from monochord.lab.plan import ForceSensor
 from monochord.physics.materials import Material
 
 STANDSTILL: MetresPerSecond = 5e-4
-"""Sliding speed at which friction is mostly developed; a touch at rest is taken to bear no lateral force."""
+"""Sliding speed at which friction is mostly developed.
+
+A touch at rest is assumed to have no lateral force.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,7 +39,7 @@ def wrench_of(contact: ContactHistory, material: Material, sensor: ForceSensor) 
     contact
         The contact at times (n,).
     material
-        The object's, which sets the friction.
+        The object's material, which sets the friction.
     sensor
         Lever and crosstalk.
 
@@ -67,16 +70,16 @@ def bandwidth_filter(bandwidth: Hertz, sample_rate: int) -> Floats:
     """Return the filter that sensor and object apply to a force: a well-damped mass on a spring.
 
     ``|H(f)| = 1 / sqrt(1 + (f / f0)^4)``: far above the bandwidth f0 the gain is (f0 / f)^2, which leaves
-    some of the string's vibration in the force. The filter has that gain and no delay; the delay of a
-    real one is part of its stream's. Nothing else prevents aliasing of high frequencies, as nothing
-    does in a sensor that decimates without a filter.
+    some of the string's vibration in the force. The filter has zero delay; the sensor's delay is part of its
+    stream's. Nothing else prevents aliasing of high frequencies, as in a sensor that decimates without a
+    filter.
 
     Parameters
     ----------
     bandwidth
         f0 in Hz, where half of the power is lost.
     sample_rate
-        Frames a second of the force.
+        Sample rate of the force, in Hz.
 
     Returns
     -------
@@ -99,7 +102,7 @@ def bandwidth_filter(bandwidth: Hertz, sample_rate: int) -> Floats:
 
 
 class SensorNoise:
-    """The sensor's own noise and drift, reading by reading; the same for the same random numbers."""
+    """Noise and drift of the sensor, reading by reading; reproducible from the random numbers."""
 
     def __init__(self, sensor: ForceSensor, random: np.random.Generator) -> None:
         self._random = random
@@ -108,5 +111,5 @@ class SensorNoise:
         self._drift = drift * random.uniform(-1.0, 1.0, 6)
 
     def on(self, time: Floats) -> Floats:
-        """Return the noise of readings at times (n,), which follow those of the last call: (n, 6)."""
+        """Return the noise of readings at times (n,), which continue those of the last call: (n, 6)."""
         return self._random.normal(size=(len(time), 6)) * self._rms + np.outer(time, self._drift)

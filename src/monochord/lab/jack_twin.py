@@ -1,4 +1,4 @@
-"""The twin played into a JACK server by a process of its own, and the live source that captures it there."""
+"""Plays the twin into a JACK server from a separate process, and captures it there as a live source."""
 
 import multiprocessing
 import re
@@ -25,28 +25,28 @@ from monochord.core.types import Audio, Block, Contact, Signal, StreamHealth, Tr
 from monochord.core.units import Metres, Newtons, Samples, Seconds
 
 AHEAD: Samples = 2048
-"""Frames that are simulated before they are due: a hand on the string waits for them."""
+"""How far ahead frames are simulated, in s: touches by hand are delayed by it."""
 RING: Samples = 8192
 WINDOW: Seconds = 0.1
-"""Length of the windows whose truth is sent; they end with each block."""
+"""Length of the windows whose truth is sent, in s; each ends with a block."""
 REMEMBERED = 1024
-"""Windows whose truth is kept until it is read."""
+"""Number of windows whose truth is kept until it is read."""
 PATIENCE: Seconds = 60.0
 ENDING: Seconds = 10.0
 
 
 class Relay(Closing):
-    """A JACK client that plays what is written to it, frame for frame by the server's clock.
+    """A JACK client that plays frames on the server's clock.
 
-    Frame 0 is played once all ports are connected. One that was not written in time is silence, and the next
-    ones are where they would have been: as with a converter, a frame has its time.
+    Frame 0 plays once all ports are connected. A frame that is written too late becomes silence, and the
+    following frames keep their times, as on a converter.
 
     Parameters
     ----------
     channels
         Number of output ports.
     client_name, server
-        As of `JackClient`.
+        As in `JackClient`.
     """
 
     def __init__(self, channels: int, client_name: str, server: str) -> None:
@@ -64,11 +64,11 @@ class Relay(Closing):
 
     @property
     def sample_rate(self) -> int:
-        """The server's frames a second."""
+        """The server's sample rate in Hz."""
         return self._client.sample_rate
 
     def write(self, samples: Audio) -> bool:
-        """Write frames (channels, n) once they are due soon; return False where the server has gone."""
+        """Write frames (channels, n) once they are due soon; return False where the server has gone away."""
         end = self._written + samples.shape[1]
         while self._ring.count(at.READ) + AHEAD < end:
             if self._client.gone:
@@ -96,10 +96,10 @@ class Hello:
 
 
 def play(options: dict[str, Any], server: str, pipe: Connection) -> None:
-    """Play the twin of these options, until the other end of the pipe is closed or the server goes.
+    """Play the twin with these options, until the other end closes the pipe or the server goes away.
 
-    After a `Hello` it sends, for each block, the start of the window that ends there, its truth, and the
-    settings; it takes what a hand does, as a name of `Controls` and its arguments.
+    After a `Hello`, it sends for each block the start of the window that ends there, its truth, and the
+    settings; it receives commands of a hand, as the name of a `Controls` method and its arguments.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # of the terminal; whoever started this ends it
     try:
@@ -175,7 +175,7 @@ class _Led(Controls):
             self._send("change", name, value)
 
     def end(self) -> None:
-        """Have the player end."""
+        """End the player."""
         with self._lock, suppress(OSError):
             self._pipe.send(None)
 
@@ -185,7 +185,7 @@ class _Led(Controls):
 
 
 class _Played(Stream):
-    """The stream of a JACK source, with the truth and the controls of what plays there."""
+    """The stream of a JACK source, with the truth and the controls of the twin playing there."""
 
     def __init__(self, capture: Stream, hello: Hello, pipe: Connection) -> None:
         self._capture, self._pipe = capture, pipe
@@ -195,7 +195,7 @@ class _Played(Stream):
         self._following.start()
 
     def end(self) -> None:
-        """Have the player end, and wait for what it says last."""
+        """End the player, and wait for its last message."""
         self._controls.end()
         self._following.join(ENDING)
 
@@ -238,7 +238,7 @@ class _Played(Stream):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JackTwin(Source):
-    """The twin as a JACK client of its own process, captured as a sensor's microphones are.
+    """The twin as a JACK client in a separate process, captured like a sensor's microphones.
 
     Parameters
     ----------
@@ -253,7 +253,7 @@ class JackTwin(Source):
 
     @contextmanager
     def open(self) -> Generator[Stream]:
-        """Start the player and connect to it; raises `DeviceError` where there is no server."""
+        """Start the player and connect to it; raises `DeviceError` where no server runs."""
         context = multiprocessing.get_context("spawn")
         pipe, theirs = context.Pipe()
         player = context.Process(target=play, args=(dict(self.twin), self.server, theirs), daemon=True)
@@ -278,11 +278,11 @@ class JackTwin(Source):
 
 
 def _answer(pipe: Connection) -> Hello:
-    """Return what the player says first; raises what it could not start for."""
+    """Return the player's first message; raises the error that stopped it from starting."""
     try:
-        reply = pipe.recv() if pipe.poll(PATIENCE) else DeviceError("player of the twin: it does not start")
+        reply = pipe.recv() if pipe.poll(PATIENCE) else DeviceError("the twin's player did not start")
     except EOFError:
-        reply = DeviceError("player of the twin: it ended at once")
+        reply = DeviceError("the twin's player ended at once")
     if isinstance(reply, Exception):
         raise reply
     return reply

@@ -1,4 +1,4 @@
-"""The sound of the robot's motors and gripper in the sensor's frame, which must not be taken for slip."""
+"""Simulated sound of the robot's motors and gripper in the sensor's frame, which must not look like slip."""
 
 import numpy as np
 
@@ -7,33 +7,32 @@ from monochord.core.units import MetresPerSecond, Seconds
 from monochord.dsp.noise import geared_motor
 
 SLOWEST, FASTEST = 3.0, 60.0
-"""Speed of the motor in revolutions a second at rest, where it corrects, and at `FULL_SPEED` of the tool."""
+"""Motor speed in revolutions per second at rest (position control), and at `FULL_SPEED` of the tool."""
 FULL_SPEED: MetresPerSecond = 0.05
 AT_REST = 0.1
-"""Level at rest, relative to that at full speed."""
+"""Sound level at rest, relative to full speed."""
 ELSEWHERE: tuple[Seconds, Seconds] = (0.1, 0.8)
-"""Least and greatest length of a move of another motor, such as the gripper's."""
+"""Shortest and longest move of another motor, such as the gripper's, in s."""
 INTERVAL: Seconds = 2.0
-"""Mean time between two such moves."""
+"""Mean time between two such moves, in s."""
 SMOOTH: Seconds = 0.02
-"""Time over which speeds are averaged: gears do not start at once."""
+"""Time over which speeds are averaged, in s: gears do not start instantly."""
 
 
 def motor_sound(random: np.random.Generator, path: Floats, sample_rate: int) -> Audio:
-    """Return the sound (n,) float32 of motors that move a tool along a path; all levels are assumed.
+    """Return the sound (n,) float32 of motors moving a tool along a path; all levels are assumed.
 
-    The motor of the arm turns with the tool's speed and is as loud as the square root of it. Another one,
-    which moves nothing at the string, runs now and then, whatever the tool does. Their rms at full speed is
-    one.
+    The arm's motor turns in proportion to the tool's speed, with a level that goes as the square root of it.
+    Another motor, unrelated to the string, runs now and then. Their rms at full speed is one.
 
     Parameters
     ----------
     random
-        Random numbers: of the gears' tones, and of the other motor's moves.
+        Random generator for the gears' tones and the other motor's moves.
     path
-        Place x, y, z of the tool in m at every frame, (n, 3).
+        Position x, y, z of the tool in m at every frame, (n, 3).
     sample_rate
-        Frames a second.
+        Sample rate in Hz.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""A simulated ATI Net F/T: it speaks real RDT over UDP and serves its settings over HTTP.
+"""A simulated ATI Net F/T: it uses real RDT over UDP and serves its settings over HTTP.
 
 As a process it plays a file that `write_script` wrote. It prints its ports as one line of JSON, reads each
 line of its standard input as the start, in s of the monotonic clock, and ends when that input does::
@@ -36,9 +36,9 @@ __all__ = ["NetFtDevice", "NetFtSettings", "serve", "write_script"]
 
 ENDLESS = -1
 MAX_BURST = 70_000
-"""Records sent at once after a pause of the process; older ones count as lost."""
+"""Most records sent at once after a pause of the process; older ones count as lost."""
 IDLE: Seconds = 0.02
-"""Time between looks for a request while nothing is streamed."""
+"""Time between checks for a request while nothing is streamed, in s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,9 +48,9 @@ class NetFtSettings(Checked):
     Parameters
     ----------
     rate
-        Records a second, as many as there are wrenches; at most 7000.
+        Records per second, equal to the rate of the wrenches; at most 7000.
     counts_per_force, counts_per_torque
-        Counts a newton and a newton metre.
+        Counts per newton and per newton metre.
     delay
         Time in s between a wrench and its record.
     jitter
@@ -58,17 +58,17 @@ class NetFtSettings(Checked):
     loss
         Probability that the network loses a record.
     fault_after
-        Time in s after the start from which a status is latched, until the latch is reset; None for never.
+        Time in s after the start at which a status is latched, until the latch is reset; None for never.
     fault_status
         The latched status word.
     silence
-        Begin and end of a time without cable, in s after the start: nothing is sent or received.
+        Begin and end of a time without cable, in s after the start, in which nothing is sent or received.
     restarts
         Whether the power fails with the cable: its counters then restart, and it waits for a request.
     first_record, first_sample
         First values of its two counters.
     wake
-        Interval in s at which due records are sent: it bunches their times of arrival.
+        Interval in s at which due records are sent, which bunches their arrivals.
     seed
         Random seed of jitter and loss.
     host
@@ -119,17 +119,17 @@ class RecordStream:
 
     @property
     def streaming(self) -> bool:
-        """Whether records are still to be sent."""
+        """Whether there are records left to send."""
         return self._remaining != 0 or bool(self._in_flight)
 
     def begin_at(self, begin: Seconds) -> None:
-        """Set the time of the first wrench: the sampling is shifted by less than one sample to match it."""
+        """Set the time of the first wrench: the sampling shifts by less than one sample to match it."""
         rate = self._settings.rate
         self._first = int(np.ceil((begin - self._origin) * rate - 1e-6))
         self._begin, self._origin = begin, begin - self._first / rate
 
     def command(self, command: int, count: int, now: Seconds) -> None:
-        """Execute a request, if the cable is in."""
+        """Carry out a request, if the cable is connected."""
         if self._silent(now):
             return
         self._reboot_if_due(now)
@@ -185,7 +185,7 @@ class RecordStream:
         )
 
     def _sample_at(self, now: Seconds) -> int:
-        """Return the last sample that has left by now."""
+        """Return the last sample sent by now."""
         return int(np.floor((now - self._settings.delay - self._origin) * self._settings.rate))
 
     def _load(self, sample: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -213,18 +213,18 @@ class RecordStream:
 
 
 class NetFtDevice(Closing):
-    """A Net F/T with a known load, in a thread of its own.
+    """A Net F/T with a known load, in a separate thread.
 
-    Like the real one it samples all the time, streams to one client, the last to send a request, and restarts
-    the record numbers with each stream. Before its beginning the load is the first wrench, after its end the
-    last. 7000 records a second take about a tenth of a core: a busy program starts it as a process.
+    Like the real device, it samples continuously, streams to one client (the last to send a request), and
+    restarts the record numbers with each stream. Before the start, the load is the first wrench; after the
+    end, the last. 7000 records a second take about a tenth of a core: a busy program starts it as a process.
 
     Parameters
     ----------
     wrenches
-        Force in N and torque in N m, (n, 6), one each 1 / rate s.
+        Force in N and torque in N m, (n, 6), one every 1 / rate s.
     settings
-        Its behaviour.
+        The device's behaviour.
     begin
         Time of the first wrench, in s of the monotonic clock; `begin_at` may set it later.
 
@@ -280,12 +280,12 @@ class NetFtDevice(Closing):
 
     @property
     def address(self) -> str:
-        """Its RDT address, as ``HOST:PORT``."""
+        """RDT address, as ``HOST:PORT``."""
         return f"{self._settings.host}:{self._socket.getsockname()[1]}"
 
     @property
     def http_port(self) -> int:
-        """The TCP port of its settings."""
+        """TCP port of the settings page."""
         return int(self._web.server_address[1])
 
     @property
@@ -299,7 +299,7 @@ class NetFtDevice(Closing):
             self._records.begin_at(begin)
 
     def close(self) -> None:
-        """End its threads and release its ports."""
+        """End the threads and release the ports."""
         self._ended.set()
         self._web.shutdown()
         for thread in self._threads:

@@ -1,4 +1,4 @@
-"""Objects that are drawn: materials and shapes between and beyond the presets, for many different touches."""
+"""Random objects: materials and shapes between and beyond the presets, for varied touches."""
 
 from collections.abc import Callable, Mapping
 
@@ -7,19 +7,19 @@ import numpy as np
 from monochord.physics.materials import Material
 
 SOFTEST, HARDEST = 3e8, 2.1e11
-"""Young modulus in Pa: from soft plastic to steel."""
+"""Range of Young's modulus in Pa: from soft plastic to steel."""
 GELS = 5e5
-"""Young modulus in Pa of the softest object that is drawn as a soft one: a gel, softer than a fingertip."""
+"""Smallest Young's modulus of a random soft object, in Pa: a gel, softer than a fingertip."""
 SHARPEST, BLUNTEST = 1e-3, 2e-2
-"""Radius where it touches, in m."""
+"""Range of the radius at the contact, in m."""
 
 
 def drawn_object(random: np.random.Generator) -> Material:
-    """Return an object whose material and shape are drawn; all ranges are assumed.
+    """Return an object of random material and shape; all ranges are assumed.
 
-    The stiffness, the radius, the roughness and its length are drawn evenly in their logarithm. Friction and
-    Stribeck speed lie within handbooks' values of dry and oiled solids on steel; the restitution e at 1 m/s,
-    which gives Hunt and Crossley's loss 3 (1 - e) / 2, is the greater the harder the object.
+    Stiffness, radius, roughness and its length are log-uniform. Friction and Stribeck speed lie within
+    handbook values of dry and oiled solids on steel. The restitution e at 1 m/s, which gives Hunt and
+    Crossley's loss 3 (1 - e) / 2, increases with hardness.
 
     Examples
     --------
@@ -49,10 +49,10 @@ def drawn_object(random: np.random.Generator) -> Material:
 
 
 def soft_object(random: np.random.Generator) -> Material:
-    """Return a soft object, from gel to soft plastic, drawn likewise; all ranges are assumed.
+    """Return a random soft object, from gel to soft plastic; all ranges are assumed.
 
-    It damps the string, the more the softer it is, until little sounds. Rubber-like friction, blunt shapes
-    and rough skins are drawn along.
+    It damps the string, the more the softer it is, until little sound is left. Rubber-like friction, blunt
+    shapes and rough skins are drawn too.
 
     Examples
     --------
@@ -81,7 +81,7 @@ def soft_object(random: np.random.Generator) -> Material:
 
 
 def evenly(random: np.random.Generator) -> Callable[[float, float], float]:
-    """Return what draws evenly in the logarithm."""
+    """Return a log-uniform sampler."""
     return lambda low, high: float(np.exp(random.uniform(np.log(low), np.log(high))))
 
 
@@ -89,4 +89,4 @@ DRAWN: Mapping[str, Callable[[np.random.Generator], Material]] = {
     "drawn": drawn_object,
     "drawn_soft": soft_object,
 }
-"""What draws an object for each session, by the material that a plan names."""
+"""The sampler of an object for each session, by the material name in a plan."""

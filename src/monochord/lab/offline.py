@@ -1,8 +1,8 @@
-"""A session of a plan, simulated and written as fast as the machine allows.
+"""Simulates a session of a plan and writes it as fast as the machine allows.
 
-The file has the form of a recording in real time: blocks with the converter's time, batches of readings with
-their arrival, counts and gaps, clock offsets once a second. Its clock begins at zero, at the time that the
-plan states, so that nothing in it depends on when, where or by whom it was made.
+The file has the form of a real-time recording: blocks with the converter's time, batches of readings with
+arrival times, counts and gaps, clock offsets once a second. Its clock begins at zero, at the time stated in
+the plan, so that nothing depends on the time, place or user.
 """
 
 import hashlib
@@ -27,26 +27,26 @@ from monochord.physics.sensors import sensor_tuning
 from monochord.sessions import TUNING, Description, SessionClock, SessionWriter, read_session
 
 BATCH: Seconds = 0.01
-"""Duration of the readings that a computer takes from its socket at once."""
+"""Duration of the readings that a computer reads from its socket at once, in s."""
 BLOCK: Seconds = 0.1
-"""Duration of a block of audio, and the step in which the streams are interleaved."""
+"""Duration of an audio block, and the step at which the streams are interleaved, in s."""
 ADC_JITTER: Seconds = 2e-5
-"""Jitter of the converter's time of a block, rms, as sound servers show it."""
+"""Jitter of a block's converter time, rms, as sound servers show it, in s."""
 POSE_JITTER: Seconds = 3e-4
-"""Mean jitter of a pose, beyond its delay."""
+"""Mean jitter of a pose, in addition to its delay, in s."""
 NANO = 1_000_000_000
 WINDOW: Seconds = 0.1
 FORCE_TOLERANCE = 0.1
-"""Largest deviation of the force of a static window from its mean, as a share of the mean."""
+"""Largest force deviation in a static window, relative to its mean."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WindowCounts:
-    """Windows that do not overlap, by kind; only those in which both drivers were on.
+    """Number of non-overlapping windows by kind, while both drivers were on.
 
-    `static`: in contact throughout, not sliding, the force constant to a tenth. `settled`: those of them
-    in which the sound was settled throughout. `slip`: in contact and sliding throughout. `clear`: no
-    contact at all. `transition`: contact for a part. `other`: the rest, such as a press or a turn.
+    `static`: in contact throughout, not sliding, with the force constant to a tenth. `settled`: static with
+    settled sound throughout. `slip`: in contact and sliding throughout. `clear`: no contact. `transition`:
+    partly in contact. `other`: the rest, such as pressing or turning.
     """
 
     static: int = 0
@@ -66,11 +66,11 @@ def count_windows(time: Floats, labels: Mapping[str, Floats], on: Seconds, off: 
     Parameters
     ----------
     time
-        Of the labels, (n,) in s, evenly spaced and rising.
+        Times of the labels, (n,) in s, evenly spaced and rising.
     labels
         Columns (n,): contact, force, slip, settled.
     on, off
-        Times at which the drivers went on and off; windows begin at `on`.
+        Times at which the drivers were switched on and off; windows begin at `on`.
 
     Returns
     -------
@@ -80,7 +80,7 @@ def count_windows(time: Floats, labels: Mapping[str, Floats], on: Seconds, off: 
     Raises
     ------
     InputError
-        If there are fewer than two labels, or they are further apart than half a window.
+        If there are fewer than two labels, or their spacing exceeds half a window.
 
     Examples
     --------
@@ -117,7 +117,7 @@ def count_windows(time: Floats, labels: Mapping[str, Floats], on: Seconds, off: 
 class CollectedSession:
     """The result for one session: its file, seconds of audio, windows by kind, bytes, and SHA-256.
 
-    `kept` is true where the whole file existed already and was not made again.
+    `kept` is true where a complete file already existed and was kept.
     """
 
     name: str
@@ -130,22 +130,22 @@ class CollectedSession:
 
 
 def make(session: Assignment, folder: Path) -> CollectedSession:
-    """Make the session's file in a folder, unless it is there already.
+    """Simulate a session into a file in a folder, unless the file already exists.
 
     It is written under another name first and then renamed, so that an interrupted run leaves no session. A
-    file of another plan that appeared meanwhile, as from a worker whose collection ended, is not replaced.
+    file of another plan that appears meanwhile, as from a worker whose collection ended, is not replaced.
 
     Parameters
     ----------
     session
-        The session to make.
+        The session to simulate.
     folder
-        Its folder, which must exist.
+        The output folder, which must exist.
 
     Returns
     -------
     CollectedSession
-        With the file NAME.mcap.
+        The result, with the file NAME.mcap.
 
     Raises
     ------
@@ -189,7 +189,7 @@ def delays(session: Assignment) -> dict[str, Seconds]:
 
 
 def describe(session: Assignment) -> Description:
-    """Return the description of a session's file, with its true delays."""
+    """Return the description of a session's file, with the true delays."""
     plan, group, design = session.plan, session.group, session.design()
     units, rate = ("N",) * 3 + ("N m",) * 3, plan.force_rate
     wrench = Feed(stream="wrench", columns=WRENCH, units=units, rate=rate, ticks=rate)
@@ -230,9 +230,10 @@ def describe(session: Assignment) -> Description:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Transport:
-    """The connection to an instrument: every reading arrives after `delay` and a mean `jitter`, in s.
+    """The connection to an instrument: a reading arrives after `delay` plus jitter of mean `jitter`, in s.
 
-    A share `lost` of them never arrives. The jitter is exponential: never negative, and occasionally long.
+    A share `lost` of the readings never arrives. The jitter is exponential: never negative, and occasionally
+    long.
     """
 
     delay: Seconds = 0.0
@@ -243,25 +244,25 @@ class Transport:
 def arrive(
     taken: Floats, transport: Transport, random: np.random.Generator, latest: Seconds = -np.inf
 ) -> tuple[NDArray[np.intp], Floats]:
-    """Return the indices of the readings that arrive, and their times of arrival.
+    """Return the indices of the readings that arrive, and their arrival times.
 
     Parameters
     ----------
     taken
         Times at which the readings were taken, (n,) in s, rising.
     transport
-        How they arrive.
+        The connection.
     random
-        Random numbers; two are drawn for every reading.
+        Random generator; draws two numbers per reading.
     latest
-        Arrival of the reading before these: none overtakes another.
+        Arrival time of the previous reading: readings keep their order.
 
     Returns
     -------
     index
-        Indices of those that arrive, (m,).
+        Indices of the arriving readings, (m,).
     arrival
-        Times of arrival, (m,) in s, never falling.
+        Times of arrival, (m,) in s, non-decreasing.
 
     Examples
     --------
@@ -335,7 +336,7 @@ class _SimulatedStreams:
     def _readings(
         self, piece: Rendering, stream: str, taken: Floats, values: Floats
     ) -> tuple[Floats, Readings]:
-        """Return the times at which readings of a chunk were taken, and those that arrive."""
+        """Return the times at which a chunk's readings were taken, and the readings that arrive."""
         index, arrival = arrive(taken, self._transports[stream], self._random[stream], self._latest[stream])
         self._latest[stream] = float(arrival[-1]) if len(arrival) else self._latest[stream]
         rate = piece.force_rate if stream == "wrench" else piece.pose_rate
@@ -369,29 +370,29 @@ class _SimulatedStreams:
 
 
 def existing(path: Path, description: Description) -> CollectedSession | None:
-    """Return the session of a description that exists already at a path, None where there is no file.
+    """Return the existing session at a path if it has this description, None where there is no file.
 
-    Raises `InputError` where the file has another description; its feeds are not compared.
+    Raises `InputError` where the file has another description; the feeds are not compared.
     """
     if not path.exists():
         return None
     session = read_session(path)
     if not session.complete or replace(session.description, feeds=()) != replace(description, feeds=()):
         raise InputError(
-            f"file {path} (not this session of this plan, or of other versions)",
-            "a folder of this plan alone",
+            f"file {path} (another session, plan or version)",
+            "a folder with sessions of this plan only",
             "collect into another folder, or delete the file",
         )
     return summarise(path, kept=True)
 
 
 def summarise(path: Path, *, kept: bool = False) -> CollectedSession:
-    """Return the result for a whole session of a plan; raises `InputError` where its end is missing."""
+    """Return the result of a complete session of a plan; raises `InputError` where its end is missing."""
     session = read_session(path)
     switched = {event.text: event.time for event in session.events if event.kind == "drivers"}
     if set(switched) != {"on", "off"}:
         raise InputError(
-            f"session {path} (ends too early)", "a whole session", "delete it, and collect it again"
+            f"session {path} (incomplete)", "a complete session", "delete it, and collect it again"
         )
     counts = count_windows(session.labels.time, session.labels.columns, switched["on"], switched["off"])
     with path.open("rb") as file:

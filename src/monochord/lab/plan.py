@@ -23,14 +23,14 @@ from monochord.physics.twin.world import ALL, Effects, World, plausible_touch, s
 
 Amount: TypeAlias = Annotated[int, Meta(ge=1, le=100000)]
 MAX_TOUCHES = 1_000_000
-"""Touches of a group and radius, which take a month."""
+"""Most touches of a group and radius, which take a month."""
 MAX_OBLIQUE = 2.0
-"""Largest share of its depth by which a press goes on across the string."""
+"""Largest sideways motion of a press, as a share of its depth."""
 DAY: Seconds = 86400.0
 MAX_DELAY: Seconds = 1.0
-"""Largest delay of a stream: taps are matched up to so far apart."""
+"""Largest delay of a stream in s: the search range of the tap alignment."""
 SESSION_INTERVAL: Seconds = 120.0
-"""From the start of one session of a day to that of the next; a session lasts about half of it."""
+"""Time between the starts of two sessions of a day, in s; a session lasts about half of it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,13 +62,12 @@ class Group(Checked):
         plan's sensor.
     second
         Distance in m at which a second object of the same kind touches the string at the same time, towards
-        the further end; 0 for none. There is no one position then, and no label of it.
+        the further end; 0 for none. There is then no single position and no position label.
     rolls
         Whether objects roll where they move along the string; the strokes of "slide" are then all along it.
         By default they slide.
     oblique
-        Range of how far a press goes on across the string, as a share of its depth: it loads the touch
-        sideways.
+        Range of a press's sideways motion, as a share of its depth: it loads the touch sideways.
     world
         "ideal" or "plausible", see `monochord.physics.twin.world`; by default the plan's.
     deviation
@@ -76,8 +75,8 @@ class Group(Checked):
     builds
         Seeds of the builds of the sessions, in turn; by default the plan's.
     first_build
-        Seed of the build of the first session, where each session is of a build of its own: those that
-        follow have the seeds that follow. Instead of `builds`.
+        Seed of the first session's build, where each session has a different build: later sessions have
+        consecutive seeds. Instead of `builds`.
     days
         Seeds of the days of the sessions, in turn, once through all builds; day 0 is the day on which the
         sensor was tuned.
@@ -93,7 +92,7 @@ class Group(Checked):
         Range in m of the height of "hover" above the string at rest.
     like
         Name of a group whose motions are repeated, `sessions` of them in total, evenly chosen; its grid and
-        protocol then apply, and its strokes' direction. Whether its own objects roll, a group says itself.
+        protocol then apply, and its strokes' direction. Whether objects roll is set by each group.
     music
         Ambient sound while the drivers are on: "synthetic" for the loop of `monochord.dsp.music`, or a sound
         file. It pauses for the taps.
@@ -137,7 +136,7 @@ class Group(Checked):
     def __post_init__(self) -> None:
         Checked.__post_init__(self)
         if not re.fullmatch(r"[a-z][a-z0-9_]*", self.name):
-            raise InputError(f"group '{self.name}'", "a name of lower-case letters, digits and _")
+            raise InputError(f"group '{self.name}'", "lower-case letters, digits and _")
         refuse_unordered(
             f"group {self.name}",
             oblique=self.oblique,
@@ -195,10 +194,11 @@ class ForceSensor(Checked):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasurementErrors(Checked):
-    """What a robot and its force sensor get wrong, unknown to whoever labels by them: standard deviations.
+    """Errors of a robot and its force sensor that labels do not show: standard deviations.
 
-    `tool` is that of the tool's centre along the string in a session, and `repeat` that of each touch, in m;
-    `gain` is relative, of the force sensor in a session. Assumed, from how well such tools are measured in.
+    `tool` is the error of the tool's centre along the string in a session, and `repeat` that of each touch,
+    in m; `gain` is the relative error of the force sensor in a session. Assumed, from typical tool
+    calibration.
     """
 
     tool: Annotated[Metres, Meta(ge=0.0, le=0.01)] = 0.0
@@ -277,7 +277,7 @@ class Plan(Checked):
                 raise InputError(f"group {group.name} like {group.like}", "a group without like")
 
     def group(self, name: str) -> Group:
-        """Return a group by its name; raises `InputError` where there is none."""
+        """Return a group by its name; raises `InputError` for an unknown name."""
         for group in self.groups:
             if group.name == name:
                 return group
@@ -287,7 +287,7 @@ class Plan(Checked):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Assignment:
-    """One session of a plan: all that its content depends on.
+    """One session of a plan: everything that its content depends on.
 
     `index` counts the sessions of its group, `order` those of the plan; `seed` is the collection's.
     """
@@ -305,13 +305,13 @@ class Assignment:
 
     @property
     def day(self) -> int:
-        """Seed of its day."""
+        """Seed of the session's day."""
         turn = self.index // max(1, len(self.group.builds))
         return self.group.days[turn % len(self.group.days)]
 
     @property
     def build(self) -> int | None:
-        """Seed of its build; None for the design itself."""
+        """Seed of the session's build; None for the nominal design."""
         if self.group.first_build is not None:
             return self.group.first_build + self.index
         builds = self.group.builds
@@ -319,7 +319,7 @@ class Assignment:
 
     @property
     def world(self) -> World:
-        """The world that it is of."""
+        """The session's world."""
         return self.group.world or self.plan.world
 
     @property
@@ -342,7 +342,7 @@ class Assignment:
 
     @property
     def origin(self) -> "Assignment":
-        """The session whose motion it repeats: itself, or one of the group named by `like`."""
+        """The session whose motion is repeated: itself, or one of the group named by `like`."""
         if not self.group.like:
             return self
         group = self.plan.group(self.group.like)
@@ -356,17 +356,17 @@ class Assignment:
 
     @property
     def deviation(self) -> Deviation:
-        """What deviates of its sensor and its object."""
+        """Deviations of the session's sensor and object."""
         return self.plan.deviation if self.group.deviation is None else self.group.deviation
 
     def sensor(self) -> Sensor:
-        """Return the sensor of this session: this build of the design, on this day."""
+        """Return the sensor of this session: its build of the design, on its day."""
         day = None if self.day == 0 else self.day
         sensor = sensor_of(self.design(), self.world, build=self.build, day=day, effects=self.plan.effects)
         return self.deviation.of_sensor(sensor)
 
     def touch(self, motion: tuple[Key, ...]) -> Touch:
-        """Return its object, which slides along a motion.
+        """Return the object with its motion.
 
         In a plausible world one gripper holds all objects of a build, save drawn ones, each with its own.
         """
@@ -382,7 +382,7 @@ class Assignment:
         return np.random.default_rng([self.seed, crc32(f"{self.name} {purpose}".encode())])
 
     def cells(self) -> Floats:
-        """Return the touches of this session: place in m and force in N, (n, 2).
+        """Return the touches of this session: position in m and force in N, (n, 2).
 
         Each is drawn within its cell of the group's grid, so that no two are equal; the cells are shuffled
         for each radius and distributed among its sessions.

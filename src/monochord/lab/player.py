@@ -1,4 +1,4 @@
-"""Plays samples into a real JACK server, without a gap and from a known first frame.
+"""Plays samples into a real JACK server, without gaps and from a known first frame.
 
 As a process it plays a file that `write_script` wrote. It prints its ports as one line of JSON, reads each
 line of its standard input as the start, in s of the monotonic clock, and ends when that input does::
@@ -28,12 +28,12 @@ from monochord.lab._script import follow_input, read_script, write_script
 __all__ = ["Player", "PlayerSettings", "serve", "write_script"]
 
 SCHEDULE_AHEAD: Seconds = 0.2
-"""Time before the start at which the first frame is scheduled."""
+"""Time before the start at which the first frame is scheduled, in s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlayerSettings:
-    """Options of a player that is a process, which plays its samples `repeat` times; see `Player`."""
+    """Options of a player process, which plays its samples `repeat` times; see `Player`."""
 
     sample_rate: int = 44100
     repeat: int = 1
@@ -42,33 +42,33 @@ class PlayerSettings:
 
 
 class Player(Closing):
-    """A JACK client with one output a channel, which plays once all of them are connected.
+    """A JACK client with one output per channel, which plays once all of them are connected.
 
-    The whole signal lies in memory and a compiled callback plays it, so that another client captures every
-    sample from the first on. Silence before and after.
+    The whole signal is in memory, and a compiled callback plays it, so that another client can capture every
+    sample from the first on. There is silence before and after.
 
     Parameters
     ----------
     samples
         The signal, (channels, n).
     sample_rate
-        Its rate in Hz, which must be the server's.
+        Sample rate in Hz, which must equal the server's.
     client_name
         The client's name; its ports are ``NAME:out_1`` and so on.
     server
         Name of the server; empty for the default one.
     connect
-        Names of the input ports to connect to, one a channel; none by default: the receiver connects.
+        Names of the input ports to connect to, one per channel; by default none, and the receiver connects.
     begin
-        Time of the first sample, in s of the monotonic clock: `wait` schedules it, and samples that are late
-        are skipped. Infinity: `begin_at` sets it. None: as soon as all ports are connected.
+        Time of the first sample, in s of the monotonic clock: `wait` schedules it, and late samples are
+        skipped. Infinity: set later by `begin_at`. None: as soon as all ports are connected.
 
     Raises
     ------
     InputError
-        If the samples are empty or the server's rate is another.
+        If the samples are empty or the server's rate differs.
     DeviceError
-        If there is no server, or no such input port.
+        If no server runs, or an input port does not exist.
     """
 
     def __init__(
@@ -103,16 +103,19 @@ class Player(Closing):
 
     @property
     def ended(self) -> bool:
-        """Whether all samples are played."""
+        """Whether all samples have been played."""
         return self.position == self._tape.samples.shape[1]
 
     @property
     def gone(self) -> bool:
-        """Whether the server has ended."""
+        """Whether the server has shut down."""
         return bool(self._tape.count(at.GONE))
 
     def wait(self, seconds: Seconds) -> bool:
-        """Wait `seconds` for the end of the samples or of the server; return whether all is played."""
+        """Wait up to `seconds` for the end of the samples or of the server.
+
+        Return whether all were played.
+        """
         deadline = time.monotonic() + seconds
         if self._begin is not None and self._begin < math.inf:
             self._schedule(self._begin, deadline)
@@ -121,7 +124,7 @@ class Player(Closing):
         return self.ended
 
     def begin_at(self, begin: Seconds) -> None:
-        """Set the time of the first sample; waits until shortly before."""
+        """Set the time of the first sample; waits until shortly before it."""
         self._schedule(begin, math.inf)
 
     def close(self) -> None:
@@ -152,7 +155,7 @@ class Player(Closing):
     def _connect(self, inputs: tuple[str, ...]) -> None:
         for output, into in zip(self.ports, inputs, strict=False):
             if not self._client.connect(output, into):
-                raise DeviceError(f"JACK port {into}: no such input, or not of an active client")
+                raise DeviceError(f"JACK port {into}: no such input, or its client is not active")
 
 
 def serve(path: Path) -> None:

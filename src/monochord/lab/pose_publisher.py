@@ -1,4 +1,4 @@
-"""Publishes a robot's pose in real time: over DDS as a ROS 2 node would, and as JSON datagrams.
+"""Publishes a robot's pose in real time: over DDS like a ROS 2 node, and as JSON datagrams.
 
 As a process it plays a file that `write_script` wrote, with the arrays ``poses`` and optionally ``wrenches``.
 It prints what it publishes as one line of JSON, reads each line of its standard input as the start, in s of
@@ -33,7 +33,7 @@ from monochord.lab._script import follow_input, read_script, write_script
 __all__ = ["PosePublisher", "PublisherSettings", "serve", "write_script"]
 
 MAX_WAIT: Seconds = 0.02
-"""Longest wait before it looks for a new begin."""
+"""Longest wait before checking for a new start time, in s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,17 +43,17 @@ class PublisherSettings(Checked):
     Parameters
     ----------
     rate
-        Poses a second, as many as there are in the array.
+        Poses per second, equal to the rate of the array.
     wrench_rate
-        Wrenches a second, likewise.
+        Wrenches per second, likewise.
     delay
         Time in s between a pose and its message; the stamp is the time of the pose.
     clock_error
-        Offset of the robot's clock, which makes the stamps, from the wall clock, in s.
+        Offset of the robot's clock, which sets the stamps, from the wall clock, in s.
     topic, wrench_topic
-        Topics of ROS 2; an empty one is not published.
+        ROS 2 topics; an empty name disables one.
     frame
-        Frame of both.
+        Coordinate frame of both topics.
     domain, interface
         DDS domain, None for ``$ROS_DOMAIN_ID``, and network interface.
     udp
@@ -78,25 +78,25 @@ class PublisherSettings(Checked):
 
 
 class PosePublisher(Closing):
-    """A robot that publishes its pose, in a thread of its own.
+    """A robot that publishes its pose, in a separate thread.
 
-    Before its beginning it rests at the first pose, after its end at the last; it always publishes.
+    It always publishes: the first pose before its start, the last pose after its end.
 
     Parameters
     ----------
     poses
-        Place in m and unit quaternion, (n, 7), one each 1 / `rate` s.
+        Position in m and unit quaternion, (n, 7), one every 1 / `rate` s.
     settings
         Topics, rates and delays.
     wrenches
-        Force in N and torque in N m, (m, 6), one each 1 / `wrench_rate` s; None for none.
+        Force in N and torque in N m, (m, 6), one every 1 / `wrench_rate` s; None for none.
     begin
         Time of the first pose, in s of the monotonic clock; `begin_at` may set it later.
 
     Raises
     ------
     InputError
-        If the arrays have other shapes, or there is no library to speak DDS with.
+        If an array has the wrong shape, or the DDS library is missing.
 
     Examples
     --------
@@ -133,7 +133,7 @@ class PosePublisher(Closing):
 
     @property
     def listeners(self) -> int:
-        """Number of readers of its topics."""
+        """Number of readers of the topics."""
         return self._output.listeners
 
     def begin_at(self, begin: Seconds) -> None:
@@ -153,7 +153,7 @@ class PosePublisher(Closing):
 
 
 class _Track:
-    """One array in time: `send` is called with a row, the monotonic time of it, and its number."""
+    """One array in time: `send` is called with a row, its monotonic time, and its number."""
 
     def __init__(
         self, rows: Floats, rate: Hertz, delay: Seconds, send: Callable[[list[float], Seconds, int], None]
@@ -179,7 +179,7 @@ class _Track:
 
 
 class _Output:
-    """Sends poses and wrenches; stamps are of the robot's clock."""
+    """Sends poses and wrenches, stamped by the robot's clock."""
 
     def __init__(self, settings: PublisherSettings, *, wrenches: bool) -> None:
         self._settings = settings

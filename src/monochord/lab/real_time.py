@@ -1,8 +1,8 @@
-"""A session of a plan in real time: every device a process, reached through its real port or protocol.
+"""Plays a session of a plan in real time: each device is a process behind its real port or protocol.
 
-A JACK client plays the twin's sound, a simulated Net F/T sends wrenches over UDP, a simulated robot poses
-over DDS; the recorder records them as it would record hardware. Only the labels, which no instrument
-measures, are passed to it directly.
+A JACK client plays the twin's sound, a simulated Net F/T sends wrenches over UDP, and a simulated robot sends
+poses over DDS; the recorder records them like hardware. Only the labels, which no instrument measures, are
+passed to it directly.
 """
 
 import json
@@ -37,13 +37,13 @@ from monochord.lab.render import Rendering, render
 from monochord.sessions import Description, Event
 
 LEAD: Seconds = 1.0
-"""From the order to begin to the start: the player schedules its first frame 0.2 s before."""
+"""Time from the start command to the start, in s: the player schedules its first frame 0.2 s before it."""
 TAIL: Seconds = 1.0
-"""Time recorded after the last reading was due."""
+"""Time recorded after the last reading was due, in s."""
 START_TIMEOUT: Seconds = 60.0
-"""Time that a process may take to report that it is ready."""
+"""Time for a process to report that it is ready, in s."""
 SENSOR_SILENCE: Seconds = 2.0
-"""Silence after which the force sensor is started again: a busy machine delays the simulated one."""
+"""Silence after which the force sensor is restarted, in s: a busy machine delays the simulated one."""
 UNITS = {"position": "m", "force": "N", "slip_across": "m/s", "slip_along": "m/s"}
 
 
@@ -126,11 +126,11 @@ def play(session: Assignment, folder: Path, *, server: str = "", show: Show = _i
     Raises
     ------
     InputError
-        If a file of that name contains something else, or the disk filled up.
+        If a file of that name has other content, or the disk is full.
     DeviceError
-        If there is no JACK server, a device does not start, or one went away.
+        If no JACK server runs, or a device does not start or goes away.
     KeyboardInterrupt
-        If the end was requested; the recording so far remains as NAME.mcap.part.
+        If an end was requested; the partial recording remains as NAME.mcap.part.
     """
     path = folder / f"{session.name}.mcap"
     if result := existing(path, _description(session)):
@@ -195,7 +195,7 @@ class _Device:
 
 @contextmanager
 def _process(name: str, script: Path, arrays: dict[str, Floats], settings: Any) -> Generator[_Device]:
-    """Start a part as a process; it ends with the context."""
+    """Start a part as a process that ends with the context."""
     write_script(script, arrays, settings)
     command = [sys.executable, "-m", f"monochord.lab.{name}", str(script)]
     with subprocess.Popen(  # noqa: S603  (our own module)  # nosec B603
@@ -214,12 +214,12 @@ def _process(name: str, script: Path, arrays: dict[str, Floats], settings: Any) 
 
 
 def _first_words(name: str, process: "subprocess.Popen[str]") -> dict[str, Any]:
-    """Return the address that a device prints when ready; raises `DeviceError` if it fails."""
+    """Return the address that a device prints when ready; raises `DeviceError` on failure."""
     assert process.stdout is not None
     assert process.stderr is not None
     ready, _, _ = select.select([process.stdout], [], [], START_TIMEOUT)
     if not ready:
-        raise DeviceError(f"{name}: did not start within {START_TIMEOUT:g} s; is the machine that busy?")
+        raise DeviceError(f"{name}: did not start within {START_TIMEOUT:g} s; is the machine too busy?")
     line = process.stdout.readline()
     if line:
         return json.loads(line)
@@ -235,20 +235,20 @@ def _description(session: Assignment) -> Description:
 
 @dataclass(frozen=True, slots=True)
 class _Describer:
-    """Describes a session as its plan does, with the instruments that recorded it."""
+    """Describes a session according to its plan, with the instruments that recorded it."""
 
     session: Assignment
 
     def describe(self, name: str, signal: Signal, feeds: tuple[Feed, ...]) -> Description:
         description = _description(self.session)
-        assert signal.sample_rate == description.sample_rate, f"the player refuses any other rate for {name}"
+        assert signal.sample_rate == description.sample_rate, f"it must equal the rate of {name}"
         return replace(description, feeds=feeds)
 
 
 class _LabelsFeed(Instrument, Connection):
-    """The labels of the rendering, delivered while the session plays.
+    """The labels of the rendering, delivered during playback.
 
-    As in `monochord.lab.offline`, their times are those of the force sensor, `delay` after the true ones.
+    As in `monochord.lab.offline`, their times are the force sensor's, `delay` after the true ones.
     """
 
     def __init__(self, rendering: Rendering, delay: Seconds) -> None:
@@ -293,11 +293,11 @@ class _LabelsFeed(Instrument, Connection):
         ]
 
     def over(self, time: Seconds) -> bool:
-        """Return whether the session had ended at a time."""
+        """Return whether the session had ended by a time."""
         return self.begin is not None and time >= self.begin + self._seconds
 
     def events(self, now: Seconds) -> list[Event]:
-        """Return the events that have happened since the last call."""
+        """Return the events since the last call."""
         notices: list[Event] = []
         while self.begin is not None and self._events_delivered < len(self._due_events):
             due, event = self._due_events[self._events_delivered]

@@ -1,6 +1,6 @@
-"""The simulation of a session of a plan: microphones, wrench, pose, labels and events.
+"""Simulates a session of a plan: microphones, wrench, pose, labels and events.
 
-A rendering has no delays, jitter or losses: its times are true. The code that plays or writes it adds those.
+A rendering has no delays, jitter or losses: its times are true. The code that plays or writes it adds them.
 """
 
 import math
@@ -26,15 +26,15 @@ from monochord.physics.twin.outside import outside_at
 from monochord.sessions import Event
 
 CHUNK: Seconds = 2.0
-"""Duration that is simulated at once."""
+"""Duration simulated at once, in s."""
 FORCE_AVERAGE: Seconds = 0.005
-"""Averaging of the force label: half the width of a raised cosine around its time."""
+"""Averaging of the force label in s: half the width of a raised cosine centred on its time."""
 MUSIC_FADE: Seconds = 0.05
-"""Time in which music fades in and out."""
+"""Fade-in and fade-out time of music, in s."""
 NEAREST_END = 0.03
-"""Share of the string's length that a second object stays from either end."""
+"""Smallest distance of a second object from either end, as a share of the string's length."""
 DOWNWARD = (1.0, 0.0, 0.0, 0.0)
-"""Orientation of the tool, as a quaternion: half a turn about x, so that it looks down on the string."""
+"""Orientation of the tool, as a quaternion: half a turn about x, pointing down at the string."""
 LABELS = ("contact", "position", "reaction", "slip", "across", "along")
 
 
@@ -42,9 +42,9 @@ LABELS = ("contact", "position", "reaction", "slip", "across", "along")
 class Rendering:
     """A session, or a stretch of one, at true times.
 
-    `microphones` (2, n) float32 in full scale begin at frame `start`; `wrench` (m, 6) in N and N m, `pose`
-    (k, 7) in m and as a unit quaternion, and every column (l,) of `labels` begin at the first multiple of
-    their period that is not before it. Labels are NaN where there is no contact.
+    `microphones` (2, n) float32 in full scale begin at frame `start`. `wrench` (m, 6) in N and N m, `pose`
+    (k, 7) in m and as a unit quaternion, and every column (l,) of `labels` begin at their first sample at or
+    after that time. Touch labels are NaN without contact.
     """
 
     start: Samples
@@ -65,26 +65,26 @@ class Rendering:
 
     @property
     def seconds(self) -> Seconds:
-        """How long it lasts, in s."""
+        """Duration in s."""
         return self.microphones.shape[1] / self.sample_rate
 
     def index(self, rate: Hertz, count: int) -> NDArray[np.int64]:
-        """Return the numbers of these `count` readings in a stream of a rate."""
+        """Return the numbers of `count` readings in a stream of a given rate."""
         return first_reading(self.start, rate, self.sample_rate) + np.arange(count, dtype=np.int64)
 
     @property
     def wrench_time(self) -> Floats:
-        """When the wrenches were taken, (m,) in s."""
+        """Times of the wrenches, (m,) in s."""
         return self.index(self.force_rate, len(self.wrench)) / self.force_rate
 
     @property
     def pose_time(self) -> Floats:
-        """When the poses were taken, (k,) in s."""
+        """Times of the poses, (k,) in s."""
         return self.index(self.pose_rate, len(self.pose)) / self.pose_rate
 
     @property
     def label_time(self) -> Floats:
-        """When the labels hold, (l,) in s."""
+        """Times of the labels, (l,) in s."""
         return self.index(self.label_rate, len(self.labels["contact"])) / self.label_rate
 
 
@@ -94,7 +94,7 @@ def concatenate(parts: Iterable[Rendering]) -> Rendering:
     Parameters
     ----------
     parts
-        Stretches of one session, in order, each beginning where the one before ends.
+        Consecutive stretches of one session, in order.
 
     Returns
     -------
@@ -120,7 +120,7 @@ def concatenate(parts: Iterable[Rendering]) -> Rendering:
 
 
 def first_reading(frame: Samples, rate: Hertz, sample_rate: int) -> int:
-    """Return the number of the first reading, at a rate, at or after a frame of the microphones.
+    """Return the number of the first reading, at a rate, at or after a microphone frame.
 
     Examples
     --------
@@ -131,7 +131,7 @@ def first_reading(frame: Samples, rate: Hertz, sample_rate: int) -> int:
 
 
 def render(session: Assignment) -> Rendering:
-    """Return a whole session; its memory grows by some 0.5 MB a second.
+    """Return a whole session; takes some 0.5 MB of memory per second.
 
     Examples
     --------
@@ -190,7 +190,7 @@ class _Renderer:
             yield self._piece(now, before, np.zeros(0))
 
     def _chunks(self) -> Iterator[_Chunk]:
-        """Yield the twin's output chunk by chunk, with its drivers switched on and off in between."""
+        """Yield the twin's output chunk by chunk, switching its drivers on and off in between."""
         motion, size = self.schedule.motion, round(CHUNK * self.rate)
         switches = {round(self.schedule.on * self.rate): True, round(self.schedule.off * self.rate): False}
         end = math.ceil(motion.end * self.rate)
@@ -221,7 +221,7 @@ class _Renderer:
         return begin(sensor, scene, sample_rate=self.rate, seed=seed)
 
     def _ambient(self, sensor: Sensor) -> Outside | None:
-        """Return the sound around the sensor: music and motors, which pause for the taps."""
+        """Return the ambient sound: music and motors, which pause for the taps."""
         group, timing = self.session.group, self.schedule
         if not (group.music or group.motors):
             return None
@@ -259,7 +259,7 @@ class _Renderer:
         )
 
     def _smooth(self, reaction: Floats, kernel: Floats) -> Floats:
-        """Return the force of the chunk's frames, and of one more, through a filter without lag."""
+        """Return the force at the chunk's frames, and one more, through a zero-delay filter."""
         from scipy.signal import oaconvolve  # noqa: PLC0415
 
         return oaconvolve(reaction, kernel, mode="same")[self.reach :]
@@ -322,7 +322,7 @@ class _Errors:
 
 
 def _second(touch: Touch, distance: Metres, sensor: Sensor) -> tuple[Touch, ...]:
-    """Return a second object at a distance from the first, nearer where the string ends; none at 0."""
+    """Return a second object at a distance from the first, towards the further end; none at 0."""
     if distance == 0.0:
         return ()
     places, length = [key.position for key in touch.motion], sensor.string.length
@@ -335,7 +335,7 @@ def _second(touch: Touch, distance: Metres, sensor: Sensor) -> tuple[Touch, ...]
 
 
 def _columns(labels: Labels) -> dict[str, Floats]:
-    """Return the labels (n,) of all touches as one; where there are two objects, there is no one position."""
+    """Return the labels (n,) of all touches as one; two objects at once have no position label."""
     columns = {name: np.asarray(getattr(labels, name)[0], np.float64) for name in LABELS}
     if len(labels.contact) > 1:
         for name in ("contact", "slip"):

@@ -21,29 +21,29 @@ from monochord.physics.twin.trajectory import (
 )  # fmt: skip
 
 PAUSES = (0.24, 0.31)
-"""Rests between the taps in s: unequal, so that no tap is mistaken for its neighbour."""
+"""Pauses between taps in s: unequal, so that neighbouring taps cannot be confused."""
 BEFORE: Seconds = 0.4
 AFTER: Seconds = 0.15
-"""Rests before the first and after the last of three taps."""
+"""Pauses before the first and after the last of three taps, in s."""
 SETTLING: Seconds = 1.2
-"""Time for the string to build up once its drivers are on."""
+"""Time for the string's sound to build up after the drivers are switched on, in s."""
 FADING: Seconds = 0.7
-"""Time for the string to fall silent once they are off."""
+"""Time for the string to fall silent after the drivers are switched off, in s."""
 SETTLE: Seconds = 0.2
-"""From the end of a press until the sound has mostly settled."""
+"""Time from the end of a press until the sound has mostly settled, in s."""
 REST: Seconds = 0.1
-"""Time in the air after a touch."""
+"""Time in the air after a touch, in s."""
 OBLIQUE_SPEED: MetresPerSecond = 0.01
-"""Speed at which an oblique press goes on across the string."""
+"""Sideways speed of an oblique press, in m/s."""
 TURN: Seconds = 0.1
-"""Time between two strokes."""
+"""Time between two strokes, in s."""
 BRUSH = (0.08, 0.35)
-"""Least and greatest length of a brief touch, and of the pause after it, in s."""
+"""Shortest and longest brief touch, and pause after it, in s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Schedule:
-    """A session's motion, and when its drivers are on: from `on` to `off`, in s."""
+    """A session's motion, and the time its drivers are on: from `on` to `off`, in s."""
 
     motion: Trajectory
     on: Seconds
@@ -51,12 +51,12 @@ class Schedule:
 
     @property
     def taps(self) -> tuple[Seconds, ...]:
-        """Times at which the tool is deepest in each tap, in s."""
+        """Times of the deepest point of each tap, in s."""
         return self.motion.taps
 
 
 def schedule(session: Assignment) -> Schedule:
-    """Return the schedule of a session; it depends on nothing but the assignment.
+    """Return the schedule of a session; it depends only on the assignment.
 
     Examples
     --------
@@ -87,7 +87,7 @@ def _taps() -> Iterator[Move]:
 
 
 def _touches(session: Assignment, design: StringParams) -> Iterator[Move]:
-    """Yield the moves of every touch; depths follow from the grid's forces and the design's string."""
+    """Yield the moves of every touch; depths follow from the grid's forces and the nominal string."""
     group, random = session.origin.group, session.origin.random("touches")
     for number, (place, force) in enumerate(session.cells().tolist()):
         yield Travel(position=place)
@@ -121,7 +121,7 @@ def _strokes(
 ) -> Iterator[Move]:
     """Move back and forth: along the string in every second touch and across it in the others.
 
-    What rolls moves along the string alone: across it, it would slide.
+    A rolling object moves along the string only: across it, it would slide.
     """
     group = session.origin.group
     low, high = group.places or session.design().range

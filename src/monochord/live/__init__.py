@@ -1,6 +1,6 @@
-"""The live loop: a source, windows, an estimator and sinks; the same offline and live.
+"""The live loop from a source through windows and an estimator to sinks; the same offline and live.
 
-`LiveRun` is what is run, as a person configures it, `run` the loop and `Summary` what it counted.
+`LiveRun` is the configuration of a run, `run` is the loop, and `Summary` holds its counts and timings.
 """
 
 from monochord.live.filter import FilterSettings, FilterState, Tracked, step

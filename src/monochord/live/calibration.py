@@ -1,4 +1,4 @@
-"""Calibration of an estimator with recordings whose touch position is known."""
+"""Calibrates an estimator with recordings of known touch position."""
 
 import dataclasses
 import statistics
@@ -10,22 +10,22 @@ from monochord.live.sinks.base import Listener, Update
 
 
 def medians(take: LiveRun) -> dict[str, float]:
-    """Return the median of each quantity over a take's windows that have a frequency.
+    """Return the median of each quantity over a take's windows with a frequency.
 
-    The median keeps a plucked take's onset and its dying end from pulling the result.
+    The median suppresses a plucked take's onset and decay.
 
     Raises
     ------
     InputError
         If no window of the take has a frequency.
     KeyboardInterrupt
-        If it is interrupted: half a take is no calibration.
+        If the take is interrupted: an incomplete take is not used.
     """
     estimates = _Estimates()
     if run(dataclasses.replace(take, sinks=(estimates,))).interrupted:
         raise KeyboardInterrupt
     if not estimates.values:
-        why = f"no window of it has a frequency ({estimates.reason or 'it is shorter than a window'})"
+        why = f"no window has a frequency ({estimates.reason or 'shorter than a window'})"
         raise InputError(f"calibration take: {why}", "a take with a clear note", "record it again")
     return {name: statistics.median(values) for name, values in estimates.values.items()}
 

@@ -1,4 +1,4 @@
-"""Hands updates to sinks, so that none of them delays the live loop or another sink."""
+"""Delivers updates to sinks, so that no sink delays the live loop or another sink."""
 
 import inspect
 import logging
@@ -19,24 +19,25 @@ from monochord.live.health import Note
 from monochord.live.sinks.base import Listener, NotDeliveredError, Run, Sink, Update
 
 CLOSING: Seconds = 5.0
-"""How long sinks may take, together, to write what waits for them at the end of a run."""
+"""Time for all sinks together to write their backlog at the end of a run, in s."""
 SWITCH_INTERVAL: Seconds = 5e-4
-"""How long a sink's thread may keep the interpreter to itself while the loop has a window to estimate.
+"""Longest time a sink's thread keeps the interpreter while the loop has a window to estimate, in s.
 
-Python's own 5 ms is half a hop."""
+Python's default of 5 ms is half a hop.
+"""
 
 ALL = ""
-"""In place of a string's name, of a sink that takes the updates of all strings."""
+"""Stands for a string's name where a sink takes the updates of all strings."""
 
 _log = logging.getLogger("monochord")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Delivered:
-    """What became of a run's windows at one sink.
+    """How many windows of a run one sink wrote and missed.
 
-    `written` windows were taken by the sink. `left_out` were not: it was slow, could not deliver them, or had
-    failed. `failure` is the reason why it was closed before the end, empty where it was not.
+    `written` counts the windows that the sink wrote. `left_out` counts the others: the sink was slow, could
+    not deliver them, or had failed. `failure` is why the sink closed early, empty for a normal end.
     """
 
     sink: str
@@ -45,7 +46,7 @@ class Delivered:
     failure: str = ""
 
     def line(self) -> str:
-        """Return it as a person reads it.
+        """Return the counts as text.
 
         >>> Delivered(sink="udp", written=90, left_out=10).line()
         'udp 90 written, 10 left out'
@@ -57,21 +58,21 @@ class Delivered:
 class Delivery:
     """The open sinks of a run; leaving the context writes what waits and closes them.
 
-    Where a clock paces the source, each sink has a thread of its own behind a queue of its `backlog`; the
-    oldest window in a full queue is left out and counted. Where the reader paces the source, as with a file
-    that is read at full speed, sinks are called in the loop, which waits for them: nothing is left out.
+    Where a clock paces the source, each sink has a thread behind a queue of its `backlog`; a full queue drops
+    and counts its oldest window. Where the reader sets the pace, as with a file read at full speed, the loop
+    calls the sinks and waits for them: nothing is dropped.
 
-    A sink that raises is reported in one line and closed, and the others go on. The run ends with that error
-    where no other sink is left, or where the reader of standard output went away. A `Listener` is part of the
-    program that runs the loop: it is always called in the loop, and what it raises passes through.
+    A sink that raises is reported in one line and closed, and the others continue. The run ends with that
+    error where no other sink is left, or where the reader of standard output went away. A `Listener` belongs
+    to the program that runs the loop: it is always called in the loop, and its exceptions propagate.
 
     Parameters
     ----------
     sinks
-        Sinks in the order in which they are opened.
+        Sinks in opening order.
     run
-        What they are opened for. Of several strings, a sink that is one for each
-        (`Sink.is_for_each_string`) takes the updates of that one; others take all.
+        The run they are opened for. With several strings, a sink with one instance per string
+        (`Sink.is_for_each_string`) takes the updates of its string; other sinks take all.
     paced
         Whether a clock paces the source.
 
@@ -113,7 +114,7 @@ class Delivery:
             self._raise_where_none_is_left()
 
     def hand_over(self, update: Update) -> None:
-        """Give an update to every sink, with a note on each that was closed; raises where no sink is left."""
+        """Pass an update to every sink, with a note on each closed sink; raises where no sink is left."""
         closed = [outlet for outlet in self._outlets if outlet.error is not None]
         if closed:
             notes = [outlet.note(update.prediction.time) for outlet in closed]
@@ -128,7 +129,7 @@ class Delivery:
 
     @property
     def delivered(self) -> tuple[Delivered, ...]:
-        """What became of the windows at each sink but listeners."""
+        """The counts of each sink, listeners excepted."""
         return tuple(outlet.delivered() for outlet in self._outlets if not isinstance(outlet, _Called))
 
     def _open(self, sink: Sink) -> None:
@@ -162,14 +163,14 @@ class Delivery:
 
 
 def _refuse_former(sink: Sink, name: str) -> None:
-    """Raise `InputError` for a sink of version 0.1, which is opened for a signal."""
+    """Raise `InputError` for a sink of version 0.1, which is opened with a signal."""
     if "signal" in inspect.signature(sink.open).parameters:
-        remedy = "docs/how-to/upgrade.md says how: its `signal` is `run.signal`"
-        raise InputError(f"sink '{name}' of Monochord 0.1", "one with open(self, run)", remedy)
+        remedy = "see docs/how-to/upgrade.md: replace `signal` with `run.signal`"
+        raise InputError(f"sink '{name}' of Monochord 0.1", "a sink with open(self, run)", remedy)
 
 
 class _Outlet:
-    """An open sink, of one string by its name or of all of them."""
+    """An open sink, for one string by name or for all strings."""
 
     def __init__(self, sink: Sink, run: Run) -> None:
         kind = type(sink).__module__.rpartition(".")[2]
@@ -188,34 +189,34 @@ class _Outlet:
         return self._reads_standard_output and isinstance(self.error, BrokenPipeError)
 
     def take(self, update: Update) -> None:
-        """Take an update in the loop."""
+        """Accept an update in the loop."""
 
     def end(self) -> None:
-        """Expect no more."""
+        """Accept no more updates."""
 
     def close(self, deadline: Seconds) -> None:  # noqa: ARG002
-        """Write what waits and close the sink, until a time of the monotonic clock."""
+        """Write the backlog and close the sink before a monotonic deadline."""
         if self.error is None:
             self._leave()
 
     def note(self, now: Seconds) -> Note:
-        """Return the note on a sink that was closed; it says so since the first window after that."""
+        """Return the note on a closed sink, dated from the first window after it closed."""
         self._closed_at = now if self._closed_at is None else self._closed_at
         return Note(
             key=f"{self.name}_closed".replace(" ", "_"),
             level="error",
             sentence=f"Output {self.name} is closed: {self.failure}.",
-            remedy="The other outputs go on. Remove the cause, then start again.",
+            remedy="The other outputs continue. Remove the cause, then start again.",
             since=self._closed_at,
         )
 
     @property
     def failure(self) -> str:
-        """Why it was closed, empty where it was not."""
+        """Why the sink closed early; empty where it did not."""
         return "" if self.error is None else reason(self.error)
 
     def delivered(self) -> Delivered:
-        """Return what became of the windows."""
+        """Return the sink's counts."""
         left_out = self._given - self._written
         return Delivered(sink=self.name, written=self._written, left_out=left_out, failure=self.failure)
 
@@ -245,7 +246,7 @@ class _Outlet:
 
 
 class _Called(_Outlet):
-    """A listener: called in the loop, and what it raises passes through."""
+    """A listener: called in the loop; its exceptions propagate."""
 
     def take(self, update: Update) -> None:
         self._writer.write(update)
@@ -255,7 +256,7 @@ class _Called(_Outlet):
 
 
 class _Guarded(_Outlet):
-    """A sink that is called in the loop, which waits for it."""
+    """A sink called in the loop, which waits for it."""
 
     def take(self, update: Update) -> None:
         self._given += 1
@@ -264,7 +265,7 @@ class _Guarded(_Outlet):
 
 
 class _Queued(_Outlet):
-    """A sink with a thread of its own behind a queue."""
+    """A sink with a thread behind a queue."""
 
     def __init__(self, sink: Sink, run: Run) -> None:
         super().__init__(sink, run)
@@ -274,7 +275,7 @@ class _Queued(_Outlet):
         self._thread.start()
 
     def put(self, update: Update) -> None:
-        """Take an update from the dispatcher; a full queue loses its oldest."""
+        """Accept an update from the dispatcher; a full queue drops its oldest."""
         self._given += 1
         if self.error is not None:
             return
@@ -301,9 +302,9 @@ class _Queued(_Outlet):
 
 
 class _Dispatcher:
-    """Passes updates from the loop to the queues of sinks, in a thread of its own.
+    """Passes updates from the loop to the sinks' queues, in a separate thread.
 
-    To wake a thread costs some 10 us, which the loop spends once, whatever the number of sinks.
+    Waking a thread costs some 10 us, which the loop spends once, whatever the number of sinks.
     """
 
     def __init__(self, outlets: list[_Queued]) -> None:
@@ -313,7 +314,7 @@ class _Dispatcher:
         self._thread.start()
 
     def close(self) -> None:
-        """Wait until every update is in the queues, which never takes long."""
+        """Wait until every update is in the queues, which is quick."""
         self.updates.put(None)
         self._thread.join()
 

@@ -1,4 +1,4 @@
-"""Events: when a touch begins and ends, and when it starts and stops sliding."""
+"""Touch and slip events: onset and end of contact, onset and end of sliding."""
 
 from dataclasses import dataclass
 
@@ -9,9 +9,9 @@ from monochord.live.switches import Switch
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Event:
-    """A change of what is decided of a touch.
+    """A change of a decision about a touch.
 
-    `name` is what changed, ``contact`` or ``slip``, and `on` what it is now. `time` is the onset in seconds
+    `name` is the quantity, ``contact`` or ``slip``, and `on` its new state. `time` is the onset in seconds
     since the stream began: the end of the first window that showed the change; `adc_time` is the same on the
     monotonic clock, where the source knows it. The change was decided `delay` later, at the end of a later
     window, with probability `confidence`.
@@ -29,20 +29,20 @@ class Event:
 
     @property
     def kind(self) -> str:
-        """What happened in a word: ``contact_begins``, ``slip_ends`` and so on."""
+        """The event in one word: ``contact_begins``, ``slip_ends`` and so on."""
         return f"{self.name}_{'begins' if self.on else 'ends'}"
 
     @property
     def decided(self) -> Seconds:
-        """End of the window after which it was decided, in seconds since the stream began."""
+        """When the event was decided: the end of that window, in seconds since the stream began."""
         return self.time + self.delay
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Announced:
-    """What the events so far amount to, passed in and out; it begins as ``Announced()``.
+    """The state announced by the events so far, passed in and out; it starts as ``Announced()``.
 
-    While nothing is decided, as in a long gap, it stays.
+    It stays unchanged while nothing is decided, as in a long gap.
     """
 
     contact: bool = False
@@ -52,16 +52,16 @@ class Announced:
 def step(
     before: Announced, state: FilterState, tracked: Tracked, adc_offset: Seconds | None = None
 ) -> tuple[Announced, tuple[Event, ...]]:
-    """Return what is announced after a window, and its events: the end of slip before that of contact.
+    """Return the announced state after a window, and its events: the end of slip before that of contact.
 
     Parameters
     ----------
     before
-        What was announced before the window.
+        The announced state before the window.
     state, tracked
-        The state of the filter after it, and what that says.
+        The filter's state and output after the window.
     adc_offset
-        The monotonic clock less the stream's time at the converter, in s, where the source knows it.
+        The monotonic clock minus the stream's time at the converter, in s, where the source knows it.
 
     Examples
     --------

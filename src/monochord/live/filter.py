@@ -1,8 +1,8 @@
-"""Estimates over time: what one window says, weighed with what the windows before it said of the same touch.
+"""Estimates over time: each window's estimates combined with those of earlier windows of the same touch.
 
-Everything here is a fold, state in and out, and the estimates of single windows stay as they are beside it.
-Contact and slip are decided (`monochord.live.switches`), position and force are tracked
-(`monochord.live.tracks`). A touch that begins starts all of it anew.
+Everything here is a fold, state in and out, and leaves the estimates of single windows unchanged. Contact and
+slip are decided (`monochord.live.switches`); position and force are tracked (`monochord.live.tracks`). A new
+touch restarts all of them.
 """
 
 import math
@@ -14,22 +14,30 @@ from typing import NamedTuple
 from monochord.core.types import Estimate, Estimates, Prediction
 from monochord.core.units import Seconds
 from monochord.live.switches import UNDECIDED, Switch, SwitchSettings, contact_after, slip_after
-from monochord.live.tracks import ForceSettings, Press, Span, Track, TrackSettings, press_after, track_after
+from monochord.live.tracks import (
+    ForceSettings,
+    ForceTrack,
+    Span,
+    Track,
+    TrackSettings,
+    force_track_after,
+    track_after,
+)
 
 CONTACT, SLIP, POSITION, FORCE = "contact", "slip", "position", "force"
 LOST = "lost"
-"""The reason where a track has gone on too long without an estimate, if the window gives none itself."""
+"""Default reason where a track has gone on too long without an estimate."""
 UNTOUCHED = "no contact"
-"""The reason where nothing touches, if the window gives none itself."""
+"""Default reason where nothing touches the string."""
 NO_NUMBER = "not a number"
-"""The reason where an estimator states no number."""
+"""Reason where an estimator returns no number."""
 MIN_SHARE = 0.1
-"""Least share of a window that is taken to be touched once a touch shows."""
+"""Smallest share of a window assumed to be touched once a touch shows."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FilterSettings:
-    """How estimates are followed over time; see the module. The defaults were chosen on the twin."""
+    """Settings of the filter over time; see the module. The defaults were chosen on the twin."""
 
     contact: SwitchSettings = field(
         default_factory=lambda: SwitchSettings(on=0.6, off=0.4, average=0.01, dwell=0.01)
@@ -42,10 +50,10 @@ class FilterSettings:
 
 
 class FilterState(NamedTuple):
-    """The state of the filter on one stream, passed in and out; it begins as ``FilterState()``.
+    """State of the filter on one stream, passed in and out; it starts as ``FilterState()``.
 
-    `start` is the first frame of the last window and `time` its end in s. `onset` is the end of the first
-    window of the present touch, NaN without one.
+    `start` is the first frame of the last window and `time` its end in s. `onset` is the end of the present
+    touch's first window, NaN without a touch.
     """
 
     start: int = -1
@@ -54,15 +62,15 @@ class FilterState(NamedTuple):
     contact: Switch = UNDECIDED
     slip: Switch = UNDECIDED
     position: Track | None = None
-    force: Press | None = None
+    force: ForceTrack | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tracked:
-    """What the filter says after a window.
+    """The filter's output after a window.
 
-    `estimates` are the tracked ones, by the names of those of a window. `decided` holds ``contact`` and
-    ``slip`` where they are known.
+    `estimates` are the tracked estimates, by the same names as a window's. `decided` holds ``contact`` and
+    ``slip`` where known.
     """
 
     estimates: Estimates = field(default_factory=lambda: MappingProxyType({}))
@@ -72,18 +80,18 @@ class Tracked:
 def step(
     state: FilterState, prediction: Prediction, length: Seconds, settings: FilterSettings
 ) -> tuple[FilterState, Tracked]:
-    """Return the state after a window, and the tracked touch.
+    """Return the filter's state and output after a window.
 
     Parameters
     ----------
     state
-        The state before the window. A window that does not begin after the one before begins a new stream.
+        The state before the window. A window that does not begin after the previous one starts a new stream.
     prediction
-        Of the window. Estimates of other names than contact, slip, position and force are not tracked.
+        The window's prediction. Only contact, slip, position and force are tracked.
     length
-        Of the window in s.
+        Length of the window in s.
     settings
-        How estimates are followed.
+        Settings of the filter.
 
     Examples
     --------
@@ -103,7 +111,7 @@ def step(
         state = FilterState()
     end, given = prediction.time + length, _usable(prediction.estimates)
     contact, onset = _touch(state, given, end, settings)
-    slip, track, press = UNDECIDED, None, None
+    slip, track, force_track = UNDECIDED, None, None
     if not math.isnan(onset):
         before = state if onset == state.onset else FilterState()
         dt = length if math.isnan(state.time) else end - state.time
@@ -116,13 +124,15 @@ def step(
         if POSITION in given:
             track = track_after(before.position, given[POSITION], span, sliding, settings.position)
         if FORCE in given:
-            press = press_after(before.force, given[FORCE], span, settings.force, slides=slip.on is True)
-    state = FilterState(prediction.start, end, onset, contact, slip, track, press)
-    return state, _said(state, given, settings)
+            force_track = force_track_after(
+                before.force, given[FORCE], span, settings.force, slides=slip.on is True
+            )
+    state = FilterState(prediction.start, end, onset, contact, slip, track, force_track)
+    return state, _output(state, given, settings)
 
 
 def _usable(given: Estimates) -> Estimates:
-    """Return estimates with those that are no numbers as abstentions, whatever the estimator called them."""
+    """Return estimates, with an abstention in place of each that is not a number."""
     if all(map(_is_usable, given.values())):
         return given
     return {
@@ -138,17 +148,17 @@ def _is_usable(estimate: Estimate) -> bool:
 def _touch(
     state: FilterState, given: Estimates, end: Seconds, settings: FilterSettings
 ) -> tuple[Switch, Seconds]:
-    """Return the contact after a window that ends at a time, and the onset of the touch, NaN for none."""
+    """Return the contact after a window that ends at a time, and the touch's onset, NaN for none."""
     if CONTACT in given:
         return contact_after(state.contact, given[CONTACT], end, settings.contact)
     if POSITION in given and given[POSITION].valid:  # an estimator without: a touch is where a position is
         return UNDECIDED, end if math.isnan(state.onset) else state.onset
-    lost = state.position is None or end - state.position.seen > settings.position.coast
+    lost = state.position is None or end - state.position.last_estimate > settings.position.coast
     return UNDECIDED, math.nan if lost else state.onset
 
 
-def _said(state: FilterState, given: Estimates, settings: FilterSettings) -> Tracked:
-    """Return the estimates of a state, for a window of these estimates."""
+def _output(state: FilterState, given: Estimates, settings: FilterSettings) -> Tracked:
+    """Return the estimates of a state, named as the window's estimates."""
     estimates, decided = dict[str, Estimate](), dict[str, bool]()
     contact, slip, touched = state.contact, state.slip, not math.isnan(state.onset)
     if CONTACT in given:
@@ -174,15 +184,15 @@ def _said(state: FilterState, given: Estimates, settings: FilterSettings) -> Tra
             else _missing(raw, touched=touched)
         )
     if FORCE in given:
-        raw, press = given[FORCE], state.force
+        raw, force = given[FORCE], state.force
         estimates[FORCE] = (
-            press.estimate(raw.unit) if touched and press is not None else _missing(raw, touched=touched)
+            force.estimate(raw.unit) if touched and force is not None else _missing(raw, touched=touched)
         )
     return Tracked(estimates=estimates, decided=decided)
 
 
 def _missing(raw: Estimate, *, touched: bool) -> Estimate:
-    """Return the abstention of a window, or one of the filter's own where the window does not abstain."""
+    """Return a window's abstention, or the filter's default where the window does not abstain."""
     return raw if not raw.valid else Estimate.abstain(raw.unit, LOST if touched else UNTOUCHED)
 
 

@@ -1,9 +1,8 @@
-"""The health of a sensor while it runs, in sentences that say what to do.
+"""The sensor's health at run time, in sentences with remedies.
 
-A fold over the windows of a stream: what each window shows is collected into findings, and a finding that
-has lasted becomes a note. It uses what others already know, the reasons for which a model abstains, the
-tuning that an estimator follows and the counters of the stream, and measures levels and hum itself, so that
-a dead microphone is reported with any estimator.
+A fold over the windows of a stream: each window yields findings, and a lasting finding becomes a note.
+Findings come from the reasons for which a model abstains, the tuning that an estimator follows, the stream's
+counters, and from levels and hum measured here, so that a dead microphone is reported with any estimator.
 """
 
 import math
@@ -23,30 +22,34 @@ from monochord.live.filter import CONTACT, FilterState
 from monochord.perception.estimators.base import Condition
 
 Level: TypeAlias = Literal["info", "warning", "error"]
-QUIETER = 1.0e-3
-"""Ratio of the channels' levels from which the quieter one is dead: 60 dB. The string reaches both ends."""
-CLIPPED_PEAK, CLIPPED_SHARE = 0.98, 2.0e-3
-"""Peak in full scale, and share of the samples that are equal to it, of a clipped channel."""
-QUIET_LEVEL, PROMINENCE = 5.6e-3, 40.0
-"""Root mean square, -45 dB, and prominence of its strongest tone below which a string does not ring.
+DEAD_CHANNEL_RATIO = 1.0e-3
+"""Ratio of the channels' levels beyond which the quieter one counts as dead: 60 dB.
 
-Of 12 simulated builds in each world, drivers off, tones are at most 15 dB above the noise; of a string that
-rings they are at least 22 dB above it where it is touched, by any material, and 58 dB where it is not."""
+The string reaches both ends.
+"""
+CLIPPED_PEAK, CLIPPED_SHARE = 0.98, 2.0e-3
+"""Peak in full scale, and share of samples at the peak, from which a channel counts as clipped."""
+RINGING_LEVEL, PROMINENCE = 5.6e-3, 40.0
+"""Root mean square (-45 dB) and prominence of the strongest tone below which a string does not ring.
+
+In 12 simulated builds in each world with the drivers off, tones are at most 15 dB above the noise. A ringing
+string's tones are at least 22 dB above it when touched, by any material, and 58 dB when not.
+"""
 HUM_SHARE = 0.5
-"""Share of the power that mains and their first harmonics have, of a window that is hum for the most part."""
+"""Share of the power in mains frequency and its first harmonics above which a window is mostly hum."""
 MIN_DEVIATION = 0.005
-"""Least share by which a string is off that is worth a note: 9 cents."""
-HELD: Seconds = 10.0
-"""For how long lost frames and skipped windows are reported after the last."""
+"""Smallest relative pitch deviation worth a note: 9 cents."""
+REPORT_TIME: Seconds = 10.0
+"""How long lost frames and skipped windows stay reported after the last one, in s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Note:
-    """Something that a person should know of the sensor.
+    """A message to the user about the sensor.
 
-    `key` is stable, for programs; `sentence` says what is the case and `remedy` what to do. `since` is when
-    it began, in seconds since the stream began. An ``error`` is one that estimates abstain from or that makes
-    them wrong, a ``warning`` costs some of them, an ``info`` explains.
+    `key` is stable, for programs; `sentence` states the problem and `remedy` the fix. `since` is its start,
+    in seconds since the stream began. An ``error`` makes estimates abstain or be wrong, a ``warning`` costs
+    some estimates, an ``info`` explains.
     """
 
     key: str
@@ -58,10 +61,10 @@ class Note:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HealthSettings(Checked):
-    """When a finding becomes a note, all in s.
+    """When a finding becomes a note; all values in s.
 
-    A note appears once its finding has lasted for `appear`, and is cleared after `clear` without it. The
-    levels are checked once in `look` at most.
+    A note appears once its finding has lasted for `appear`, and is cleared after `clear` without it. Levels
+    are checked at most once every `look`.
     """
 
     appear: NonNegative[Seconds] = 0.5
@@ -71,7 +74,7 @@ class HealthSettings(Checked):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
-    """What a window shows; `appear` and `clear` are times of its own in s, None for those of the settings."""
+    """A problem seen in a window; `appear` and `clear`, in s, override the settings unless None."""
 
     level: Level
     sentence: str
@@ -82,28 +85,28 @@ class Finding:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Lasting:
-    """A finding over time: when it was first and last there."""
+    """A finding over time: when it was first and last seen."""
 
     finding: Finding
     first: Seconds
     last: Seconds
 
 
-NOTHING: Mapping[str, Lasting] = MappingProxyType({})
-QUIET: Mapping[str, Finding] = MappingProxyType({})
+NO_LASTING: Mapping[str, Lasting] = MappingProxyType({})
+NO_FINDINGS: Mapping[str, Finding] = MappingProxyType({})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HealthState:
-    """The state on one stream, passed in and out; it begins as ``HealthState()``.
+    """The health state of one stream, passed in and out; it starts as ``HealthState()``.
 
-    `looked` is when levels were measured last, and `from_levels` what they showed. `stream` and `skipped` are
-    the counters after the window before. `start` is the first frame of the last window.
+    `looked` is when levels were last measured, and `from_levels` the findings from that. `stream` and
+    `skipped` are the counters after the previous window. `start` is the first frame of the last window.
     """
 
     start: int = -1
-    lasting: Mapping[str, Lasting] = field(default_factory=lambda: NOTHING)
-    from_levels: Mapping[str, Finding] = field(default_factory=lambda: QUIET)
+    lasting: Mapping[str, Lasting] = field(default_factory=lambda: NO_LASTING)
+    from_levels: Mapping[str, Finding] = field(default_factory=lambda: NO_FINDINGS)
     looked: Seconds = -math.inf
     stream: StreamHealth = field(default_factory=StreamHealth)
     skipped: int = 0
@@ -121,7 +124,7 @@ SILENT = _finding(
 STILL = _finding(
     "error",
     "The string does not ring: nothing drives it, or it is broken.",
-    "Look whether it is whole and nothing soft damps it; check the drivers' switches, batteries and height.",
+    "Check that it is intact and nothing soft damps it; check the drivers' switches, batteries and height.",
 )
 ONE_DRIVER = _finding(
     "error", "One driver seems silent.", "Check the battery, the switch and the height of each driver."
@@ -129,7 +132,7 @@ ONE_DRIVER = _finding(
 CLIPPING = _finding(
     "warning",
     "The sound is clipped.",
-    "Turn the gain of the preamplifier down until no peak reaches 0 dB.",
+    "Turn down the preamplifier gain until no peak reaches 0 dB.",
 )
 HUMMING = _finding(
     "error",
@@ -139,7 +142,7 @@ HUMMING = _finding(
 SWAPPED = _finding(
     "error",
     "The microphones seem swapped, or one driver is silent.",
-    "Look whether both drivers run; if so, exchange the inputs: positions count from microphone 1.",
+    "Check that both drivers run; if so, swap the inputs: positions count from microphone 1.",
 )
 DEAD = tuple(
     _finding(
@@ -151,19 +154,21 @@ DEAD = tuple(
 )
 UNKNOWN_SOUND = _finding(
     "error",
-    "The sound is unlike all that the model learned.",
-    "Check microphones, drivers and string; if all are well, train the model on sound like this.",
+    "The sound is unlike the model's training data.",
+    "Check microphones, drivers and string; if all are fine, train the model on sound like this.",
 )
-TWO_TOUCHES = _finding("warning", "Two things seem to touch the string.", "Touch it with one at a time.")
+TWO_TOUCHES = _finding(
+    "warning", "Two things seem to touch the string.", "Touch it with one object at a time."
+)
 OUTSIDE = _finding(
     "info",
-    "The touch is outside the sensing range: contact alone is told.",
-    "Touch the string within it. If that is where it is touched, check that both drivers run.",
+    "The touch is outside the sensing range: only contact is estimated.",
+    "Touch the string inside the range. If the touch is already inside, check that both drivers run.",
 )
 TWO_STRINGS = _finding(
     "error",
     "Two strings sound at once.",
-    "Give each sensor inputs of its own; keep another string's sound away from these microphones.",
+    "Use separate inputs for each sensor; keep another string's sound away from these microphones.",
 )
 SOFT_TOUCH = _finding(
     "warning", "Something very soft seems to touch the string.", "Touch it with something harder than foam."
@@ -171,7 +176,7 @@ SOFT_TOUCH = _finding(
 PITCH = _finding(
     "info",
     "The pitch of the string is not known yet.",
-    "Leave it untouched for a second, drivers on. If that does not help, tune it nearer to its known pitch.",
+    "Leave it untouched for 1 s, drivers on. If that does not help, tune it closer to its nominal pitch.",
 )
 NOT_NUMBERS = _finding(
     "error", "The samples are not numbers.", "Check the audio driver, and what else writes to these inputs."
@@ -202,9 +207,9 @@ REASONS: Mapping[str, tuple[str, Finding]] = MappingProxyType(
         "samples that are not numbers": ("not_numbers", NOT_NUMBERS),
     }
 )
-"""Key and finding for each reason to abstain that the closed form and the bundled models have."""
+"""Key and finding for each abstention reason of the closed form and the bundled models."""
 EXPLAINED = ("", "no contact", "gap", "too uncertain", "not estimated")
-"""Reasons to abstain that are no trouble of the sensor, or that counters report."""
+"""Abstention reasons that are not sensor problems, or that counters report."""
 
 
 def step(
@@ -217,22 +222,22 @@ def step(
     condition: Condition | None,
     settings: HealthSettings,
 ) -> tuple[HealthState, tuple[Note, ...]]:
-    """Return the state after a window, and the notes for the user, the oldest first.
+    """Return the state after a window, and the notes for the user, oldest first.
 
     Parameters
     ----------
     state
-        The state before the window. A window that does not begin after the one before begins a new stream.
+        The state before the window. A window that does not begin after the previous one starts a new stream.
     window, estimates
-        The window, and what was estimated of it alone.
+        The window and its estimates.
     stream, skipped
-        The stream's counters, and how many windows were left out so far because the reader was late.
+        The stream's counters, and the number of windows skipped so far because the reader was late.
     followed
-        The state of the filter after the window.
+        The filter's state after the window.
     condition
-        What the estimator knows of the string, None where it knows nothing.
+        The estimator's knowledge of the string, None where it has none.
     settings
-        How long findings last.
+        When findings become notes.
 
     Examples
     --------
@@ -276,7 +281,7 @@ def step(
 
 
 def warm_up(window: Window) -> None:
-    """Load and compile what the first window would wait for."""
+    """Load and compile everything that would delay the first window."""
     _level_findings(window)
 
 
@@ -317,7 +322,7 @@ def _appear(finding: Finding, settings: HealthSettings) -> Seconds:
 
 
 def _add_reasons(findings: dict[str, Finding], estimates: Estimates) -> None:
-    """Add why all estimates of a window but contact abstain, where they do for one reason."""
+    """Add the reason where all estimates of a window except contact abstain for one reason."""
     reason = ""
     for name, each in estimates.items():
         if name == CONTACT and each.valid:
@@ -331,13 +336,13 @@ def _add_reasons(findings: dict[str, Finding], estimates: Estimates) -> None:
     if finding is None:
         text = f"No estimates: {reason.partition(': ')[0]}."
         finding = Finding(
-            level="error", sentence=text, remedy="See what is said, and monochord doctor.", clear=0.2
+            level="error", sentence=text, remedy="Fix the stated cause, or run monochord doctor.", clear=0.2
         )
     findings[key] = finding
 
 
 def _add_deviation(findings: dict[str, Finding], condition: Condition) -> None:
-    """Add that the string is tuned otherwise than it is known to be."""
+    """Add a finding where the string's tuning deviates from its nominal pitch."""
     off = condition.deviation or 0.0
     if abs(off) < MIN_DEVIATION:
         return
@@ -357,7 +362,7 @@ def _add_deviation(findings: dict[str, Finding], condition: Condition) -> None:
 def _add_counted(
     findings: dict[str, Finding], state: HealthState, stream: StreamHealth, skipped: int
 ) -> None:
-    """Add what the counters have counted since the window before."""
+    """Add findings from the counters' changes since the previous window."""
     before = state.stream
     if stream.away:
         findings["no_sound"] = Finding(
@@ -369,39 +374,39 @@ def _add_counted(
         )
     elif stream.dropped > before.dropped or stream.gaps > before.gaps:
         lost = f"{_counted(stream.dropped, 'frame')} in {_counted(stream.gaps, 'gap')}"
-        findings["sound_lost"] = _held(
+        findings["sound_lost"] = _reported(
             f"Sound was lost: {lost}, {_counted(stream.xruns, 'xrun')} so far.",
             "Close other programs, or use longer periods; run monochord doctor.",
         )
     elif stream.xruns > before.xruns and "sound_lost" not in state.lasting:
         # The loss that belongs to an xrun may be counted a window later or before.
         late = f"The audio system was late, {_counted(stream.xruns, 'xrun')} so far"
-        findings["xruns"] = _held(
+        findings["xruns"] = _reported(
             f"{late}; no frame is counted as lost at the last one.",
-            "If they go on, close other programs, or use longer periods; run monochord doctor.",
+            "If they continue, close other programs, or use longer periods; run monochord doctor.",
             level="info",
         )
     if stream.reconnects > before.reconnects:
         times = _counted(stream.reconnects, "time")
-        findings["reconnected"] = _held(
+        findings["reconnected"] = _reported(
             f"The audio device went away and came back, {times} so far.", "Check its cable and its power."
         )
     set_by = stream.clock_offsets.get("realtime", 0.0) - before.clock_offsets.get("realtime", 0.0)
     if before.clock_offsets and abs(set_by) > MIN_CLOCK_STEP:
-        findings["clock_set"] = _held(
+        findings["clock_set"] = _reported(
             f"The clock of this computer was set by {set_by:+.3f} s.",
-            "Stamps jump by that; let one service keep the clock. Times of the stream go on.",
+            "Stamps jump by that; let one service keep the clock. The stream's times are not affected.",
         )
     if skipped > state.skipped:
-        findings["windows_skipped"] = _held(
+        findings["windows_skipped"] = _reported(
             f"Windows are skipped because the computer is late: {skipped} so far.",
             "Close other programs, or use a longer hop.",
         )
 
 
-def _held(sentence: str, remedy: str, level: Level = "warning") -> Finding:
-    """Return a finding that is reported at once, and for `HELD` after the last."""
-    return Finding(level=level, sentence=sentence, remedy=remedy, appear=0.0, clear=HELD)
+def _reported(sentence: str, remedy: str, level: Level = "warning") -> Finding:
+    """Return a finding that is reported at once, and for `REPORT_TIME` after the last occurrence."""
+    return Finding(level=level, sentence=sentence, remedy=remedy, appear=0.0, clear=REPORT_TIME)
 
 
 def _counted(number: int, noun: str) -> str:
@@ -409,7 +414,7 @@ def _counted(number: int, noun: str) -> str:
 
 
 def _level_findings(window: Window) -> Mapping[str, Finding]:
-    """Return what the levels of a window show."""
+    """Return the findings from a window's levels."""
     from monochord.dsp.levels import measure_levels, tone_prominence  # noqa: PLC0415 (compiled, and a sink imports this module)
 
     measured = measure_levels(window.samples, window.sample_rate)
@@ -420,12 +425,12 @@ def _level_findings(window: Window) -> Mapping[str, Finding]:
         return {"silence": SILENT}
     findings = dict[str, Finding]()
     for channel in range(min(len(level), 2)):
-        if len(level) == 2 and level[channel] < max(QUIETER * level.max(), SILENT_LEVEL):
+        if len(level) == 2 and level[channel] < max(DEAD_CHANNEL_RATIO * level.max(), SILENT_LEVEL):
             findings[f"microphone_{channel + 1}_dead"] = DEAD[channel]
     if ((peak >= CLIPPED_PEAK) & (extreme >= CLIPPED_SHARE)).any():
         findings["clipping"] = CLIPPING
     if (hum > HUM_SHARE).any():
         findings["hum"] = HUMMING
-    if level.max() < QUIET_LEVEL and tone_prominence(window.samples, window.sample_rate) < PROMINENCE:
+    if level.max() < RINGING_LEVEL and tone_prominence(window.samples, window.sample_rate) < PROMINENCE:
         findings["string_still"] = STILL
-    return findings or QUIET
+    return findings or NO_FINDINGS

@@ -1,4 +1,4 @@
-"""Updates from a source as they come: the live loop as an iterator, for programs."""
+"""Updates from a source as they arrive: the live loop as an iterator, for Python programs."""
 
 import asyncio
 import math
@@ -24,7 +24,7 @@ from monochord.perception.model import load
 from monochord.physics.twin.virtual_sensor import VirtualSensor
 
 Listenable: TypeAlias = str | Path | Source | VirtualSensor | NDArray[Any]
-"""What can be listened to: a source's name, a recording, a source, a virtual sensor, or sound."""
+"""Inputs of `listen`: a source's name, a recording, a source object, a virtual sensor, or sound."""
 
 
 def listen(
@@ -40,19 +40,19 @@ def listen(
 ) -> Iterator[Update]:
     """Yield an update for every window of a source, as soon as the window is complete.
 
-    It is the loop of ``monochord live``: a file or a session gives the same numbers as it did live. A reader
+    This is the loop of ``monochord live``: a file or session gives the same numbers as live sound. A reader
     that is a hop or more behind a real-time source skips to the newest window.
 
     Parameters
     ----------
     source
         One of these: a recording (``take.wav``, ``take.flac``, ``take.mcap``); the name of a source
-        (``"jack"``, ``"soundcard"``, ``"twin"``), or a source that was built; an array (channels, samples)
-        or (samples,) of floats in full scale, with ``sample_rate=`` in Hz; a `VirtualSensor`, whose time
-        runs on by a hop for each update, so that the program touches it in between.
+        (``"jack"``, ``"soundcard"``, ``"twin"``), or a source object; an array (channels, samples) or
+        (samples,) of floats in full scale, with ``sample_rate=`` in Hz; a `VirtualSensor`, whose time
+        advances by a hop per update, so that the program can touch it in between.
     model
         A bundled model's name, the folder of a model or of a training run, the name of another estimator
-        (``"closed_form"``), or an estimator that was built.
+        (``"closed_form"``), or an estimator object.
     seconds
         How much of the stream to process, in s; without end by default.
     hop
@@ -62,14 +62,14 @@ def listen(
     string
         A string preset, for a source that does not know its string.
     sensor
-        A sensor's preset, or the file that `tune` or ``monochord tune`` wrote: its string counts.
+        A sensor preset, or a file written by `tune` or ``monochord tune``; its string takes precedence.
     options
         Options of the source, such as ``seed=1`` or ``speed=0.0`` for the twin.
 
     Returns
     -------
     Iterator[Update]
-        What is known at each window: the estimates (``update.position``), those over time
+        One update per window: the estimates (``update.position``), the tracked estimates
         (``update.tracked.position``), `decided`, `events`, `notes`, and the truth of simulated sound. The
         source is opened at the first `next` and released when the iterator ends or is closed.
 
@@ -78,7 +78,7 @@ def listen(
     InputError
         For an unknown source or model, or sound or an option that cannot be used.
     DeviceError
-        If a device is absent or goes away for good.
+        If a device is missing or lost for good.
 
     Examples
     --------
@@ -100,10 +100,10 @@ def listen(
 async def listen_async(
     source: Listenable = "jack", model: str | Path | Estimator = "demo", **options: Any
 ) -> AsyncIterator[Update]:
-    """Yield what `listen` yields, for programs that use asyncio; it takes the same arguments.
+    """Yield the updates of `listen` for asyncio programs; takes the same arguments.
 
-    The loop runs in a thread of its own. A consumer that is slow delays it as in `listen`, so that the
-    newest window is what comes next. Leaving the iteration ends the thread and releases the source.
+    The loop runs in a separate thread. A slow consumer delays it as in `listen`, so that the next update is
+    always the newest window. Leaving the iteration ends the thread and releases the source.
 
     Examples
     --------
@@ -167,15 +167,15 @@ def source_of(
     window: WindowSettings = WindowSettings(),  # noqa: B008  (frozen)
     seconds: Seconds = math.inf,
 ) -> Source:
-    """Return the source that `listen` opens for its argument of that name, with these options.
+    """Return the source that `listen` opens for its argument of the same name, with these options.
 
     An array or a virtual sensor is read by the hop of `window`, and a virtual sensor for `seconds`.
     """
     if isinstance(source, (Source, VirtualSensor)):
         if options:
-            what = "a source that was built" if isinstance(source, Source) else "a virtual sensor"
-            given = f"options {', '.join(options)} beside {what}"
-            raise InputError(given, "none", "give them to the source")
+            what = "a source object" if isinstance(source, Source) else "a virtual sensor"
+            given = f"options {', '.join(options)} with {what}"
+            raise InputError(given, "none", "pass them to the source")
         if isinstance(source, Source):
             return source
         _, hop = window.frames(source.sample_rate)
@@ -191,15 +191,15 @@ def _array_source(
     samples: NDArray[Any], window: WindowSettings, *, sample_rate: float = math.nan, **others: Any
 ) -> Source:
     if others:
-        raise InputError(f"options {', '.join(others)} beside an array", "sample_rate alone")
+        raise InputError(f"options {', '.join(others)} with an array", "sample_rate alone")
     if not sample_rate > 0.0:
-        raise InputError(f"an array at {sample_rate:g} Hz", "its sample_rate", "say sample_rate=44100")
+        raise InputError(f"an array at {sample_rate:g} Hz", "its sample_rate", "set sample_rate=44100")
     _, hop = window.frames(round(sample_rate))
     return ArraySource(samples=samples, sample_rate=sample_rate, block=max(hop, 1))
 
 
 def _estimator(model: str | Path | Estimator) -> tuple[Estimator, Seconds]:
-    """Return an estimator and the length of its windows."""
+    """Return an estimator and its window length."""
     if isinstance(model, Estimator):
         return model, WindowSettings().length
     if isinstance(model, str) and model.replace("-", "_") in set(ESTIMATORS.names()) - {MODEL}:

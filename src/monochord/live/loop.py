@@ -30,17 +30,17 @@ from monochord.physics.sensors import load_sensor, with_sensor
 from monochord.physics.strings import load_string
 
 LENGTH_TOLERANCE = 0.02
-"""Share by which a sensor's length may differ from what a source says of its string."""
+"""Relative tolerance between a sensor's length and that of the source's string."""
 NO_TRUTH: Truth = MappingProxyType({})
-"""Of one of several strings: what a source knows is not of one of them."""
+"""The truth of one of several strings: empty, since a source's truth names no string."""
 
 
 def run(setup: LiveRun) -> Summary:
-    """Run until its source ends, its time is over or it is interrupted.
+    """Run until the source ends, the time is over or the run is interrupted.
 
-    A reader that is a hop or more behind its source skips to the newest window and counts what it left out.
-    A sink that is slow or fails delays neither the loop nor the others; see `monochord.live.delivery`.
-    Nothing here depends on the pace of the source, so a file gives the same numbers however it is read.
+    A reader that is a hop or more behind its source skips to the newest window and counts the skipped ones. A
+    sink that is slow or fails delays neither the loop nor other sinks; see `monochord.live.delivery`. Results
+    do not depend on the source's pace, so a file always gives the same numbers.
 
     Parameters
     ----------
@@ -50,18 +50,18 @@ def run(setup: LiveRun) -> Summary:
     Returns
     -------
     Summary
-        What was counted and timed. A first Control-C or SIGTERM ends the loop after the current window and is
-        not raised: `interrupted` is true then.
+        Counts and timings. A first Control-C or SIGTERM ends the loop after the current window without
+        raising; then `interrupted` is true.
 
     Raises
     ------
     InputError
-        If the source, the estimator or a sink refuses its options or the signal, or the priority is
-        not permitted.
+        If the source, the estimator or a sink rejects its options or the signal, or the priority is not
+        permitted.
     DeviceError
-        If a device is absent or goes away for good.
+        If a device is missing or lost for good.
     Exception
-        What the last sink raised, if none is left.
+        The last sink's exception, if no sink is left.
     """
     with ExitStack() as stack:
         if setup.real_time:
@@ -94,28 +94,28 @@ def run(setup: LiveRun) -> Summary:
 
 @contextmanager
 def opened(setup: LiveRun) -> Generator["LiveStream"]:
-    """Open the source and make the estimator ready; leaving the context releases the source.
+    """Open the source and prepare the estimator; leaving the context releases the source.
 
     Raises
     ------
     InputError
-        If the source or the estimator refuses its options or the signal.
+        If the source or the estimator rejects its options or the signal.
     DeviceError
-        If a device is absent.
+        If a device is missing.
     """
     with setup.source.open() as stream:
         yield LiveStream(setup, stream)
 
 
 class LiveStream:
-    """The windows of an open source as they are estimated; iterating it is the live loop.
+    """The windows of an open source with their estimates; iterating it is the live loop.
 
     Attributes
     ----------
     signal
-        What the source says of its audio, with the string that the run names; of several, the first.
+        The source's audio format, with the run's string (the first of several).
     strings
-        The strings whose sound that is; one alone has no name.
+        The strings of the source; a single string has no name.
     """
 
     def __init__(self, setup: LiveRun, stream: Stream) -> None:
@@ -134,24 +134,24 @@ class LiveStream:
         self._closed = False
 
     def close(self) -> None:
-        """End the iteration, from whatever thread."""
+        """End the iteration; may be called from any thread."""
         self._closed = True
         self._stream.close()
 
     def summary(self, *, interrupted: bool = False, delivered: tuple[Delivered, ...] = ()) -> Summary:
-        """Return what was counted and timed so far."""
+        """Return the counts and timings so far."""
         self._meter.interrupted = interrupted
         return self._meter.summary(self._feed.frames, self._stream.health, delivered)
 
     def __iter__(self) -> Iterator[Update]:
         """Yield an update for each window of each string, those of one time in turn.
 
-        The time to the next request counts as that of the sinks.
+        The time until the next request counts as the sinks' time.
         """
         stream, feed, meter, size, hop = self._stream, self._feed, self._meter, self._size, self._hop
         rate, count = self.signal.sample_rate, len(self.strings)
         clock, length = SampleClock(sample_rate=rate), size / rate
-        states = [_Over()] * count
+        states = [_StringState()] * count
         skipped = 0
         for window in windows(feed, size=size, hop=hop, sample_rate=rate):
             end = window.start + size
@@ -178,10 +178,17 @@ class LiveStream:
                 offset = None if adc_time is None else adc_time - prediction.time
                 announced, changes = events.step(state.announced, followed, tracked, offset)
                 condition = estimate.condition if isinstance(estimate, Watching) else None
-                well, notes = health.step(
-                    state.well, own[k], estimates[k], counters, skipped, followed, condition, self._health
+                checked, notes = health.step(
+                    state.sensor_health,
+                    own[k],
+                    estimates[k],
+                    counters,
+                    skipped,
+                    followed,
+                    condition,
+                    self._health,
                 )
-                states[k] = _Over(followed=followed, announced=announced, well=well)
+                states[k] = _StringState(followed=followed, announced=announced, sensor_health=checked)
                 handed = time.monotonic()
                 yield Update(
                     prediction=prediction,
@@ -213,14 +220,14 @@ class LiveStream:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LiveString:
-    """A string of a run: its name, empty for one alone, its signal, and its channels, counted from 0."""
+    """One string of a run: its name (empty for a single string), signal, and channels, counted from 0."""
 
     name: str
     signal: Signal
     channels: tuple[int, ...]
 
     def cut(self, window: Window) -> Window:
-        """Return its part of a window of the source."""
+        """Return this string's part of a source's window."""
         if not self.name:
             return window
         first, last = self.channels[0], self.channels[-1]
@@ -229,16 +236,16 @@ class LiveString:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Over:
-    """What is followed of a string over time."""
+class _StringState:
+    """The time-dependent state of one string."""
 
     followed: time_filter.FilterState = field(default_factory=time_filter.FilterState)
     announced: events.Announced = field(default_factory=events.Announced)
-    well: health.HealthState = field(default_factory=health.HealthState)
+    sensor_health: health.HealthState = field(default_factory=health.HealthState)
 
 
 class _Feed:
-    """The blocks of a stream as they pass, remembering when the newest was at hand."""
+    """The blocks of a stream as they pass, with the time at which the newest was available."""
 
     def __init__(self, stream: Stream, sample_rate: int) -> None:
         self._stream = stream
@@ -258,7 +265,7 @@ class _Feed:
             yield block
 
     def captured(self, index: Samples) -> Seconds | None:
-        """Return when the converter took the frame before `index`, where the source knows it."""
+        """Return when the converter sampled the frame before `index`, where the source knows it."""
         block = self._block
         if block is None or block.adc_time is None:
             return None
@@ -266,31 +273,33 @@ class _Feed:
 
 
 def _sawtooth(signal: Signal, size: Samples) -> Window:
-    """Return a window with twelve periods of a sawtooth, later than any: the next begins a stream."""
+    """Return a window with twelve periods of a sawtooth, later than any: the next window starts a stream."""
     wave = 0.2 * (np.arange(size) * 12.0 / size % 1.0 - 0.5)
     samples = np.tile(wave.astype(np.float32), (signal.channels, 1))
     return Window(samples=samples, start=sys.maxsize, sample_rate=signal.sample_rate)
 
 
 def _strings(signal: Signal, setup: LiveRun) -> tuple[Signal, tuple[LiveString, ...]]:
-    """Return the signal of the source, and the strings whose sound it has.
+    """Return the source's signal and its strings.
 
     Raises
     ------
     InputError
-        If it has not the channels of the strings, or more than those of one where none are named.
+        If the source lacks the strings' channels, or has more than two channels without named strings.
     """
     if not setup.strings:
         if signal.channels > 2:
             given = f"{signal.channels} channels"
-            raise InputError(given, "1 or 2 of one string", "name the strings: --sensor NAME=PRESET for each")
+            raise InputError(
+                given, "1 or 2 for one string", "name the strings: --sensor NAME=PRESET for each"
+            )
         own = _with_string(signal, setup.string, setup.sensor)
         return own, (LiveString(name="", signal=own, channels=tuple(range(signal.channels))),)
     strings: list[LiveString] = []
     for name, channels in channels_of(setup.strings).items():
         if max(channels) > signal.channels:
             given = f"channel {max(channels)} of the string {name}"
-            raise InputError(given, f"1 to {signal.channels}, as the source has")
+            raise InputError(given, f"1 to {signal.channels}, the source's channels")
         settings = setup.strings[name]
         inherits = not (settings.string or settings.sensor)
         string, sensor = (setup.string, setup.sensor) if inherits else (settings.string, settings.sensor)
@@ -306,30 +315,32 @@ def _strings(signal: Signal, setup: LiveRun) -> tuple[Signal, tuple[LiveString, 
 
 
 def _with_string(signal: Signal, preset: str, sensor: str) -> Signal:
-    """Return the signal with the string of a preset, or with what is known of a sensor as tuned.
+    """Return the signal with a preset's string, or with a tuned sensor's string.
 
-    A string is refused where the source knows its own, and a sensor where that one is of another length.
+    Raises `InputError` for a string where the source provides one, and for a sensor of another length.
     """
     if sensor:
         known, own = load_sensor(sensor), signal.string
         length = known.string.length
         if own is not None and abs(length / own.length - 1.0) > LENGTH_TOLERANCE:
             given = f"sensor '{sensor}' with a string of {length:g} m"
-            raise InputError(given, f"{own.length:g} m, as the source says of its own", "name that sensor")
+            raise InputError(
+                given, f"{own.length:g} m, the length of the source's string", "name that sensor"
+            )
         return with_sensor(signal, known)
     if not preset:
         return signal
     string = load_string(preset).string
     if signal.string is not None:
-        allowed = "no string beside a source that knows its own"
-        remedy = f"name it as INPUT: monochord live {preset} ..."
+        allowed = "no string, since the source provides one"
+        remedy = f"use it as INPUT: monochord live {preset} ..."
         raise InputError(f"string '{preset}'", allowed, remedy)
     return dataclasses.replace(signal, string=string)
 
 
 @contextmanager
 def _heap_set_aside() -> Generator[None]:
-    """Keep what was loaded so far out of garbage collection, whose full passes would delay the loop."""
+    """Exclude everything loaded so far from garbage collection, whose full passes would delay the loop."""
     gc.collect()
     gc.freeze()
     try:

@@ -1,4 +1,4 @@
-"""The scores of a run whose source knows the truth."""
+"""Scores of a run whose source provides the truth."""
 
 from array import array
 from collections.abc import Mapping
@@ -17,17 +17,16 @@ QUANTITIES: Mapping[str, tuple[str, float, str]] = {
     "position": ("5mm", 1e3, "mm"),
     "force": ("0.2n", 1.0, "N"),
 }
-"""By name of an estimate the name of its limit, the scale in which it is shown, and its unit there."""
+"""For each estimate: its error limit, display scale, and unit."""
 
 
 class Scorer(Listener):
-    """A sink that stores truth and estimates of every window, for runs that end: 13 numbers a window.
+    """A sink that stores truth and estimates of every window, 13 numbers each, for runs of limited length.
 
-    A window's labels follow the rules of datasets (`monochord.core.labels`): windows in which a touch or a
-    slide begins or ends have no label and do not count. Of the rest `contact` and `slip` (a slide or rest,
-    where something touches) are right where their probability is on the side of the truth; position and
-    force have a mean error wherever something touches, sliding or not. An abstention is no error, and is not
-    right either.
+    Window labels follow the rules of datasets (`monochord.core.labels`): a window in which a touch or a slide
+    begins or ends has no label and does not count. `contact` and `slip` (sliding or resting, during contact)
+    are correct where the estimated probability is on the true side of 0.5. Position and force have a mean
+    error over all contact, sliding or not. An abstention counts neither as an error nor as correct.
     """
 
     def __init__(self) -> None:
@@ -49,13 +48,13 @@ class Scorer(Listener):
                 column.append(value if estimate.valid else np.nan)
 
     def median_error(self) -> Metres:
-        """Return the median size of the position error of settled windows; NaN where none counted."""
+        """Return the median absolute position error of settled windows; NaN where none counted."""
         errors = self._settled()
         answered = errors[np.isfinite(errors)]
         return float(np.median(np.abs(answered))) if len(answered) else float("nan")
 
     def tree(self) -> dict[str, float | int | None]:
-        """Return the score as plain values in SI units; None where no window counted."""
+        """Return the scores as plain values in SI units; None where no window counted."""
         settled = self._settled()
         answered = int(np.isfinite(settled).sum())
         score: dict[str, float | int | None] = {
@@ -76,13 +75,13 @@ class Scorer(Listener):
         return score
 
     def lines(self) -> list[str]:
-        """Return the score as lines of text."""
+        """Return the scores as text lines."""
         tree = self.tree()
         lines = [line for name in ("contact", *QUANTITIES, "slip") for line in _line(name, tree)]
         return lines if "slip" in self._named else [*self._settled_lines(), *lines]
 
     def _settled_lines(self) -> list[str]:
-        """Return the score of settled windows, for an estimator without slip, which needs a sound at rest."""
+        """Return the scores of settled windows, for an estimator without slip, which needs steady sound."""
         errors = self._settled()
         answered = np.abs(errors[np.isfinite(errors)])
         abstained = len(errors) - len(answered)
@@ -97,13 +96,13 @@ class Scorer(Listener):
         return np.array(self._truth[name])
 
     def _settled(self) -> Floats:
-        """Return the position error of every settled window with a touch, NaN where there is no answer."""
+        """Return the position error of every settled window in contact, NaN for an abstention."""
         position = self._label("position")
         rows = (self._label("contact") > 0.0) & (self._label("settled") >= SETTLED) & np.isfinite(position)
         return (np.array(self._estimates["position"][0]) - position)[rows]
 
     def _detection(self, name: str, rows: NDArray[np.bool_]) -> dict[str, float | None]:
-        """Return the share that is right, and the area under the curve where there are both kinds."""
+        """Return the share of correct windows, and the area under the ROC curve where both classes occur."""
         score = detection_score(self._label(name)[rows] > 0.0, np.array(self._estimates[name][0])[rows])
         return {f"{name}_accuracy": score.accuracy, f"{name}_area": score.area}
 
@@ -120,7 +119,7 @@ class Scorer(Listener):
 
 
 def _line(name: str, tree: Mapping[str, float | int | None]) -> list[str]:
-    """Return the line of one quantity, none where no window counted."""
+    """Return the line of one quantity; empty where no window counted."""
     counted = tree.get(f"{name}_windows")
     if not counted:
         return []

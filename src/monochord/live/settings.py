@@ -1,4 +1,4 @@
-"""A live run, as a person configures it and as the loop takes it."""
+"""The configuration of a live run, as the user writes it and as the loop takes it."""
 
 import math
 import re
@@ -23,18 +23,18 @@ from monochord.perception.estimators.base import Estimator
 
 T = TypeVar("T")
 MODEL = "model"
-"""The estimator that a trained model is given to."""
+"""The estimator that runs a trained model."""
 RECORDINGS: Mapping[str, str] = {".wav": "wav", ".flac": "wav", ".mcap": "session"}
-"""The source that reads a recording, by the suffix of its file."""
+"""The source that reads a recording, by file suffix."""
 MIN_WINDOW: Seconds = 0.01  # holds a period of 100 Hz
 MIN_HOP: Seconds = 0.001  # 16 frames at the lowest rate of a source
 MAX_WINDOW: Seconds = 60.0
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
-"""Name of a string: it stands in topics of ROS 2 and in names of files."""
+"""Pattern of a string's name, which appears in ROS 2 topics and file names."""
 
 
 def recording_source(path: str | Path) -> str | None:
-    """Return the name of the source that reads a recording, None for what no file is called.
+    """Return the name of the source that reads a recording, None for an unknown suffix.
 
     >>> recording_source("take.WAV"), recording_source("take.mcap"), recording_source("system:capture_1")
     ('wav', 'session', None)
@@ -45,7 +45,7 @@ def recording_source(path: str | Path) -> str | None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WindowSettings:
-    """Length of a window and distance of window starts.
+    """Window length and hop.
 
     >>> WindowSettings(length=0.1, hop=0.01).frames(44100)
     (4410, 441)
@@ -60,16 +60,16 @@ class WindowSettings:
                 raise InputError(f"window {name} {span:g} s", f"{shortest:g} to {MAX_WINDOW:g} s")
 
     def frames(self, sample_rate: int) -> tuple[Samples, Samples]:
-        """Return window length and hop in frames, to the nearest frame."""
+        """Return window length and hop in frames, rounded."""
         return round(self.length * sample_rate), round(self.hop * sample_rate)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StringSettings:
-    """One of several strings that share a source: its channels there, counted from 1, and what it is.
+    """One of several strings on one source: its channels, counted from 1, and its sensor.
 
-    Without `channels` it has the next two after those of the string before it. `sensor` and `string` are as
-    in `LiveRun`, those of the run where both are empty.
+    Without `channels`, it has the two channels after the previous string's. `sensor` and `string` are as in
+    `LiveRun`; the run's values apply where both are empty.
     """
 
     channels: tuple[int, ...] = ()
@@ -86,7 +86,7 @@ def channels_of(strings: Mapping[str, StringSettings]) -> dict[str, tuple[int, .
     Raises
     ------
     InputError
-        If a name is no name, a string has more than two channels, or two strings share one.
+        If a name is invalid, a string has more than two channels, or two strings share a channel.
 
     Examples
     --------
@@ -103,10 +103,13 @@ def channels_of(strings: Mapping[str, StringSettings]) -> dict[str, tuple[int, .
         own = each.channels or (end + 1, end + 2)
         if len(set(own)) != len(own) or len(own) > 2 or not 1 <= min(own) <= max(own) <= MAX_CHANNELS:
             given = f"channels {', '.join(map(str, own))} of the string {name}"
-            raise InputError(given, f"one or two different ones from 1 to {MAX_CHANNELS}")
+            raise InputError(given, f"one or two different channels from 1 to {MAX_CHANNELS}")
         for channel in own:
             if channel in used:
-                raise InputError(f"channel {channel} of the strings {used[channel]} and {name}", "one string")
+                raise InputError(
+                    f"channel {channel} of the strings {used[channel]} and {name}",
+                    "each channel in one string only",
+                )
             used[channel] = name
         channels[name], end = own, max(own)
     return channels
@@ -115,20 +118,19 @@ def channels_of(strings: Mapping[str, StringSettings]) -> dict[str, tuple[int, .
 DEFAULTS: Mapping[str, Any] = MappingProxyType(
     {"source": {"name": "jack"}, "estimator": {"name": "closed_form"}, "sinks": {"terminal": {}}}
 )
-"""The tables of plug-ins that a configuration need not hold."""
+"""Plug-in tables that a configuration may omit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LiveRun:
-    """A live run: built plug-ins, the window, and when to end.
+    """A live run: plug-in objects, the window, and when to end.
 
-    `string` names the preset of the string for a source that does not know its own, and is refused by one
-    that does. `sensor` names a sensor, or the file of one as tuned: its string counts, whatever the source
-    knows of its own. `strings` are several strings by their names, whose channels one source has; without
-    any its one or two channels are those of one. `seconds` of the stream are processed, with `real_time`
-    before other programs: by threads of real-time priority, as those of JACK have. `filter` says how
-    estimates are followed over time, `health` when something is worth a note; those of single windows do not
-    depend on either.
+    `string` names the string preset for a source that provides no string; otherwise it is refused. `sensor`
+    names a sensor, or the file of a tuned one: its string takes precedence over the source's. `strings` holds
+    several strings by name, whose channels one source provides; without it, the source's one or two channels
+    belong to one string. The run lasts `seconds` of the stream. `real_time` gives its threads real-time
+    priority, as JACK's threads have. `filter` sets how estimates are tracked over time, `health` when a
+    finding becomes a note; neither changes the estimates of single windows.
     """
 
     source: Source
@@ -149,16 +151,16 @@ class LiveRun:
 
     @classmethod
     def read(cls, tree: Mapping[str, Any]) -> "LiveRun":
-        """Build from plain values, strictly.
+        """Build from plain values; unknown keys raise.
 
-        `source` and `estimator` are tables of a plug-in's ``name`` and its options, `sinks` holds options by
-        sink name; `DEFAULTS` stand for those that are left out. A source with an option for its channels has
-        as many as the strings need.
+        `source` and `estimator` are tables with a plug-in's ``name`` and options; `sinks` holds options by
+        sink name; `DEFAULTS` replace omitted tables. A source with a channels option gets as many channels as
+        the strings need.
 
         Raises
         ------
         InputError
-            For an unknown name or option, or a value that it does not allow.
+            For an unknown name or option, or an invalid value.
         """
         given = {**DEFAULTS, **tree}
         source, sinks = table(given, "source"), table(given, "sinks")
@@ -174,12 +176,12 @@ class LiveRun:
         return run
 
     def resolved(self) -> Tree:
-        """Return every option with its value, defaults too, as `read` takes it.
+        """Return every option with its value, defaults included, in the format of `read`.
 
         Raises
         ------
         InputError
-            For a plug-in that has no name.
+            For a plug-in without a registered name.
         """
         source = {"name": SOURCES.name_of(self.source), **to_tree(self.source)}
         estimator = {"name": ESTIMATORS.name_of(self.estimator), **to_tree(self.estimator)}

@@ -1,4 +1,4 @@
-"""What a run of the live loop counted and timed."""
+"""Counts and timings of a live run."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -17,12 +17,12 @@ STAGES = ("read", "estimate", "follow", "sinks", "latency", "capture")
 class Summary:
     """A finished run.
 
-    `frames` were read and `windows` estimated, of which `valid` have a position; `skipped` were left out
-    because the reader was late, and `deadline_misses` came later than one hop after their last sample was at
-    hand. `stages` holds the percentiles of each stage: ``read`` (last sample at hand to window cut),
-    ``estimate``, ``follow`` (estimates over time), ``sinks``, ``latency`` (last sample at hand to estimate)
+    `frames` were read and `windows` estimated, of which `valid` have a position. `skipped` windows were left
+    out because the reader was late, and `deadline_misses` came later than one hop after their last sample was
+    available. `stages` holds the percentiles of each stage: ``read`` (last sample available to window cut),
+    ``estimate``, ``follow`` (estimates over time), ``sinks``, ``latency`` (last sample available to estimate)
     and, where the source knows its converter's clock, ``capture`` (last sample at the converter to estimate).
-    `delivered` is what became of the windows at each sink.
+    `delivered` holds each sink's counts.
     """
 
     frames: Samples
@@ -36,7 +36,7 @@ class Summary:
     delivered: tuple[Delivered, ...] = ()
 
     def lines(self) -> list[str]:
-        """Return the summary as lines of text."""
+        """Return the summary as text lines."""
         health = self.health
         counted = {
             "windows": self.windows,
@@ -75,7 +75,7 @@ class Meter:
         self.interrupted = False
 
     def skip(self, windows: int = 1) -> None:
-        """Count windows that were left out."""
+        """Count skipped windows."""
         self.skipped += windows
 
     def add(
@@ -97,14 +97,14 @@ class Meter:
             self._stages[name].add(span)
 
     def add_capture(self, captured: Seconds | None, done: Seconds) -> None:
-        """Time the way from the converter to the estimate, where the first is known."""
+        """Time a window from the converter to the estimate, where the converter's time is known."""
         if captured is not None:
             self._stages["capture"].add(done - captured)
 
     def summary(
         self, frames: Samples, health: StreamHealth, delivered: tuple[Delivered, ...] = ()
     ) -> Summary:
-        """Return what was counted so far, with frames read, the stream's own counters and those of sinks."""
+        """Return the counts so far, with frames read, the stream's counters and those of sinks."""
         return Summary(
             frames=frames,
             windows=self._windows,
@@ -123,12 +123,12 @@ def _counts(counted: Mapping[str, int]) -> str:
 
 
 def _sinks(delivered: tuple[Delivered, ...]) -> list[str]:
-    """Return the sinks that left something out or failed."""
+    """Return the sinks that left windows out or failed."""
     lacking = [each for each in delivered if each.left_out or each.failure]
     return [f"{'sink':<9}{each.line()}" for each in lacking]
 
 
 def _clocks(health: StreamHealth) -> list[str]:
-    """Return what each clock shows beyond the monotonic one, where the stream knows it."""
+    """Return each clock's drift against the monotonic clock, where the stream knows it."""
     ahead = "  ".join(f"{name} {offset:+.6f} s" for name, offset in health.clock_offsets.items())
     return [f"{'clocks':<9}{ahead} against monotonic"] if ahead else []

@@ -1,8 +1,8 @@
-"""Decisions over time: contact and slip, by probabilities of window after window.
+"""Decisions over time: contact and slip from the probabilities of successive windows.
 
-A touch lasts. So it is decided by averaged log odds, with two thresholds (hysteresis) and a time for which
-the other side must have led (dwell). All times are in seconds, so another hop decides alike. A touch begins
-at rest, and the slip of a window counts once most of the window is touched.
+A touch lasts. So the decision uses averaged log odds, two thresholds (hysteresis) and a minimum time on the
+other side (dwell). All times are in seconds, so that the hop does not matter. A touch begins at rest, and a
+window's slip counts once most of the window is in contact.
 """
 
 import math
@@ -15,27 +15,27 @@ from monochord.core.types import Estimate
 from monochord.core.units import Seconds
 
 MAX_LOGIT = 6.0
-"""Largest log odds of a window: one window is never more certain than 400 to 1."""
+"""Largest log odds of a window: a single window is at most 400 to 1 certain."""
 TIME_TOLERANCE: Seconds = 1e-9
-"""Times that differ by less are the same."""
+"""Times closer than this are equal, in s."""
 SLIP_SHARE = 0.7
-"""Share of a window that must be touched for its slip to count: the beginning of a touch sounds alike."""
+"""Share of a window in contact for its slip to count: the onset of a touch sounds like slip."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SwitchSettings(Checked):
-    """How a probability becomes a decision.
+    """Settings that turn probabilities into a decision.
 
     Parameters
     ----------
     on, off
-        Probability, averaged over time, from which it is on, and at which it is off again; 0 < off <= on < 1.
+        Thresholds of the averaged probability for switching on and off; 0 < off <= on < 1.
     average
-        Time constant of the average of the log odds, in s.
+        Time constant of the averaged log odds, in s.
     dwell
-        For how long the average must have been on the other side, in s.
+        How long the average must stay on the other side, in s.
     hold
-        After how long without any probability nothing is decided, in s.
+        Time without any probability after which the state is undecided, in s.
     """
 
     on: InnerShare = 0.5
@@ -47,16 +47,16 @@ class SwitchSettings(Checked):
     def __post_init__(self) -> None:
         Checked.__post_init__(self)
         if self.off > self.on:
-            raise InputError(f"filter thresholds on {self.on:g}, off {self.off:g}", "off at most on")
+            raise InputError(f"filter thresholds on {self.on:g}, off {self.off:g}", "off no larger than on")
 
 
 class Switch(NamedTuple):
     """A decision over time, after the window that ends at `time`.
 
-    `on` is what was decided last, None before any; `since` is the onset, the end of the first window that
-    showed it, and `decided` the end of the window after which it was decided. `level` are the averaged log
-    odds. `turned` is the end of the first window of those that now show the other side, `led` since when
-    the average does; NaN where it does not. `time` is that of the last window with a probability.
+    `on` is the last decision, None before any. `since` is the onset, the end of the first window that showed
+    the change, and `decided` the end of the window after which it was decided. `level` holds the averaged log
+    odds. `turned` is the end of the first window now on the other side, `led` the time since which the
+    average is; NaN where it is not. `time` is that of the last window with a probability.
     """
 
     on: bool | None = None
@@ -77,7 +77,7 @@ UNDECIDED = Switch()
 
 
 def switch(before: Switch, probability: float, time: Seconds, settings: SwitchSettings) -> Switch:
-    """Return a switch after a window of a probability that ends at a time.
+    """Return a switch after a window that ends at a time, with its probability.
 
     >>> state, settings = UNDECIDED, SwitchSettings(average=0.0, dwell=0.02)
     >>> for k, probability in enumerate([0.1, 0.9, 0.9, 0.9]):
@@ -104,7 +104,7 @@ def switch(before: Switch, probability: float, time: Seconds, settings: SwitchSe
 def contact_after(
     before: Switch, contact: Estimate, end: Seconds, settings: SwitchSettings
 ) -> tuple[Switch, Seconds]:
-    """Return the contact after a window that ends at a time, and the onset of the touch, NaN for none."""
+    """Return the contact after a window that ends at a time, and the touch's onset, NaN for none."""
     forgotten = end - before.time > settings.hold
     if contact.valid:
         if before.on is not None and forgotten:
@@ -118,7 +118,7 @@ def contact_after(
 def slip_after(
     before: Switch, slip: Estimate, end: Seconds, onset: Seconds, share: float, settings: SwitchSettings
 ) -> Switch:
-    """Return the slip after a window that the touch, from its onset on, covers only in part."""
+    """Return the slip after a window only partly in contact, from the touch's onset on."""
     if before.on is None:
         level = math.log(settings.off / (1.0 - settings.off))
         return Switch(on=False, since=onset, decided=end, level=level, time=end)

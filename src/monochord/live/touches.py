@@ -1,4 +1,4 @@
-"""The touches in a recording: the table that ``monochord sessions touches`` writes for you to fill in."""
+"""Finds the touches in a recording, for the table that ``monochord sessions touches`` writes."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,9 +14,9 @@ from monochord.perception.estimators import ESTIMATORS
 from monochord.perception.model import load
 
 SHORTEST: Seconds = 0.2
-"""Shortest touch that is listed: shorter ones are knocks."""
-DYING: Seconds = 0.1
-"""How long a touch that was lifted still sounds like one; on the twin it is half of that."""
+"""Shortest touch listed, in s: shorter ones are knocks."""
+DECAY: Seconds = 0.1
+"""How long the sound still resembles a touch after release, in s; twice the value on the twin."""
 HEADER = "begin,end,position,force"
 
 
@@ -25,22 +25,22 @@ def touch_spans(
 ) -> list[tuple[Seconds, Seconds]]:
     """Return start and end of each touch in a recording, in s from its first frame, in order.
 
-    The touches are those that the live loop announces. A span lies within its touch: it begins at the end of
-    the first window that shows the touch, and ends `DYING` before the first window without it begins.
+    The touches are those of the live loop. A span lies within its touch: it begins at the end of the first
+    window that shows the touch, and ends `DECAY` before the first window without it.
 
     Parameters
     ----------
     recording
-        A sound file of two microphones, or a session.
+        A two-channel sound file, or a session.
     model
-        What tells contact: a bundled model's name, or the folder of a model.
+        The model that estimates contact: a bundled model's name, or a model's folder.
     sensor
-        The sensor as tuned, a preset or a file, where the recording does not know it.
+        The tuned sensor, a preset or a file, where the recording does not name it.
 
     Raises
     ------
     InputError
-        If recording, model or sensor cannot be used, or nothing touches the string for `SHORTEST`.
+        If recording, model or sensor cannot be used, or no touch lasts for `SHORTEST`.
     """
     definition = load(model).definition
     length: Seconds = definition.window / definition.sample_rate
@@ -58,7 +58,7 @@ def touch_spans(
             end = update.prediction.time + length
     # Of a touch that lasts to the end of the recording the end is that one.
     begins = [event.time for event in changes if event.on]
-    ends = [event.time - length - DYING for event in changes if not event.on]
+    ends = [event.time - length - DECAY for event in changes if not event.on]
     spans = list(zip(begins, [*ends, end], strict=False))
     spans = [(first, last) for first, last in spans if last - first >= SHORTEST]
     if not spans:
@@ -68,7 +68,7 @@ def touch_spans(
 
 
 def touch_table(spans: Sequence[tuple[Seconds, Seconds]]) -> str:
-    """Return touches as a table with empty cells for what a ruler and a scale show, in m and N.
+    """Return touches as a table with empty cells for measured position and force, in m and N.
 
     >>> touch_table([(4.0, 5.5)]).splitlines()
     ['begin,end,position,force', '4.00,5.50,,']

@@ -1,17 +1,17 @@
-"""Quantities over time: position and force of a touch, each with its standard error.
+"""Position and force of a touch over time, each with its standard error.
 
 - **A touch moves continuously.** Position is a Kalman filter with a nearly constant velocity (Bar-Shalom, Li
   and Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, ch. 6) that changes freely
-  while the touch slides and hardly at rest. An abstention leaves a prediction whose uncertainty grows.
+  while the touch slides and hardly at rest. During an abstention, the prediction's uncertainty grows.
 - **The driven string may lock to another mode, and an estimate then jumps.** An estimate outside the gate
-  does not move the track. It founds a rival, which later estimates support or oppose; the track changes to
-  it once the support has lasted. Until then the standard error covers both.
-- **Most of an error stays as long as the touch.** Of the variance that an estimate states, a share is an
-  offset of this object on this sensor, which no averaging removes; the rest fluctuates. Windows of length
-  T that begin dt apart overlap: averaging them is worth that of independent ones of the variance times T / dt
-  (the integral of their triangular autocorrelation), and so much noise is what the filter assumes. For
-  force the offset at rest and that while sliding are two unknowns with one force below them. So what was
-  learned at rest still holds when the object slides, where an estimate alone may be far off.
+  does not move the track. It starts a rival, which later estimates support or oppose; the track switches to
+  it after lasting support. Until then, the standard error covers both.
+- **Most of an error stays as long as the touch.** A share of an estimate's stated variance is an offset of
+  this object on this sensor, which averaging cannot remove; the rest fluctuates. Windows of length T that
+  begin dt apart overlap: averaging them equals averaging independent ones with the variance times T / dt
+  (the integral of their triangular autocorrelation), and the filter assumes that noise. For force, the
+  offsets at rest and while sliding are two unknowns of one force. So information gained at rest still counts
+  when the object slides, where a single estimate may be far off.
 """
 
 import math
@@ -26,34 +26,34 @@ from monochord.core.units import Metres, Seconds
 from monochord.live.switches import TIME_TOLERANCE
 
 MIN_STD = 1e-6
-"""Least standard error of an estimate, in its unit, so that rounding leaves every variance positive."""
+"""Smallest standard error of an estimate, in its unit, so that rounding leaves every variance positive."""
 START_VELOCITY = 0.01
-"""Standard deviation of a velocity before any is known, in m/s."""
+"""Initial standard deviation of the velocity, in m/s."""
 STOP: Seconds = 0.03
-"""Time in which the velocity of a touch at rest falls by e."""
+"""Time in which the velocity of a resting touch decays to 1/e, in s."""
 RIVAL_DRIFT = 1e-5
-"""Variance in m^2 that a second adds to a rival's place."""
+"""Growth of a rival's position variance per second, in m^2."""
 START_FORCE = 4.0
-"""Variance of a force in N^2 before any estimate."""
+"""Initial variance of a force, in N^2."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackSettings(Checked):
-    """How a position is tracked.
+    """Settings of the position tracker.
 
     Parameters
     ----------
     offset
-        Share of an estimate's variance that is an offset of the touch, 0 to 1.
+        Share of an estimate's variance that is constant over a touch, 0 to 1.
     sliding, resting
-        How freely the velocity changes: the spectral density of the acceleration in m^2 / s^3.
+        Spectral density of the acceleration while sliding and at rest, in m^2 / s^3.
     gate
-        Standard errors from which an estimate is a rival's, and no more the track's.
+        Standard errors beyond which an estimate supports a rival instead of the track.
     believe
-        For how long estimates must have contradicted an established track, net, for it to jump, in s.
+        Net time for which estimates must contradict an established track before it jumps, in s.
     coast
-        For how long an established track is predicted without any estimate, in s; one that has had support
-        for a shorter time than `believe`, for as much shorter.
+        How long an established track is predicted without estimates, in s; proportionally less for a track
+        supported for less than `believe`.
     """
 
     offset: PartialShare = 0.9
@@ -66,18 +66,18 @@ class TrackSettings(Checked):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ForceSettings(Checked):
-    """How a force is tracked.
+    """Settings of the force tracker.
 
     Parameters
     ----------
     offset
-        Share of an estimate's variance that is an offset of the touch, 0 to 1.
+        Share of an estimate's variance that is constant over a touch, 0 to 1.
     common
-        Correlation of the offset at rest with that while sliding, 0 to 1.
+        Correlation between the offsets at rest and while sliding, 0 to 1.
     change
-        How freely a force changes: the variance that a second adds, in N^2 / s.
+        Growth of the force's variance per second, in N^2 / s.
     coast
-        For how long it is predicted without any estimate, in s.
+        How long the force is predicted without estimates, in s.
     """
 
     offset: PartialShare = 0.9
@@ -87,10 +87,10 @@ class ForceSettings(Checked):
 
 
 class Span(NamedTuple):
-    """Where a window stands in time.
+    """A window's place in time.
 
-    `end` is its end in s, `dt` the time since the end of the one before, `ratio` its length in units of dt, 1
-    or more, and `share` how much of it is touched.
+    `end` is its end in s, `dt` the time since the previous window's end, `ratio` its length in units of dt, 1
+    or more, and `share` the share of it in contact.
     """
 
     end: Seconds
@@ -103,9 +103,9 @@ class Track(NamedTuple):
     """A position over time.
 
     `place` in m and `velocity` in m/s have the covariance `place_var`, `cross`, `velocity_var`. `offset` is
-    the variance of what stays as long as the touch. `seen` is the end of the last window with an estimate.
-    `trust` is for how long estimates have supported the track, net, in s; those that did not support a rival
-    at `rival` of variance `rival_var`, NaN for none.
+    the variance that is constant over the touch. `last_estimate` is the end of the last window with an
+    estimate. `trust` is the net time in s for which estimates have supported the track; estimates outside its
+    gate support a rival at `rival` of variance `rival_var`, NaN for none.
     """
 
     place: Metres
@@ -114,7 +114,7 @@ class Track(NamedTuple):
     cross: float
     velocity_var: float
     offset: float
-    seen: Seconds
+    last_estimate: Seconds
     trust: Seconds
     rival: Metres = math.nan
     rival_var: float = math.nan
@@ -130,14 +130,14 @@ class Track(NamedTuple):
 def track_after(
     before: Track | None, position: Estimate, span: Span, sliding: float, settings: TrackSettings
 ) -> Track | None:
-    """Return the track after a window, None for none, of a touch that slides with a probability.
+    """Return the track after a window, None for none; `slip` is the probability that the touch slides.
 
-    A touch that has left the sensing range leaves no track: what was learned inside it does not hold there.
+    A touch that leaves the sensing range ends the track: its past estimates do not hold outside.
     """
     if before is not None:
         # What few estimates have supported is not carried on for long.
         coast = settings.coast * (before.trust / settings.believe if settings.believe else 1.0)
-        is_over = position.reason == OUTSIDE_RANGE or span.end - before.seen > coast + TIME_TOLERANCE
+        is_over = position.reason == OUTSIDE_RANGE or span.end - before.last_estimate > coast + TIME_TOLERANCE
         before = None if is_over else before
     variance = (max(position.std, MIN_STD) / span.share) ** 2
     if before is None:
@@ -156,7 +156,7 @@ def track_after(
 
 
 def _track_from(place: Metres, variance: float, span: Span, settings: TrackSettings) -> Track:
-    """Return the track that an estimate founds, of whose variance a share is an offset."""
+    """Return the track that starts from an estimate, with a share of its variance as the offset."""
     return Track(
         place=place,
         velocity=0.0,
@@ -164,13 +164,13 @@ def _track_from(place: Metres, variance: float, span: Span, settings: TrackSetti
         cross=0.0,
         velocity_var=START_VELOCITY**2,
         offset=settings.offset * variance,
-        seen=span.end,
+        last_estimate=span.end,
         trust=min(span.dt, settings.believe),
     )
 
 
 def _predicted(track: Track, dt: Seconds, sliding: float, settings: TrackSettings) -> Track:
-    """Return a track a time later."""
+    """Return a track predicted to a later time."""
     density = settings.resting + sliding * sliding * (settings.sliding - settings.resting)
     keep = math.exp(-dt * (1.0 - sliding) / STOP)  # at rest a velocity ends
     travel = dt * keep
@@ -182,7 +182,7 @@ def _predicted(track: Track, dt: Seconds, sliding: float, settings: TrackSetting
         cross=keep * (b + travel * c) + density * dt**2 / 2.0,
         velocity_var=keep * keep * c + density * dt,
         offset=track.offset,
-        seen=track.seen,
+        last_estimate=track.last_estimate,
         trust=track.trust,
         rival=track.rival,
         rival_var=track.rival_var + dt * RIVAL_DRIFT,
@@ -202,7 +202,7 @@ def _updated(track: Track, error: Metres, variance: float, span: Span, settings:
         cross=(1.0 - gain) * track.cross,
         velocity_var=track.velocity_var - gain_velocity * track.cross,
         offset=track.offset + gain * (settings.offset * variance - track.offset),
-        seen=span.end,
+        last_estimate=span.end,
         trust=trust,
         rival=math.nan if is_sure else track.rival,
         rival_var=math.nan if is_sure else track.rival_var,
@@ -210,7 +210,7 @@ def _updated(track: Track, error: Metres, variance: float, span: Span, settings:
 
 
 def _outside_gate(track: Track, place: Metres, variance: float, span: Span, settings: TrackSettings) -> Track:
-    """Return a predicted track after an estimate outside its gate, which founds or supports a rival."""
+    """Return a predicted track after an estimate outside its gate, which starts or supports a rival."""
     rival, rival_var, trust = place, variance, track.trust - span.dt
     error = place - track.rival
     if error * error <= settings.gate**2 * (track.rival_var + variance):
@@ -218,22 +218,23 @@ def _outside_gate(track: Track, place: Metres, variance: float, span: Span, sett
         rival, rival_var = track.rival + gain * error, (1.0 - gain) * track.rival_var
     if trust < TIME_TOLERANCE:
         return _track_from(rival, variance, span, settings)
-    return track._replace(trust=trust, rival=rival, rival_var=rival_var, seen=span.end)
+    return track._replace(trust=trust, rival=rival, rival_var=rival_var, last_estimate=span.end)
 
 
-class Press(NamedTuple):
+class ForceTrack(NamedTuple):
     """A force over time.
 
-    `force` in N, and the offsets of estimates at rest and while sliding, as shares of their standard
-    deviations `resting_std` and `sliding_std` in N, NaN before any; with their covariance, the upper triangle
-    of force, offset at rest, offset sliding. `seen` is the end of the last window with an estimate.
+    `force` is in N. `resting` and `sliding` are the offsets of estimates at rest and while sliding, in units
+    of their standard deviations `resting_std` and `sliding_std` in N, NaN before any estimate. `covariance`
+    is the upper triangle of the covariance of force, resting and sliding. `last_estimate` is the end of the
+    last window with an estimate.
     """
 
     force: float
     resting: float
     sliding: float
     covariance: tuple[float, float, float, float, float, float]
-    seen: Seconds
+    last_estimate: Seconds
     resting_std: float = math.nan
     sliding_std: float = math.nan
 
@@ -242,34 +243,42 @@ class Press(NamedTuple):
         return Estimate(value=self.force, std=math.sqrt(self.covariance[0]), unit=unit)
 
 
-def press_after(
-    before: Press | None, force: Estimate, span: Span, settings: ForceSettings, *, slides: bool
-) -> Press | None:
-    """Return the press after a window, None for none and outside the sensing range."""
-    if force.reason == OUTSIDE_RANGE or (before is not None and span.end - before.seen > settings.coast):
+def force_track_after(
+    before: ForceTrack | None, force: Estimate, span: Span, settings: ForceSettings, *, slides: bool
+) -> ForceTrack | None:
+    """Return the force track after a window, None for none or outside the sensing range."""
+    if force.reason == OUTSIDE_RANGE or (
+        before is not None and span.end - before.last_estimate > settings.coast
+    ):
         before = None
     ratio = span.ratio
     if force.valid and (before is None or span.share < 1.0):  # while it begins, the newest window is the best
         covariance = (START_FORCE, 0.0, 0.0, 1.0, settings.common, 1.0)
-        press, ratio = Press(force.value, 0.0, 0.0, covariance, span.end), 1.0
+        track, ratio = ForceTrack(force.value, 0.0, 0.0, covariance, span.end), 1.0
     elif before is None:
         return None
     else:
         aa, ab, ac, bb, bc, cc = before.covariance
-        press = before._replace(covariance=(aa + settings.change * span.dt, ab, ac, bb, bc, cc))
-    return _pressed(press, force, span.end, ratio, settings, slides=slides) if force.valid else press
+        track = before._replace(covariance=(aa + settings.change * span.dt, ab, ac, bb, bc, cc))
+    return _updated_force(track, force, span.end, ratio, settings, slides=slides) if force.valid else track
 
 
-def _pressed(
-    press: Press, estimate: Estimate, end: Seconds, ratio: float, settings: ForceSettings, *, slides: bool
-) -> Press:
-    """Return a press after an estimate, which is force + standard deviation times offset + noise.
+def _updated_force(
+    track: ForceTrack,
+    estimate: Estimate,
+    end: Seconds,
+    ratio: float,
+    settings: ForceSettings,
+    *,
+    slides: bool,
+) -> ForceTrack:
+    """Return a force track after an estimate, modelled as force + standard deviation times offset + noise.
 
-    The standard deviation of an offset stays what the first estimate at rest, or while sliding, says of it:
-    one that followed every window's would let the offset be inferred from how they differ.
+    The first estimate at rest, or while sliding, sets the offset's standard deviation for good: a value that
+    followed every window would let the filter infer the offset from the differences.
     """
     variance = max(estimate.std, MIN_STD) ** 2
-    resting_std, sliding_std = press.resting_std, press.sliding_std
+    resting_std, sliding_std = track.resting_std, track.sliding_std
     if slides:
         if math.isnan(sliding_std):
             sliding_std = math.sqrt(settings.offset * variance)
@@ -278,15 +287,15 @@ def _pressed(
         if math.isnan(resting_std):
             resting_std = math.sqrt(settings.offset * variance)
         rest, slide = resting_std, 0.0
-    aa, ab, ac, bb, bc, cc = press.covariance
+    aa, ab, ac, bb, bc, cc = track.covariance
     a, b, c = aa + rest * ab + slide * ac, ab + rest * bb + slide * bc, ac + rest * bc + slide * cc
     noise = (1.0 - settings.offset) * variance * ratio
     total = a + rest * b + slide * c + noise
-    error = (estimate.value - press.force - rest * press.resting - slide * press.sliding) / total
-    return Press(
-        force=press.force + a * error,
-        resting=press.resting + b * error,
-        sliding=press.sliding + c * error,
+    error = (estimate.value - track.force - rest * track.resting - slide * track.sliding) / total
+    return ForceTrack(
+        force=track.force + a * error,
+        resting=track.resting + b * error,
+        sliding=track.sliding + c * error,
         covariance=(
             aa - a * a / total,
             ab - a * b / total,
@@ -295,7 +304,7 @@ def _pressed(
             bc - b * c / total,
             cc - c * c / total,
         ),
-        seen=end,
+        last_estimate=end,
         resting_std=resting_std,
         sliding_std=sliding_std,
     )

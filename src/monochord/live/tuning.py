@@ -1,4 +1,4 @@
-"""The tuning of a sensor from sources of untouched sound: what ``monochord tune`` does."""
+"""Tunes a sensor from untouched sound, as ``monochord tune`` does."""
 
 import math
 from collections.abc import Sequence
@@ -28,23 +28,23 @@ from monochord.physics.theory import inharmonicity, open_frequency
 from monochord.physics.twin import Sensor
 
 WINDOW = WindowSettings(length=0.1, hop=0.1)
-"""The usual windows of a tuning."""
+"""Default windows of a tuning."""
 SECONDS: Seconds = 3.0
-"""How much of a source is listened to, by default."""
+"""Default duration taken from a source, in s."""
 KEEP = 1000
-"""Most windows that a tuning is taken from."""
+"""Largest number of windows used in a tuning."""
 STIFFNESS_DEVIATIONS = 4.0
-"""Standard errors by which stiffness differs from the design's on a wire that is another."""
-RING = "let go of it, or touch and release it while it is listened to, so that its partials ring"
-"""What to do where the string is heard, and not its pitch."""
+"""Standard errors of stiffness deviation that indicate another wire than the design's."""
+RING = "let go of it, or touch and release it during the recording, so that its partials ring"
+"""Remedy where the string sounds but its pitch cannot be found."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorAsTuned:
-    """A sensor's design, and what its untouched sound says of its string.
+    """A sensor's design with its tuning, measured from untouched sound.
 
-    `design` is the name of its preset, `sensor` that preset; `tuning` as measured, from `seconds` of
-    untouched sound of `source`, at `time`. `refused` windows did not count.
+    `design` is the preset's name, `sensor` that preset; `tuning` is the measurement, from `seconds` of
+    untouched sound of `source`, at `time`. `refused` windows were not used.
     """
 
     design: str
@@ -57,17 +57,17 @@ class SensorAsTuned:
 
     @property
     def string(self) -> StringParams:
-        """The design's string at the tension that gives this pitch."""
+        """The design's string at the measured pitch's tension."""
         return self.tuning.tuned(self.sensor.string)
 
     @property
     def nominal(self) -> Hertz:
-        """Open frequency of the design."""
+        """Open frequency of the design, in Hz."""
         return open_frequency(self.sensor.string)
 
     @property
     def deviation(self) -> float:
-        """Share by which the open frequency lies above the design's."""
+        """Relative deviation of the open frequency from the design's."""
         return self.tuning.deviation(self.sensor.string)
 
     @property
@@ -77,18 +77,18 @@ class SensorAsTuned:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What else a person should know of it."""
+        """Warnings about the measurement."""
         tuning, notes = self.tuning, list[str]()
         missing = set(range(1, 3)) - set(tuning.channels)
         if missing:
-            notes.append(f"microphone {min(missing)} picks up nothing of the string")
+            notes.append(f"microphone {min(missing)} does not pick up the string")
         expected = inharmonicity(self.string)
         if abs(tuning.inharmonicity - expected) > STIFFNESS_DEVIATIONS * tuning.inharmonicity_std:
             notes.append(f"stiffness {tuning.inharmonicity / expected:.2f} times the design's: another wire?")
         return tuple(notes)
 
     def lines(self) -> list[str]:
-        """Return the result in a person's units."""
+        """Return the result in convenient units, as text lines."""
         tuning, measured = self.tuning, self.measured()
         partials = ", ".join(map(str, tuning.partials))
         off = f"{100.0 * self.deviation:+.2f} %, {self.cents:+.0f} cents"
@@ -100,7 +100,7 @@ class SensorAsTuned:
         ]
         if measured.decay is not None:
             lines.append(
-                f"  losses         free partials die away at {tuning.decay:.1f} 1/s +- {tuning.decay_std:.1f}"
+                f"  losses         free partials decay at {tuning.decay:.1f} 1/s +- {tuning.decay_std:.1f}"
             )
         lines.append(f"  measured       partials {partials} in {self.seconds:.1f} s of untouched sound")
         if self.refused:
@@ -108,11 +108,11 @@ class SensorAsTuned:
         return lines + [f"  note           {note}" for note in self.notes]
 
     def toml(self) -> str:
-        """Return the text of the file that is this sensor, which `load_sensor` reads."""
+        """Return the text of the sensor's file, which `load_sensor` reads."""
         return sensor_toml(self.design, self.measured())
 
     def measured(self) -> SensorTuning:
-        """Return what was measured, as it stands in the file."""
+        """Return the measured values as written to the file."""
         tuning = self.tuning
         tension, tension_std = tuning.tension(self.sensor.string)
         has_decay = math.isfinite(tuning.decay)
@@ -140,30 +140,30 @@ def tune(
     window: Seconds = WINDOW.length,
     **options: Any,
 ) -> SensorAsTuned:
-    """Return a sensor as tuned, by its untouched sound.
+    """Tune a sensor from its untouched sound.
 
     Parameters
     ----------
     sources
-        Each as for `listen`: a recording, the name of a source, or a source that was built; jack if none is
-        given. Several are several takes of one sensor.
+        Each as for `listen`: a recording, a source's name, or a source object; jack by default. Several
+        sources are takes of one sensor.
     sensor
-        The design: a preset's name, or the file of an earlier tuning. It may be left out where the source
-        knows its string, as a session or the twin does.
+        The design: a preset's name, or the file of an earlier tuning. Optional where the source provides its
+        string, as a session or the twin does.
     seconds
-        How much of each source is listened to, in s.
+        Duration taken from each source, in s.
     window
-        Length of the windows that are looked at, in s.
+        Length of the analysed windows, in s.
     options
         Options of the source, such as ``seed=1`` or ``speed=0.0`` for the twin.
 
     Raises
     ------
     InputError
-        If the sensor is unknown, or the sound does not tell its pitch: it is silent, touched, of another
-        string or of none, or more than one pitch is possible.
+        If the sensor is unknown, or the pitch cannot be found in the sound: it is silent, touched, from
+        another string or no string, or the pitch is ambiguous.
     DeviceError
-        If a device is absent or goes away.
+        If a device is missing or lost.
 
     Examples
     --------
@@ -183,12 +183,12 @@ def tuned(
     seconds: Seconds = SECONDS,
     window: WindowSettings = WINDOW,
 ) -> SensorAsTuned:
-    """Return a sensor as tuned, by sources that are built and what they are called; see `tune`.
+    """Return a tuned sensor, from source objects and their names; see `tune`.
 
     Raises
     ------
     InputError
-        As `tune`.
+        As in `tune`.
     """
     design = sensor_design(sensor) if sensor else ""
     if design:
@@ -221,7 +221,7 @@ def tuned(
 def _followed(
     stream: Stream, string: StringParams, state: TunerState, seconds: Seconds, window: WindowSettings
 ) -> tuple[Tuner, TunerState]:
-    """Return the tuner of one more stream, and its state after it, from where the stream before ended."""
+    """Return the tuner of one more stream and its final state, continuing from the previous stream."""
     signal = replace(stream.signal, string=string)
     size, hop = window.frames(signal.sample_rate)
     tuner = replace(Tuner.of(signal, size), keep=KEEP)
@@ -234,12 +234,12 @@ def _followed(
 
 
 def preset_of(string: StringParams | None) -> str:
-    """Return the name of the sensor that has this string, at whatever tension.
+    """Return the name of the sensor preset with this string, at any tension.
 
     Raises
     ------
     InputError
-        If the string is not known, or no preset has it.
+        If the string is unknown, or no preset has it.
 
     Examples
     --------
@@ -248,5 +248,5 @@ def preset_of(string: StringParams | None) -> str:
     """
     if names := designs_with(string):
         return names[0]
-    given = "a source that does not know its string" if string is None else "a string of no preset"
+    given = "a source that does not provide its string" if string is None else "a string of no preset"
     raise InputError(given, ", ".join(sensor_names()), "name the sensor: --sensor prototype")

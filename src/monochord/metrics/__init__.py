@@ -1,7 +1,7 @@
 """Metrics, plain functions of (reference, estimate) in SI units.
 
-A value that is not a number is refused; select rows with `known` first.
-`regression_score` and `detection_score` collect all scores of an output and count NaN as an abstention.
+Non-finite values raise; select rows with `finite_rows` first. `regression_score` and `detection_score`
+compute all scores of an output and count NaN as an abstention.
 """
 
 from monochord.metrics.bootstrap import bootstrap_interval, time_blocks
@@ -15,7 +15,14 @@ from monochord.metrics.calibration import (
 from monochord.metrics.classification import accuracy, balanced_accuracy, confusion
 from monochord.metrics.events import detection_delays, false_alarms, stretches
 from monochord.metrics.ranking import Groups, area_interval, area_under_curve
-from monochord.metrics.regression import known, mean_absolute_error, mean_error, pearson_r, rms_error, within
+from monochord.metrics.regression import (
+    finite_rows,
+    mean_absolute_error,
+    mean_error,
+    pearson_r,
+    rms_error,
+    within,
+)
 from monochord.metrics.scores import (
     DECISION,
     LIMITS,
@@ -46,8 +53,8 @@ __all__ = [
     "detection_delays",
     "detection_score",
     "false_alarms",
+    "finite_rows",
     "hit_rate",
-    "known",
     "mean_absolute_error",
     "mean_error",
     "normal_coverage",

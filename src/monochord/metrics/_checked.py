@@ -1,4 +1,4 @@
-"""Checks of the arguments of every metric."""
+"""Argument checks shared by all metrics."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,7 +8,7 @@ from monochord.core.types import Floats
 
 
 def numbers(**named: Floats) -> tuple[Floats, ...]:
-    """Return arrays as float64, all of one dimension, one length and one value or more, every one finite."""
+    """Return arrays as float64; they must be one-dimensional, nonempty, finite and of equal length."""
     arrays = {name: np.asarray(values, dtype=np.float64) for name, values in named.items()}
     shapes = {name: values.shape for name, values in arrays.items()}
     if len(set(shapes.values())) != 1 or any(values.ndim != 1 for values in arrays.values()):
@@ -16,17 +16,17 @@ def numbers(**named: Floats) -> tuple[Floats, ...]:
         raise InputError(given, "one dimension, the same length")
     for name, values in arrays.items():
         if values.size == 0:
-            raise InputError(f"no {name}", "one value or more")
+            raise InputError(f"no {name}", "at least one value")
         bad = int(np.count_nonzero(~np.isfinite(values)))
         if bad:
             raise InputError(
-                f"{bad} of {values.size} in {name} not finite", "numbers", "select rows with known()"
+                f"{bad} of {values.size} in {name} not finite", "numbers", "select rows with finite_rows()"
             )
     return tuple(arrays.values())
 
 
 def decisions(**named: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], ...]:
-    """Return arrays of yes and no, checked as in `numbers`; 0 and 1 are no and yes."""
+    """Return boolean arrays, checked as in `numbers`; 0 and 1 mean no and yes."""
     arrays = numbers(**{name: np.asarray(values, np.float64) for name, values in named.items()})
     for name, values in zip(named, arrays, strict=True):
         odd = values[(values != 0.0) & (values != 1.0)]

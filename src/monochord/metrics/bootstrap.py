@@ -1,4 +1,4 @@
-"""Intervals of scores by the block bootstrap, since neighbouring windows are alike."""
+"""Confidence intervals of scores by the block bootstrap, since neighbouring windows are similar."""
 
 from collections.abc import Callable
 from math import sqrt
@@ -16,21 +16,21 @@ Rows = NDArray[np.int64]
 
 
 def time_blocks(group: NDArray[Any], time: Floats, length: Seconds) -> NDArray[np.int64]:
-    """Return the number of the block (n,) of each row: `length` of time within a group, from 0 on.
+    """Return each row's block number (n,): stretches of `length` within a group, from 0 on.
 
     Parameters
     ----------
     group
-        What rows came from, such as their session, (n,): numbers or names.
+        Group of each row, such as its session, (n,): numbers or names.
     time
-        Of each row in its group, (n,), in s.
+        Time of each row in its group, (n,), in s.
     length
-        Of a block, in s, above 0: longer than what makes neighbours alike.
+        Length of a block, in s, above 0: longer than the correlation between neighbours.
 
     Raises
     ------
     InputError
-        If the shapes differ, a time is not a number, or `length` is not above 0.
+        If the shapes differ, a time is not finite, or `length` is not above 0.
 
     Examples
     --------
@@ -53,26 +53,26 @@ def bootstrap_interval(
     draws: int = 1000,
     share: float = 0.95,
 ) -> tuple[float, float]:
-    """Return the confidence interval of a statistic of rows, by resampling whole blocks with replacement.
+    """Return the confidence interval of a row statistic, by resampling whole blocks with replacement.
 
-    The expanded percentile interval: of the draws' quantiles, those at Phi(-+ sqrt(m / (m - 1)) t), with t
-    Student's of m - 1 degrees of freedom for m blocks, instead of Phi(-+ z); so that few blocks give no false
-    confidence. It supposes that blocks are independent of each other and represent the population; below ten
-    blocks it is a rough guide.
+    It is the expanded percentile interval: the draws' quantiles at Phi(-+ sqrt(m / (m - 1)) t), with
+    Student's t of m - 1 degrees of freedom for m blocks, instead of Phi(-+ z); so few blocks give no false
+    confidence. It assumes that blocks are independent and represent the population; below ten blocks it is a
+    rough guide.
 
     Parameters
     ----------
     statistic
-        From rows, as indices (k,) in which a row may stand more than once, to a number. Where it raises
-        `InputError` or gives NaN, as an area under the curve of one kind does, the draw is left out.
+        Function from row indices (k,), with repetitions, to a number. A draw is left out where it raises
+        `InputError` or returns NaN, as the area under the curve does for a single class.
     blocks
-        The block of each row, (n,): numbers or names, such as sessions, or as `time_blocks` gives them.
+        Block of each row, (n,): numbers or names, such as sessions, or the result of `time_blocks`.
     seed
-        Of the draws.
+        Random seed.
     draws
-        How many.
+        Number of draws.
     share
-        Of the truths that the interval is to hold, between 0 and 1.
+        Coverage of the interval, between 0 and 1.
 
     Returns
     -------
@@ -82,7 +82,7 @@ def bootstrap_interval(
     Raises
     ------
     InputError
-        If there are fewer than 2 blocks, or more than half of the draws give no number.
+        If there are fewer than 2 blocks, or more than half of the draws fail.
 
     References
     ----------
@@ -106,9 +106,9 @@ def bootstrap_interval(
     members = np.split(order, np.cumsum(np.bincount(which))[:-1]) if blocks.size > 0 else []
     count = len(members)
     if count < 2:
-        raise InputError(f"{count} blocks", "2 or more", "an interval needs what varies")
+        raise InputError(f"{count} blocks", "2 or more", "use more sessions, or shorter blocks")
     if not (0.0 < share < 1.0 and draws >= 10):
-        raise InputError(f"{draws} draws for a share of {share:g}", "10 or more, between 0 and 1")
+        raise InputError(f"{draws} draws, share {share:g}", "10 or more draws, a share between 0 and 1")
     stream = np.random.default_rng(seed)
     values: list[float] = []
     for _ in range(draws):
@@ -121,7 +121,7 @@ def bootstrap_interval(
             values.append(value)
     if len(values) < 0.5 * draws:
         raise InputError(
-            f"a statistic that {draws - len(values)} of {draws} draws lack", "half of them at most"
+            f"a statistic undefined in {draws - len(values)} of {draws} draws", "half of them at most"
         )
     low, high = np.quantile(values, _levels(count, share)).tolist()
     return low, high

@@ -1,4 +1,4 @@
-"""Whether stated uncertainty is what it says: of standard errors and of probabilities."""
+"""Calibration of standard errors and of probabilities."""
 
 from math import erf, sqrt
 
@@ -11,21 +11,22 @@ from monochord.metrics._checked import decisions, numbers, probabilities
 
 
 def coverage(reference: Floats, estimate: Floats, std: Floats, sigmas: float = 1.0) -> float:
-    """Return the share of truths that are within `sigmas` stated standard errors, 0 to 1.
+    """Return the share of truths within `sigmas` stated standard errors, 0 to 1.
 
-    Correctly stated normal errors give `normal_coverage(sigmas)`; more means that they are stated too large.
+    Correct normal standard errors give `normal_coverage(sigmas)`; a larger share means that the standard
+    errors are too large.
 
     Parameters
     ----------
     reference, estimate, std
         Truth, estimate and standard error, (n,) each, in one unit; `std` is 0 or more.
     sigmas
-        How many standard errors, 0 or more.
+        Number of standard errors, 0 or more.
 
     Raises
     ------
     InputError
-        If they differ in shape, are empty, hold what is not a number, or a standard error is below 0.
+        If shapes differ, an array is empty or not finite, or a standard error is below 0.
 
     Examples
     --------
@@ -39,7 +40,7 @@ def coverage(reference: Floats, estimate: Floats, std: Floats, sigmas: float = 1
 
 
 def normal_coverage(sigmas: float) -> float:
-    """Return the share of normally distributed errors that are within `sigmas` standard deviations.
+    """Return the share of normally distributed errors within `sigmas` standard deviations.
 
     erf(k / sqrt(2)); 0.683, 0.954 and 0.997 for k = 1, 2 and 3.
 
@@ -54,14 +55,14 @@ def normal_coverage(sigmas: float) -> float:
 
 
 def brier_score(reference: NDArray[np.bool_], probability: Floats) -> float:
-    """Return the mean of (probability - truth)^2, 0 at best; 0.25 for always one half.
+    """Return the mean of (probability - truth)^2: 0 is perfect, always one half gives 0.25.
 
     Parameters
     ----------
     reference
         Truth (n,): false and true, or 0 and 1.
     probability
-        What was stated of its being true, (n,), 0 to 1.
+        Stated probability of true, (n,), 0 to 1.
 
     References
     ----------
@@ -81,19 +82,19 @@ def brier_score(reference: NDArray[np.bool_], probability: Floats) -> float:
 def reliability(
     reference: NDArray[np.bool_], probability: Floats, bins: int = 10
 ) -> tuple[Floats, Floats, NDArray[np.int64]]:
-    """Return mean stated probability, true share and count, (bins,) each, in equal bins of probability.
+    """Return mean stated probability, true share and count, (bins,) each, in bins of equal width.
 
-    A bin reaches from its lower edge to just below its upper one, the last one to 1. Of a bin with nothing in
-    it, probability and share are NaN.
+    A bin includes its lower edge and excludes its upper edge, except the last one, which includes 1. An empty
+    bin has NaN for probability and share.
 
     Parameters
     ----------
     reference
         Truth (n,): false and true, or 0 and 1.
     probability
-        What was stated of its being true, (n,), 0 to 1.
+        Stated probability of true, (n,), 0 to 1.
     bins
-        How many, 1 or more.
+        Number of bins, 1 or more.
 
     References
     ----------
@@ -121,18 +122,19 @@ def reliability(
 
 
 def calibration_error(reference: NDArray[np.bool_], probability: Floats, bins: int = 10) -> float:
-    """Return the difference between stated probabilities and true shares, 0 to 1, weighted by count.
+    """Return the count-weighted difference between stated probabilities and true shares, 0 to 1.
 
-    The expected calibration error: the sum over bins of count / n abs(stated - share), of `reliability`.
+    This is the expected calibration error: the sum over the bins of `reliability` of count / n abs(stated -
+    share).
 
     Parameters
     ----------
     reference
         Truth (n,): false and true, or 0 and 1.
     probability
-        What was stated of its being true, (n,), 0 to 1.
+        Stated probability of true, (n,), 0 to 1.
     bins
-        How many, 1 or more.
+        Number of bins, 1 or more.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Accuracy of a yes or no."""
+"""Accuracy of binary answers."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ def confusion(reference: NDArray[np.bool_], estimate: NDArray[np.bool_]) -> NDAr
     Raises
     ------
     InputError
-        If they differ in shape, are empty, or hold anything else; so for every metric here.
+        If shapes differ, an array is empty, or a value is neither; as in every metric here.
 
     Examples
     --------
@@ -30,9 +30,9 @@ def confusion(reference: NDArray[np.bool_], estimate: NDArray[np.bool_]) -> NDAr
 
 
 def accuracy(reference: NDArray[np.bool_], estimate: NDArray[np.bool_]) -> float:
-    """Return the share of answers that are right, 0 to 1.
+    """Return the share of correct answers, 0 to 1.
 
-    If one class is rare, always answering the other scores high: see `balanced_accuracy`.
+    If one class is rare, always answering the other class scores high: see `balanced_accuracy`.
 
     Parameters
     ----------
@@ -49,12 +49,12 @@ def accuracy(reference: NDArray[np.bool_], estimate: NDArray[np.bool_]) -> float
 
 
 def balanced_accuracy(reference: NDArray[np.bool_], estimate: NDArray[np.bool_]) -> float:
-    """Return the mean of the shares of yes and of no that are right, 0 to 1; chance is one half.
+    """Return the mean of the correct shares of yes and of no, 0 to 1; chance is one half.
 
     Parameters
     ----------
     reference, estimate
-        Truth and answer, (n,) each: false and true, or 0 and 1. The truth has to hold both.
+        Truth and answer, (n,) each: false and true, or 0 and 1. The truth must contain both.
 
     References
     ----------
@@ -68,7 +68,5 @@ def balanced_accuracy(reference: NDArray[np.bool_], estimate: NDArray[np.bool_])
     """
     counts = confusion(reference, estimate)
     if (counts.sum(axis=1) == 0).any():
-        raise InputError(
-            f"a truth that is {'no' if counts[0].any() else 'yes'} throughout", "both yes and no"
-        )
+        raise InputError(f"a truth with only {'no' if counts[0].any() else 'yes'}", "both yes and no")
     return float(np.mean(np.diag(counts) / counts.sum(axis=1)))

@@ -1,7 +1,7 @@
-"""Touches as events: how soon each is detected, and how many detections are false.
+"""Touches as events: detection delay and false alarms.
 
-An event and an alarm are stretches of time [begin, end). An alarm belongs to the event that it begins in; one
-that begins in none is false, even if an event comes while it lasts: always yes detects nothing.
+An event and an alarm are time spans [begin, end). An alarm belongs to the event in which it begins; an alarm
+that begins outside every event is false, even if an event starts during it: a constant alarm detects nothing.
 """
 
 import numpy as np
@@ -16,22 +16,23 @@ from monochord.metrics._checked import decisions, numbers
 def stretches(time: Floats, on: NDArray[np.bool_], hop: Seconds) -> Floats:
     """Return start and end (k, 2) in s of each run of consecutive samples that are on.
 
-    A stretch begins at the time of its first sample and ends one `hop` after its last. A pause in the series,
-    of more than one and a half hops, ends it too.
+    A stretch begins at the time of its first sample and ends one `hop` after its last. A gap of more than one
+    and a half hops also ends it.
 
     Parameters
     ----------
     time
-        Of each sample, (n,), in s, rising. Of estimates it is the end of the window: when they were known.
+        Time of each sample, (n,), in s, rising; for estimates, the end of the window, when they became
+        available.
     on
         Whether the sample is on, (n,).
     hop
-        Of the series, in s, above 0.
+        Hop of the series, in s, above 0.
 
     Raises
     ------
     InputError
-        If the shapes differ, a time is not a number or does not rise, or `hop` is not above 0.
+        If the shapes differ, a time is not finite or does not rise, or `hop` is not above 0.
 
     Examples
     --------
@@ -56,13 +57,13 @@ def detection_delays(events: Floats, alarms: Floats, early: Seconds = 0.0) -> Fl
     events, alarms
         Begin and end in s, (k, 2) and (m, 2), each in order and apart; either may be empty, (0, 2).
     early
-        By how much an alarm may begin before its event and still be its own, in s: what the truth's own time
-        is not known by. Its delay is below 0 then.
+        How long before its event an alarm may begin, in s: the timing uncertainty of the truth. The delay is
+        then negative.
 
     Raises
     ------
     InputError
-        If a stretch is no stretch, or they overlap or are not in order.
+        If a span has no length, or spans overlap or are not in order.
 
     Examples
     --------
@@ -96,7 +97,7 @@ def false_alarms(events: Floats, alarms: Floats, early: Seconds = 0.0) -> int:
 
 
 def _owners(events: Floats, alarms: Floats, early: Seconds) -> tuple[NDArray[np.int64], Floats]:
-    """Return for each alarm (m,) the event that it begins in, -1 for none, and when it begins."""
+    """Return for each alarm (m,) the event in which it begins, -1 for none, and the time it begins."""
     events, alarms = _checked(events, "events"), _checked(alarms, "alarms")
     if not early >= 0.0:
         raise InputError(f"early {early:g} s", "0 s or more")
@@ -114,5 +115,7 @@ def _checked(spans: Floats, name: str) -> Floats:
         raise InputError(f"{name} of shape {spans.shape}", "(k, 2): begin and end")
     rising = np.diff(spans.reshape(-1)) >= 0.0
     if not np.isfinite(spans).all() or not rising.all() or not (spans[:, 1] > spans[:, 0]).all():
-        raise InputError(f"{name} that overlap, are not in order or are not numbers", "stretches one by one")
+        raise InputError(
+            f"{name} that overlap, are unordered or not finite", "spans in order, without overlap"
+        )
     return spans

@@ -1,4 +1,4 @@
-"""How well a number separates two kinds: the area under the curve of hits against false alarms."""
+"""How well a number separates two classes: the area under the ROC curve."""
 
 import numpy as np
 
@@ -6,24 +6,24 @@ from monochord.core.errors import InputError
 from monochord.core.types import Floats
 
 Groups = list[Floats]
-"""Values of one kind, one array for each independent run that they come from."""
+"""Values of one class, one array for each independent run."""
 
 
 def area_under_curve(positive: Floats, negative: Floats) -> float:
     """Return the probability that a positive value exceeds a negative one; a tie counts one half.
 
-    The area under the curve of hits against false alarms, by ranks:
-    A = (R - m (m + 1) / 2) / (m n), with R the sum of the positive values' mean ranks among all m + n.
+    It is the area under the ROC curve, computed by ranks: A = (R - m (m + 1) / 2) / (m n), with R the sum of
+    the positive values' mean ranks among all m + n.
 
     Parameters
     ----------
     positive, negative
-        Values of both kinds, (m,) and (n,), in any unit.
+        Values of both classes, (m,) and (n,), in any unit.
 
     Raises
     ------
     InputError
-        If a kind has no value, or one is not a number.
+        If a class is empty, or a value is not finite.
 
     References
     ----------
@@ -37,7 +37,7 @@ def area_under_curve(positive: Floats, negative: Floats) -> float:
     """
     values = np.concatenate([positive, negative]).astype(np.float64)
     if positive.size == 0 or negative.size == 0 or np.isnan(values).any():
-        raise InputError(f"{positive.size} positive and {negative.size} negative values", "numbers of both")
+        raise InputError(f"{positive.size} positive and {negative.size} negative values", "values of both")
     _, where, counts = np.unique(values, return_inverse=True, return_counts=True)
     ranks = np.cumsum(counts) - 0.5 * (counts - 1)
     above = ranks[where[: positive.size]].sum() - 0.5 * positive.size * (positive.size + 1)
@@ -49,25 +49,25 @@ def area_interval(
 ) -> tuple[float, float]:
     """Return the confidence interval of the area under the curve, by resampling whole runs with replacement.
 
-    Windows of one run are alike, so that runs and not windows are drawn (a cluster bootstrap). Both lists
-    hold the same runs in the same order, and each draw takes the same ones of both. A run that is drawn twice
-    meets itself more often than it should; what this adds to the mean area is taken off the interval.
+    Windows of one run are similar, so whole runs are drawn (a cluster bootstrap). Both lists hold the same
+    runs in the same order, and each draw uses the same runs from both. A run drawn twice is compared with
+    itself too often; the resulting bias of the mean area is subtracted from the interval.
 
     Parameters
     ----------
     positive, negative
-        Values of both kinds by run; a run may have none of one kind.
+        Values of both classes by run; a run may have none of one class.
     seed
-        Of the draws.
+        Random seed.
     draws
-        How many.
+        Number of draws.
     share
-        Of the draws that the interval holds.
+        Share of the draws inside the interval.
 
     Raises
     ------
     InputError
-        If the lists differ in length, or there is nothing to draw from.
+        If the lists differ in length, or are empty.
 
     References
     ----------
@@ -80,7 +80,7 @@ def area_interval(
     """
     if len(positive) != len(negative) or not positive:
         raise InputError(
-            f"{len(positive)} and {len(negative)} runs", "the same runs, one or more, of both kinds"
+            f"{len(positive)} and {len(negative)} runs", "the same runs for both classes, at least one"
         )
     stream = np.random.default_rng(seed)
     areas: list[float] = []
@@ -90,7 +90,7 @@ def area_interval(
         if ones.size > 0 and others.size > 0:
             areas.append(area_under_curve(ones, others))
     if not areas:
-        raise InputError("runs without values of one kind", "values of both kinds")
+        raise InputError("runs without values of one class", "values of both classes")
     bias = np.mean(areas) - area_under_curve(np.concatenate(positive), np.concatenate(negative))
     edges = np.quantile(areas, [0.5 - 0.5 * share, 0.5 + 0.5 * share]) - bias
     low, high = np.clip(edges, 0.0, 1.0).tolist()

@@ -8,10 +8,10 @@ from monochord.core.types import Floats
 from monochord.metrics._checked import numbers
 
 
-def known(*columns: Floats) -> NDArray[np.bool_]:
-    """Return a mask (n,) of the rows that are finite in every column (n,), and so can be scored.
+def finite_rows(*columns: Floats) -> NDArray[np.bool_]:
+    """Return a mask (n,) of the rows that are finite in every column (n,), and can therefore be scored.
 
-    State their number beside every score.
+    Report their number beside every score.
 
     Parameters
     ----------
@@ -21,11 +21,11 @@ def known(*columns: Floats) -> NDArray[np.bool_]:
     Raises
     ------
     InputError
-        If there is no column, or they differ in length.
+        If there is no column, or the columns differ in length.
 
     Examples
     --------
-    >>> known(np.array([1.0, np.nan, 3.0]), np.array([1.0, 2.0, np.inf])).tolist()
+    >>> finite_rows(np.array([1.0, np.nan, 3.0]), np.array([1.0, 2.0, np.inf])).tolist()
     [True, False, False]
     """
     if len({np.shape(column) for column in columns}) != 1:
@@ -39,12 +39,12 @@ def mean_error(reference: Floats, estimate: Floats) -> float:
     Parameters
     ----------
     reference, estimate
-        Truth and estimate, (n,) each, in one unit, which is that of the result.
+        Truth and estimate, (n,) each, in the same unit as the result.
 
     Raises
     ------
     InputError
-        If they differ in shape, are empty, or hold what is not a number; so for every metric here.
+        If shapes differ, or an array is empty or not finite; as in every metric here.
 
     Examples
     --------
@@ -61,7 +61,7 @@ def mean_absolute_error(reference: Floats, estimate: Floats) -> float:
     Parameters
     ----------
     reference, estimate
-        Truth and estimate, (n,) each, in one unit, which is that of the result.
+        Truth and estimate, (n,) each, in the same unit as the result.
 
     Examples
     --------
@@ -73,12 +73,12 @@ def mean_absolute_error(reference: Floats, estimate: Floats) -> float:
 
 
 def rms_error(reference: Floats, estimate: Floats) -> float:
-    """Return the root mean square of estimate - reference; one gross error can dominate it.
+    """Return the root mean square of estimate - reference; a single large error can dominate it.
 
     Parameters
     ----------
     reference, estimate
-        Truth and estimate, (n,) each, in one unit, which is that of the result.
+        Truth and estimate, (n,) each, in the same unit as the result.
 
     Examples
     --------
@@ -90,14 +90,14 @@ def rms_error(reference: Floats, estimate: Floats) -> float:
 
 
 def within(reference: Floats, estimate: Floats, limit: float) -> float:
-    """Return the share of estimates that are off by `limit` or less, 0 to 1.
+    """Return the share of estimates with an error of `limit` or less, 0 to 1.
 
     Parameters
     ----------
     reference, estimate
         Truth and estimate, (n,) each, in one unit.
     limit
-        In the same unit, 0 or more.
+        Error limit in the same unit, 0 or more.
 
     Examples
     --------
@@ -111,10 +111,10 @@ def within(reference: Floats, estimate: Floats, limit: float) -> float:
 
 
 def pearson_r(reference: Floats, estimate: Floats) -> float:
-    """Return Pearson's correlation, -1 to 1; NaN if one of them never varies.
+    """Return Pearson's correlation, -1 to 1; NaN if either array is constant.
 
-    r = sum(a b) / sqrt(sum(a^2) sum(b^2)), a and b less their means. It does not see a wrong offset or scale:
-    read it beside the mean absolute error.
+    r = sum(a b) / sqrt(sum(a^2) sum(b^2)), with a and b minus their means. A wrong offset or scale does not
+    affect it: read it beside the mean absolute error.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
-"""The scorer: everything that is said of one output, from truth and estimates, abstentions counted.
+"""All scores of one output, from truth and estimates, with abstentions counted.
 
-Live runs, training and evaluation all score with these functions. An abstention is NaN; a miss where a share
-of all windows is meant, and left out of an error, beside which `answered` stands.
+Live runs, training and evaluation all use these functions. An abstention is NaN: it counts as a miss in a
+share of all windows, and is left out of an error, which `answered` accompanies.
 """
 
 from collections.abc import Mapping
@@ -16,24 +16,24 @@ from monochord.core.types import Floats
 from monochord.metrics._checked import decisions, numbers
 from monochord.metrics.calibration import brier_score, calibration_error, coverage
 from monochord.metrics.ranking import area_under_curve
-from monochord.metrics.regression import known, mean_absolute_error, mean_error, pearson_r
+from monochord.metrics.regression import finite_rows, mean_absolute_error, mean_error, pearson_r
 
 LIMITS: Mapping[str, float] = MappingProxyType({"position": 5e-3, "force": 0.2})
-"""Largest error, in m and N, of an estimate that counts as right: the limits of the paper's tables."""
+"""Largest error, in m and N, of an estimate that counts as correct: the limits of the paper's tables."""
 DECISION = 0.5
-"""A probability of this or more is a yes."""
+"""Probability from which the answer is yes."""
 SIGMAS = (1.0, 2.0)
-"""Standard errors within which the share of truths is stated."""
+"""Standard errors within which the share of truths is reported."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RegressionScore:
-    """How well a quantity is estimated, in its SI unit; None where there is nothing to compute it from.
+    """Scores of a quantity, in its SI unit; None where undefined.
 
-    Of `windows` the share `answered` has an estimate. Of those are the mean absolute error `mae`, the
+    Of the `windows`, the share `answered` has an estimate. Over these are the mean absolute error `mae`, the
     `median` absolute error, the mean error `bias`, Pearson's `r` (None where truth or estimate is constant)
     and `coverage`: the shares of truths within `SIGMAS` stated standard errors, empty where none is stated.
-    `within` is the share of all windows with an estimate to within `limit`.
+    `within` is the share of all windows with an error of at most `limit`.
     """
 
     windows: int
@@ -49,11 +49,11 @@ class RegressionScore:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DetectionScore:
-    """How well a yes or no is estimated; None where there is nothing to compute it from.
+    """Scores of a binary label; None where undefined.
 
-    Of `windows`, `positive` are yes, and the share `answered` has a probability. `accuracy` is of all
-    windows, `baseline` that of always giving the more frequent answer; the `area` under the curve, the
-    `brier` score and the `calibration` error are of the answered ones.
+    Of the `windows`, `positive` are positive, and the share `answered` has a probability. `accuracy` is over
+    all windows, `baseline` that of always giving the more frequent answer; the `area` under the curve, the
+    `brier` score and the `calibration` error are over the answered ones.
     """
 
     windows: int
@@ -69,21 +69,21 @@ class DetectionScore:
 def regression_score(
     reference: Floats, estimate: Floats, std: Floats | None = None, *, limit: float
 ) -> RegressionScore:
-    """Return how well a quantity is estimated.
+    """Return the scores of a quantity.
 
     Parameters
     ----------
     reference, estimate
-        Truth and estimate, (n,) each, in one unit; an estimate is NaN where there is none.
+        Truth and estimate, (n,) each, in one unit; the estimate is NaN for an abstention.
     std
-        Stated standard error (n,), 0 or more, in the same unit; NaN where there is none.
+        Stated standard error (n,), 0 or more, in the same unit; NaN for an abstention.
     limit
-        Largest error of an estimate that counts as right, in the same unit, 0 or more.
+        Largest error of an estimate that counts as correct, in the same unit, 0 or more.
 
     Raises
     ------
     InputError
-        If the shapes differ, a truth is not a number, or a limit or standard error is below 0.
+        If the shapes differ, a truth is not finite, or a limit or standard error is below 0.
 
     Examples
     --------
@@ -95,12 +95,12 @@ def regression_score(
     blank = RegressionScore(windows=reference.size, limit=limit)
     if not reference.size:
         return blank
-    answered = known(estimate)
+    answered = finite_rows(estimate)
     some = replace(blank, answered=float(answered.mean()), within=hit_rate(reference, estimate, limit))
     if not answered.any():
         return some
     true, said = reference[answered], estimate[answered]
-    stated = answered & known(std) if std is not None else np.zeros(reference.size, bool)
+    stated = answered & finite_rows(std) if std is not None else np.zeros(reference.size, bool)
     r = pearson_r(true, said)
     return replace(
         some,
@@ -115,14 +115,14 @@ def regression_score(
 
 
 def detection_score(reference: NDArray[np.bool_], probability: Floats) -> DetectionScore:
-    """Return how well a yes or no is estimated.
+    """Return the scores of a binary label.
 
     Parameters
     ----------
     reference
         Truth (n,): false and true, or 0 and 1.
     probability
-        Of a yes, (n,), 0 to 1; NaN where there is none.
+        Probability of yes, (n,), 0 to 1; NaN for an abstention.
 
     Raises
     ------
@@ -138,7 +138,7 @@ def detection_score(reference: NDArray[np.bool_], probability: Floats) -> Detect
     truth, probability = _arrays(np.asarray(reference, np.float64), probability)
     if not truth.size:
         return DetectionScore(windows=0, positive=0)
-    (yes,), answered = decisions(reference=reference), known(probability)
+    (yes,), answered = decisions(reference=reference), finite_rows(probability)
     share = float(yes.mean())
     true, said = yes[answered], probability[answered]
     both = true.any() and not true.all()
@@ -155,7 +155,7 @@ def detection_score(reference: NDArray[np.bool_], probability: Floats) -> Detect
 
 
 def hit_rate(reference: Floats, estimate: Floats, limit: float) -> float:
-    """Return the share of all windows with an estimate to within `limit`; an abstention, NaN, is a miss.
+    """Return the share of all windows with an error of at most `limit`; an abstention, NaN, is a miss.
 
     >>> hit_rate(np.zeros(4), np.array([0.1, 0.3, np.nan, -0.2]), 0.2)
     0.5
@@ -166,16 +166,16 @@ def hit_rate(reference: Floats, estimate: Floats, limit: float) -> float:
 
 
 def decision_accuracy(reference: NDArray[np.bool_], probability: Floats) -> float:
-    """Return the share of all windows on the right side of `DECISION`; an abstention, NaN, is wrong.
+    """Return the share of all windows on the correct side of `DECISION`; an abstention, NaN, is wrong.
 
     >>> decision_accuracy(np.array([True, False, True]), np.array([0.5, 0.4, np.nan])) == 2 / 3
     True
     """
-    return float(np.mean(((probability >= DECISION) == reference) & known(probability)))
+    return float(np.mean(((probability >= DECISION) == reference) & finite_rows(probability)))
 
 
 def _arrays(reference: Floats, estimate: Floats) -> tuple[Floats, Floats]:
-    """Return truth and estimate as float64 of one length; the truth is checked to be numbers."""
+    """Return truth and estimate as float64 of equal length; the truth must be finite."""
     reference, estimate = (np.asarray(values, np.float64) for values in (reference, estimate))
     if reference.ndim != 1 or reference.shape != estimate.shape:
         given = f"reference of shape {reference.shape}, estimate of shape {estimate.shape}"

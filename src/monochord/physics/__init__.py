@@ -1,1 +1,1 @@
-"""The physics of the string: closed forms and simulators."""
+"""Physics of the string: closed forms and simulators."""

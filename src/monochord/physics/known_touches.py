@@ -1,6 +1,6 @@
-"""The rule for labels of known touches: what a position and a force can be, and what they look like else.
+"""Checks the labels of touches: which positions and forces are possible, and what an impossible one suggests.
 
-Importing a table, calibrating a model and the page's guided calibration ask the same: `why_impossible`.
+Importing a table, calibrating a model and the page's guided calibration all use `why_impossible`.
 """
 
 from typing import NamedTuple
@@ -13,26 +13,32 @@ from monochord.physics.theory import breaking_force
 
 MAX_POSITION: Metres = 5.0
 MAX_FORCE: Newtons = 50.0
-"""What no touch of any string exceeds: no instrument's string is so long, and a hand that frets the stiffest
-bass string presses with half of that. They detect millimetres and grams."""
+"""Limits of any touch on any string; they detect millimetres and grams.
+
+No instrument's string is longer, and a hand on the stiffest bass string presses with half this force.
+"""
 MIN_TOUCHES = 3
-"""Fewest touches that can contradict a model: it may misread one or two."""
+"""Smallest number of touches that can contradict a model, which may misread one or two."""
 MAX_POSITION_ERROR: Metres = 0.01
 MAX_DEVIATIONS = 5.0
-"""Median error of position, in m and in stated errors, beyond which labels contradict a model, if they also
-fit no better than one place for all touches. Of foreign sensors it is 0.1 to 4 mm before calibration."""
-MAX_RATIO = 4.5
-"""Median ratio of forces and their estimates, either way, beyond which they are in another unit.
+"""Median position error, in m and in stated errors, beyond which labels contradict a model.
 
-Of ten touches of each of 24 builds of the twin and of six strings by finite differences, read by the bundled
-model before it learned from them, it is 0.31 to 2.1 (of light touches farthest from 1), in kilograms 0.03 to
-0.21."""
+They must also fit no better than a single position for all touches. Sensors that the model has not learned
+have a median error of 0.1 to 4 mm before calibration.
+"""
+MAX_RATIO = 4.5
+"""Median ratio of force to estimate, either way, beyond which forces are in another unit.
+
+For ten touches on each of 24 builds of the twin and on six strings by finite differences, read by the bundled
+model before it learned from them, the ratio is 0.31 to 2.1 (farthest from 1 for light touches); in kilograms
+it is 0.03 to 0.21.
+"""
 UNITS = {"grams": 1e3 / 9.80665, "kilograms": 1.0 / 9.80665, "pounds": 1.0 / 4.44822, "millinewtons": 1e3}
-"""Numbers of other units in a newton."""
+"""Number of other units in a newton."""
 
 
 class Impossible(NamedTuple):
-    """Why labels are impossible: which touch (None for all), what was given, what is possible, what to do."""
+    """An impossible label: which touch (None for all), what was given, what is possible, what to do."""
 
     touch: int | None
     given: str
@@ -41,9 +47,9 @@ class Impossible(NamedTuple):
 
 
 class Estimated(NamedTuple):
-    """What a model that has not learned from touches (n,) makes of them; NaN where it makes nothing.
+    """A model's estimates of touches (n,) before it learned from them; NaN where it abstained.
 
-    `position_std` is the standard error that it states.
+    `position_std` is the stated standard error.
     """
 
     position: Floats
@@ -54,24 +60,24 @@ class Estimated(NamedTuple):
 def why_impossible(
     position: Floats, force: Floats, string: StringParams | None = None, estimated: Estimated | None = None
 ) -> Impossible | None:
-    """Return why labels of touches cannot be; None where they can.
+    """Return the first problem that makes labels of touches impossible; None where they are possible.
 
     - **On the string**: 0 <= x <= L. Without a string up to `MAX_POSITION`.
-    - **Borne by it**: 0 < F <= the force that breaks the wire there, `physics.theory.breaking_force`, 40 N at
-      the middle of the prototype; at most `MAX_FORCE`, also where no wire is known.
-    - **Not contradicted by the set**: where a model has read `MIN_TOUCHES` or more of them, the median error
-      of position is at most `MAX_POSITION_ERROR` or `MAX_DEVIATIONS` stated errors, or less than that of one
-      place for all touches; and the median ratio of force and estimate is within `MAX_RATIO`. Medians allow
-      for single touches that the model misreads, and the limits for a sensor that it has not learned.
+    - **Below breaking**: 0 < F <= the force that breaks the wire there, `physics.theory.breaking_force`, 40 N
+      at the middle of the prototype; at most `MAX_FORCE`, also for an unknown wire.
+    - **Consistent with a model**: where a model has read `MIN_TOUCHES` or more of them, the median error
+      of position is at most `MAX_POSITION_ERROR` or `MAX_DEVIATIONS` stated errors, or less than with a
+      single position for all touches; and the median ratio of force and estimate is within `MAX_RATIO`.
+      Medians tolerate single misread touches, and the limits tolerate an unfamiliar sensor.
 
     Parameters
     ----------
     position, force
-        Labels of touches (n,), x in m from pickup 1 and F in N; NaN where there is none.
+        Labels of touches (n,), x in m from pickup 1 and F in N; NaN for a missing label.
     string
-        The string that is touched, if it is known.
+        The touched string, if known.
     estimated
-        What the model makes of the touches before it learns from them.
+        The model's estimates of the touches before it learns from them.
 
     Examples
     --------
@@ -95,7 +101,7 @@ def _off_the_string(position: Floats, force: Floats, string: StringParams | None
     allowed = f"0 to {longest:g} m, the string's length" if string else f"0 to {longest:g} m, from pickup 1"
     pressing = force[np.isfinite(force)]
     if string is not None and pressing.size and pressing.min() > 0.0 and pressing.max() < longest:
-        remedy = "are position and force exchanged?"
+        remedy = "are position and force swapped?"
     else:
         millimetres = 1.0 < np.nanmedian(position) < 1e3 * longest
         remedy = "give metres from pickup 1" + ("; are these millimetres?" if millimetres else "")
@@ -123,8 +129,8 @@ def _contradicted(position: Floats, force: Floats, estimated: Estimated) -> Impo
         off, stated = float(np.median(error[known])), float(np.median(estimated.position_std[known]))
         spread = float(np.median(np.abs(position[known] - np.median(position[known]))))
         if off > max(MAX_POSITION_ERROR, MAX_DEVIATIONS * stated, spread):
-            given = f"positions {1e3 * off:.0f} mm off the model's, which states +-{1e3 * stated:.1f} mm"
-            remedy = "check that each stands in the row of its own touch, in metres from pickup 1"
+            given = f"positions {1e3 * off:.0f} mm from the model's, stated error {1e3 * stated:.1f} mm"
+            remedy = "check that each position is in its touch's row, in metres from pickup 1"
             return Impossible(None, given, "positions of these touches", remedy)
     ratio = force / np.maximum(estimated.force, 1e-2)
     known = np.isfinite(ratio)
@@ -134,5 +140,5 @@ def _contradicted(position: Floats, force: Floats, estimated: Estimated) -> Impo
     if 1.0 / MAX_RATIO <= typical <= MAX_RATIO:
         return None
     unit = min(UNITS, key=lambda name: abs(np.log(UNITS[name] / typical)))
-    given = f"forces {typical:.2g} times what the model reads"
+    given = f"forces {typical:.2g} times the model's"
     return Impossible(None, given, "newtons", f"are these {unit}? Give newtons: 1 kg weighs 9.81 N")

@@ -1,4 +1,4 @@
-"""The sound of a touched string, for programs."""
+"""Simulates the sound of a touched string, for Python programs."""
 
 from typing import Any
 
@@ -19,16 +19,16 @@ def simulate(
     settings: tuple[str, ...] = (),
     **options: Any,
 ) -> Sound:
-    """Simulate a string at rest or under one touch that does not change.
+    """Simulate a string at rest or under one constant touch.
 
     Parameters
     ----------
     string
         A preset's name or a TOML file.
     position, force
-        Of the touch, in m from pickup 1 and in N; the preset's usual ones by default.
+        Position of the touch in m from pickup 1, and force in N; by default the preset's.
     touched
-        Whether anything touches the string.
+        Whether the string is touched.
     seconds
         Length of the sound, in s.
     simulator
@@ -41,12 +41,12 @@ def simulate(
     Returns
     -------
     Sound
-        Both microphones (2, n), the sample rate, and a summary with the peaks beside theory.
+        Both microphones (2, n), the sample rate, and a summary that compares the peaks with theory.
 
     Raises
     ------
     InputError
-        For an unknown string or simulator, or a touch that the string cannot have.
+        If the string or simulator is unknown, or the touch is impossible on the string.
 
     Examples
     --------

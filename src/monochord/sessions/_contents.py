@@ -1,4 +1,4 @@
-"""What is whole in an MCAP file, wherever it was cut off or damaged, and what would mend it."""
+"""Which parts of an MCAP file are intact after truncation or damage, and the patches that repair the rest."""
 
 import json
 import re
@@ -21,7 +21,7 @@ _ORIGIN = re.compile(rb"origin.{4}([0-9.e+-]+)", re.DOTALL)
 
 
 class Damage(NamedTuple):
-    """Bytes of a file that are not sound: a chunk or something else (`what`) from `offset` to `end`."""
+    """A damaged byte range from `offset` to `end`: a chunk or another record (`what`)."""
 
     offset: int
     end: int
@@ -29,7 +29,7 @@ class Damage(NamedTuple):
 
 
 class Patch(NamedTuple):
-    """What belongs at `offset`, as what is sound around it says; `what` is wrong there."""
+    """Bytes to write at `offset`, derived from the intact records around it; `what` is wrong there."""
 
     offset: int
     data: bytes
@@ -38,15 +38,15 @@ class Patch(NamedTuple):
 
 @dataclass(slots=True)
 class Contents:
-    """What a file holds, where its sound part ends, and what in that part is damaged.
+    """A file's content: where its intact part ends, and the damage before that.
 
-    `ended` says that summary and footer follow and are sound, `closed` that there is a trace of them, `torn`
-    that what follows is a writing that was cut off, of which nothing can be used. `damage` can only be left
-    out, `patches` bring back all. `index` is of the last chunk's messages, where the file does not hold it.
-    `begin` and `ending` are what the metadata at the beginning and the end say, `text` and `epoch_ns` what
-    the description's message says; `digests` are by channel. `rewritten` says that another program, with a
-    layout of its own, wrote the file; `marked` that a repair, perhaps one that was cut off, left something
-    out. `span` is from the first log time to the last.
+    `ended` means that an intact summary and footer follow, `closed` that traces of them do, `torn` that the
+    file ends in an interrupted write with nothing usable. `damage` lists ranges that can only be left out;
+    `patches` lists ranges that can be restored. `index` holds the message index of the last chunk where the
+    file lacks it. `begin` and `ending` are the metadata at the beginning and the end; `text` and `epoch_ns`
+    come from the description message; `digests` are by channel. `rewritten` means that another program wrote
+    the file in its own layout; `marked` means that an earlier repair, complete or interrupted, left something
+    out. `span` runs from the first log time to the last.
     """
 
     end: int = len(walk.MAGIC)
@@ -75,9 +75,9 @@ class Contents:
 
     @property
     def whole(self) -> bool:
-        """Whether there is nothing to mend.
+        """Whether nothing needs repair.
 
-        A session of ours has an ending, or the note that it was repaired; other programs leave metadata out.
+        A Monochord session has an ending or the repair note; other programs leave that metadata out.
         """
         unmended = bool(self.damage or self.patches or (self.marked and not self.recovered))
         closed = bool(self.ending or self.recovered or self.rewritten or not self.begin)
@@ -85,16 +85,16 @@ class Contents:
 
     @property
     def unreadable(self) -> bool:
-        """Whether there are chunks that cannot be unpacked here, and may be sound."""
+        """Whether some chunks cannot be unpacked here although they may be intact."""
         return any(each.what == UNREADABLE for each in self.damage)
 
     @property
     def counts(self) -> dict[int, int]:
-        """Messages of each channel."""
+        """Number of messages in each channel."""
         return {number: each.count for number, each in self.digests.items()}
 
     def agrees(self) -> bool:
-        """Return whether the messages are those whose checksums the ending holds."""
+        """Return whether the messages match the checksums in the ending."""
         with suppress(ValueError):
             there = {c.topic: self.digests[n].ordered for n, c in self.channels.items()}
             return there == json.loads(self.ending.get("sha256", "{}"))
@@ -102,7 +102,7 @@ class Contents:
 
 
 def origin_of(view: memoryview, contents: Contents) -> float:
-    """Return the monotonic clock at a session's beginning, 0 where that is lost: no time depends on it."""
+    """Return the monotonic clock at the session's beginning, 0 where it is lost (no time depends on it)."""
     written = _ORIGIN.search(view[: contents.chunks[0].chunk_start_offset if contents.chunks else 4096])
     for text in (
         contents.ending.get("origin") if ending_is_sound(contents.ending) else None,
@@ -116,7 +116,7 @@ def origin_of(view: memoryview, contents: Contents) -> float:
 
 
 def identity_of(view: memoryview, contents: Contents) -> tuple[str, SessionClock] | None:
-    """Return description and clock: as the message says, which a checksum guards, else as the start says."""
+    """Return description and clock: from the checksummed message, else from the metadata at the start."""
     if contents.text is not None:
         return contents.text, SessionClock(epoch_ns=contents.epoch_ns, origin=origin_of(view, contents))
     with suppress(ValueError, KeyError):

@@ -1,4 +1,4 @@
-"""What the messages of a topic are, as one number: in the order of the file, and whatever their order."""
+"""Checksums of a topic's messages, one that depends on their order and one that does not."""
 
 import hashlib
 import struct
@@ -9,8 +9,8 @@ _TIMES = struct.Struct("<QQI")
 class Digest:
     """SHA-256 of the messages of a topic.
 
-    `ordered` is that of all of them, one after the other. `total` is the sum, modulo 2^256, of that of each:
-    a file in which another program sorted them has the same.
+    `ordered` hashes all messages in file order. `total` is the sum, modulo 2^256, of each message's hash: it
+    stays the same when another program sorts the messages.
 
     >>> first, second = Digest(), Digest()
     >>> first.add(1, 1, 0, b"a"), first.add(2, 2, 0, b"b")
@@ -27,16 +27,16 @@ class Digest:
 
     @property
     def ordered(self) -> str:
-        """Hexadecimal digits."""
+        """`ordered` as hexadecimal digits."""
         return self._ordered.hexdigest()
 
     @property
     def total(self) -> str:
-        """Hexadecimal digits."""
+        """`total` as hexadecimal digits."""
         return f"{self._total:064x}"
 
     def add(self, log_time: int, publish_time: int, sequence: int, data: bytes | memoryview) -> None:
-        """Take a message in: its times in ns, its count, its payload."""
+        """Add a message: its times in ns, its sequence number, its payload."""
         head = _TIMES.pack(log_time, publish_time, sequence)
         each = hashlib.sha256(head)
         for part in (head, data):

@@ -1,4 +1,4 @@
-"""What stands around the messages of a session: its opening and the metadata at its end."""
+"""The records around a session's messages: its opening and the metadata at its end."""
 
 import hashlib
 import json
@@ -19,21 +19,21 @@ END = "monochord.end"
 """Name of the metadata where a session was closed."""
 LIBRARY, PROFILE = "monochord", "ros2"
 GUARD = "guard"
-"""Name, among the values at the end, of the checksum of the others."""
+"""Key, among the closing values, of the checksum over the other values."""
 MAX_FLIPPED = 2
-"""Bytes of our header that may be damaged before it counts as another program's."""
+"""Up to this many damaged bytes, a header counts as ours; beyond, as another program's."""
 TOTALS = "totals"
-"""Name, among the values at the end, of a checksum of each topic's messages in any order."""
+"""Key, among the closing values, of each topic's order-independent checksum."""
 UNGUARDED = {"checksum", "sha256", "messages", "frames", "dropped", "gaps", "end"}
-"""Values at the end of a session that was written before there was a guard."""
+"""Closing values of a session written by a version without that checksum."""
 
 
 def begin(
     out: Any, description: Description, text: str, clock: SessionClock
 ) -> "tuple[Writer, dict[str, int]]":
-    """Write what comes before the first message; `text` is the description as it is written.
+    """Write everything before the first message; `text` is the description as JSON.
 
-    Returns the writer, whose chunks end where its `flush` says, and the number of each topic.
+    Return the writer, whose chunks end at each `flush`, and the number of each topic.
     """
     from mcap.writer import CompressionType, Writer  # noqa: PLC0415
 
@@ -56,7 +56,7 @@ def begin(
 
 
 def opening(text: str, clock: SessionClock) -> bytes:
-    """Return the first bytes of a session, up to and with its first chunk and the index of that."""
+    """Return the first bytes of a session, through its first chunk and that chunk's index."""
     out = BytesIO()
     writer, topics = begin(out, Description.load(text), text, clock)
     epoch = clock.epoch_ns
@@ -67,14 +67,14 @@ def opening(text: str, clock: SessionClock) -> bytes:
 
 
 def rewritten(header: bytes) -> bool:
-    """Return whether the body of a file's header is another program's, rather than ours with flipped bits."""
+    """Return whether another program wrote the file's header, rather than our header having flipped bits."""
     ours = b"".join(len(each).to_bytes(4, "little") + each.encode() for each in (PROFILE, LIBRARY))
     flipped = sum(a != b for a, b in zip(header, ours, strict=False))
     return len(header) != len(ours) or flipped > MAX_FLIPPED
 
 
 def guarded(values: dict[str, str]) -> dict[str, str]:
-    """Return values with a checksum of them."""
+    """Return the values with a checksum of them added."""
     return {**values, GUARD: str(zlib.crc32(json.dumps(values, sort_keys=True).encode()))}
 
 

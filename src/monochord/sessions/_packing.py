@@ -3,14 +3,14 @@
 from collections.abc import Callable
 
 MAX_UNPACKED_CHUNK = 64 << 20
-"""Bytes that a compressed chunk may unpack to; one that claims more counts as damaged, and is not unpacked.
+"""Largest unpacked size of a compressed chunk in bytes; a chunk that claims more counts as damaged.
 
-Of a chunk that is not compressed no copy is made, and it may be of any size.
+An uncompressed chunk is not copied and may have any size.
 """
 
 
 def unpacked(compression: str, packed: memoryview, size: int) -> memoryview | None:
-    """Return what was packed, None where that is damaged, or not of the size that it claims."""
+    """Return the unpacked bytes, or None where they are damaged or not of the stated size."""
     if not compression:
         return packed
     unpack = _UNPACK.get(compression)
@@ -41,9 +41,9 @@ def _unpacked_lz4(packed: memoryview, size: int) -> bytes | None:
 
 
 def unreadable(compression: str, size: int) -> bool:
-    """Return whether a chunk that cannot be unpacked here may be sound: of another compression, or large.
+    """Return whether a chunk that cannot be unpacked here may be intact: unknown compression, or too large.
 
-    A name in which one character is wrong counts as damaged.
+    A known compression's name with one wrong character counts as damaged.
     """
     near = any(
         len(name) == len(compression) and sum(a != b for a, b in zip(name, compression, strict=True)) == 1
@@ -56,4 +56,4 @@ _UNPACK: dict[str, Callable[[memoryview, int], bytes | None]] = {
     "zstd": _unpacked_zstd,
     "lz4": _unpacked_lz4,
 }
-"""What unpacks a chunk, by the name of its compression."""
+"""Decompressors by compression name."""

@@ -1,4 +1,4 @@
-"""A session over time, drawn for a notebook."""
+"""A plot of a session over time, for notebooks."""
 
 from typing import TYPE_CHECKING
 
@@ -12,13 +12,13 @@ if TYPE_CHECKING:
     from monochord.sessions.reader import SessionReader
 
 TOUCH = {"position": ("position (mm)", 1e3), "force": ("force (N)", 1.0)}
-"""Labels that are drawn, with their axis and its scale."""
+"""Labels to plot, with axis title and scale."""
 
 
 def session_plot(session: "SessionReader") -> "tuple[Axes, ...]":
-    """Draw the sound, each stream of readings, and the labels of a touch, on axes of their own.
+    """Plot the sound, each stream of readings, and the touch labels, each on its own axes.
 
-    Of a stream the columns are drawn that have the unit of the first: forces without torques.
+    Of a stream, only columns with the first column's unit are plotted: forces without torques.
     """
     feeds = [session.description.feed(stream) for stream in session.streams]
     labels = session.labels

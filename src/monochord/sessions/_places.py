@@ -1,4 +1,4 @@
-"""Where the messages of each topic are in a file, in the order in which they are read."""
+"""Where each topic's messages are in a file, in reading order."""
 
 from array import array
 from collections.abc import Iterator
@@ -15,11 +15,11 @@ from monochord.sessions import codec, walk
 def places(
     parts: list[walk.Record], names: dict[int, str], *, as_written: bool
 ) -> dict[str, NDArray[np.uint64]]:
-    """Return, of each topic, rows (n, 4): sort key, number of the chunk, first and last byte in it.
+    """Return, for each topic, rows (n, 4): sort key, chunk number, first and last byte within the chunk.
 
-    `names` are the topics of channels as far as they are known; those that `parts` name are added. With
-    `as_written` they stand in the order in which they were recorded, in which a time may step back; otherwise
-    they are sorted by log time. Audio is sorted by its frames either way.
+    `names` maps known channels to topics; topics named in `parts` are added. With `as_written`, rows keep
+    recording order, in which a time may step back; otherwise they are sorted by log time. Audio is sorted by
+    frame either way.
     """
     found: dict[str, array[int]] = {}
     begin, end = 0, 0
@@ -40,7 +40,7 @@ def places(
 
 
 def records_of(parts: list[walk.Record]) -> Iterator[tuple[int, int, int, memoryview]]:
-    """Yield the records of sound chunks: number of the chunk, opcode, where the body begins, body."""
+    """Yield the records of intact chunks: chunk number, opcode, offset of the body, body."""
     for part, record in enumerate(parts):
         chunk = walk.contents(record)
         for opcode, offset, body in walk.inside(chunk.records) if chunk.sound else ():
@@ -48,7 +48,7 @@ def records_of(parts: list[walk.Record]) -> Iterator[tuple[int, int, int, memory
 
 
 def _key(topic: str, message: walk.Message, *, as_written: bool) -> int:
-    """Return what the messages of a topic are sorted by."""
+    """Return the sort key of a topic's messages."""
     if topic == "/audio":  # a device's times may step back where its frames do not
         with suppress(InputError):
             return int(codec.decode(codec.AUDIO, message.data).start)
@@ -56,12 +56,12 @@ def _key(topic: str, message: walk.Message, *, as_written: bool) -> int:
 
 
 def _sorted(rows: NDArray[np.uint64], *, backwards: bool) -> NDArray[np.uint64]:
-    """Return rows by their first column; equal ones as they stand, from the end where that runs backwards."""
+    """Return rows sorted by their first column; equal rows keep file order, or its reverse if that rises."""
     first, last = rows[0, 0], rows[-1, 0]
     rows = rows[::-1] if first > last or (first == last and backwards) else rows
     return rows[np.argsort(rows[:, 0], kind="stable")]
 
 
 def named(record: McapRecord | None) -> dict[int, str]:
-    """Return the topic of a channel, by its number; nothing for another record."""
+    """Return the topic of a channel record, by channel number; nothing for another record."""
     return {record.id: record.topic} if isinstance(record, Channel) else {}

@@ -1,4 +1,4 @@
-"""Finds what is whole in an MCAP file, wherever it was cut off or damaged."""
+"""Scans an MCAP file for intact records, wherever it was truncated or damaged."""
 
 import struct
 import zlib
@@ -24,13 +24,13 @@ from monochord.sessions._layout import BEGIN, END, FORMAT, GUARD, ending_is_soun
 from monochord.sessions._packing import unreadable
 
 _TIMES = struct.Struct("<QQ")
-"""The first and the last time in a chunk, which its record begins with and no checksum guards."""
+"""First and last time in a chunk: its record begins with them, and no checksum guards them."""
 Entries = dict[int, list[tuple[int, int]]]
-"""Log times and places of the messages of each channel of a chunk."""
+"""Log time and offset of each channel's messages in a chunk."""
 
 
 def scan(view: memoryview) -> Contents:
-    """Return what a file holds up to its last sound record."""
+    """Return what a file holds up to its last intact record."""
     contents, edges, group = Contents(), set[int](), _Group()
     walked, data_ended = len(walk.MAGIC), False
     records = walk.records(view)
@@ -61,7 +61,7 @@ def scan(view: memoryview) -> Contents:
 
 
 def _add(view: memoryview, contents: Contents, record: walk.Record) -> "_Group":
-    """Take a record in; return what must follow."""
+    """Add a record; return what must follow."""
     if record.opcode == walk.CHUNK:
         return _add_chunk(view, contents, record)
     if isinstance(record.content, Metadata):
@@ -80,7 +80,7 @@ def _add(view: memoryview, contents: Contents, record: walk.Record) -> "_Group":
 
 
 class _Group:
-    """A chunk's index of messages: what it must be, and the records that stand in its place."""
+    """A chunk's message index: the expected index, and the records found in its place."""
 
     def __init__(self, chunk: ChunkIndex | None = None, start: int = 0, index: bytes = b"") -> None:
         self._chunk, self._bytes = chunk, index
@@ -91,7 +91,7 @@ class _Group:
         return self._end - self._start == len(self._bytes)
 
     def takes(self, record: walk.Record) -> bool:
-        """Take a record that stands where an index should; one of no chunk that is known is passed over."""
+        """Return whether a record is taken as part of the index; an index of an unknown chunk is skipped."""
         if self._chunk is None:
             return record.opcode == walk.MESSAGE_INDEX
         if self.full or record.opcode not in (walk.MESSAGE_INDEX, walk.DAMAGED):
@@ -100,7 +100,7 @@ class _Group:
         return True
 
     def close(self, view: memoryview, contents: Contents, *, last: bool = False) -> None:
-        """Enter the result into `contents`; where the file ends here, the index belongs behind."""
+        """Store the result in `contents`; where the file ends here, the index is appended to it."""
         chunk, self._chunk = self._chunk, None
         if chunk is None:
             return
@@ -120,7 +120,7 @@ class _Group:
 
 
 def _entries(index: memoryview) -> Entries | None:
-    """Return what an index says; None if damaged."""
+    """Return the entries of an index; None if damaged."""
     entries: Entries = {}
     reached = 0
     for opcode, offset, body in walk.inside(index):
@@ -134,12 +134,12 @@ def _entries(index: memoryview) -> Entries | None:
 
 
 def offsets(index: memoryview, start: int) -> dict[int, int]:
-    """Return the place of each channel's record in an index of messages that stands at `start`."""
+    """Return the offset of each channel's record in a message index that starts at `start`."""
     return {int.from_bytes(body[:2], "little"): start + at for _, at, body in walk.inside(index)}
 
 
 def _patch(view: memoryview, contents: Contents, offset: int, data: bytes, what: str = "record") -> None:
-    """Note the bytes that belong at an offset, unless they are there."""
+    """Note the bytes expected at an offset, unless they are already there."""
     there = bytes(view[offset : offset + len(data)])
     if there == data:
         return
@@ -148,7 +148,7 @@ def _patch(view: memoryview, contents: Contents, offset: int, data: bytes, what:
 
 
 def _add_chunk(view: memoryview, contents: Contents, record: walk.Record) -> _Group:
-    """Take a chunk in; return what its index must be."""
+    """Add a chunk; return its expected index."""
     chunk = walk.chunk(record.body)
     if not chunk.sound:
         maybe = unreadable(chunk.compression, chunk.uncompressed_size)
@@ -179,7 +179,7 @@ def _add_chunk(view: memoryview, contents: Contents, record: walk.Record) -> _Gr
 
 
 def _add_messages(contents: Contents, records: memoryview) -> Entries:
-    """Take schemas, channels and messages in; return where the messages are."""
+    """Add schemas, channels and messages; return the messages' offsets."""
     entries: Entries = {}
     for opcode, offset, body in walk.inside(records):
         if opcode == walk.MESSAGE and len(body) >= walk.MIN_MESSAGE:
@@ -209,9 +209,9 @@ def _span(entries: Entries) -> tuple[int, int] | None:
 
 
 def _add_summary(view: memoryview, contents: Contents, begin: int, records: list[walk.Record]) -> None:
-    """Take in whether the summary is what its checksum, where there is one, and its place say.
+    """Check the summary against its checksum (where it has one) and its position.
 
-    Where the chunk that told of a channel is damaged, it tells of it; ours is known without.
+    A channel whose chunk is damaged is read from the summary; Monochord's channels are known without it.
     """
     footer = records[-1] if records else None
     if not footer or not isinstance(footer.content, Footer) or bytes(view[footer.end :]) != walk.MAGIC:
@@ -267,7 +267,7 @@ def _add_attachment(contents: Contents, record: walk.Record, attachment: Attachm
 
 
 def _mend_opening(view: memoryview, contents: Contents, edges: set[int]) -> None:
-    """Where what comes before the second chunk is damaged, make it anew from the description, if it fits."""
+    """Rebuild a damaged opening (everything before the second chunk) from the description, if it fits."""
     identity = identity_of(view, contents)
     if identity is None or contents.rewritten:
         return

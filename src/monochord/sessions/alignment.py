@@ -1,4 +1,4 @@
-"""Whether a session's streams share a clock, and how to put them on one."""
+"""Check whether a session's streams share a clock, and put them on one."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -16,34 +16,34 @@ from monochord.sessions.sync.taps import Offset, audio_offset, height_offset, tr
 from monochord.sessions.tracks import AUDIO, ReadingTrack
 
 BEYOND: Seconds = 0.5
-"""How much further than allowed an offset is searched, so that it can be reported."""
+"""Search this much further than the allowed offset, so that a larger one can be reported."""
 SPARE: Seconds = 0.2
-"""How much more of a stream is looked at around a group of taps."""
+"""Margin around a group of taps, in s."""
 AROUND_TAPS: Seconds = 1.5
-"""How far from the middle of a group of taps sound has no labels, where no event times the drivers."""
+"""Sound this close to the middle of a tap group has no labels where no event times the drivers, in s."""
 Spans: TypeAlias = tuple[tuple[Seconds, Seconds], ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
-    """What a session must keep to so that nothing is flagged.
+    """Limits beyond which a session is flagged.
 
     Parameters
     ----------
     drift
-        How far audio and force may move against each other between the taps at both ends, in s.
+        Largest drift between audio and force from the first to the last taps, in s.
     std
-        Standard uncertainty of their offset, in s.
+        Largest standard uncertainty of that offset, in s.
     intervals
-        The same two for a pose, in its sampling intervals.
+        Both limits for a pose stream, in sampling intervals.
     offset
-        Greatest offset of any stream, either way, in s.
+        Largest absolute offset of any stream, in s.
     taps
-        Least number of taps that a stream must have noticed at either end.
+        Smallest number of taps detected at each end of a stream.
     step
-        Greatest leap of the wall clock from one look at it to the next, in s.
+        Largest step of the wall clock between two readings of it, in s.
     stray
-        How far the converter's times may stray from its count of frames, in s.
+        Largest deviation of the converter's times from its frame count, in s.
     """
 
     drift: Seconds = 1e-3
@@ -57,9 +57,10 @@ class Limits:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Lateness:
-    """Delay of a stream at a session's beginning and end, by the taps around `times`, in session seconds.
+    """Delay of a stream at a session's beginning and end.
 
-    With taps at one end only, both are the same; without taps, both are unknown.
+    `times` are the session seconds of the two tap groups. With taps at one end only, both delays are equal;
+    without taps, both are NaN.
     """
 
     times: tuple[Seconds, Seconds]
@@ -67,25 +68,25 @@ class Lateness:
 
     @property
     def drift(self) -> Seconds:
-        """By how much later the stream became from the start to the end; NaN where it is not known."""
-        if not (self.times[1] > self.times[0] and all(offset.known for offset in self.offsets)):
+        """Increase of the delay from start to end, in s; NaN where unknown."""
+        if not (self.times[1] > self.times[0] and all(offset.is_determined for offset in self.offsets)):
             return math.nan
         return self.offsets[1].value - self.offsets[0].value
 
     @property
     def drift_std(self) -> Seconds:
-        """Standard uncertainty of the drift."""
+        """Standard uncertainty of the drift, in s."""
         return math.hypot(self.offsets[0].std, self.offsets[1].std)
 
     @property
     def ppm(self) -> float:
-        """The drift in millionths of the time in which it came about; NaN where it is not known."""
+        """The drift relative to the time between the taps, in ppm; NaN where unknown."""
         span = self.times[1] - self.times[0]
         return 1e6 * self.drift / span if span > 0.0 else math.nan
 
     def at(self, time: Floats) -> Floats:
-        """Return how late the stream is at its own times: a line through both ends, 0 where not known."""
-        known = [offset.known for offset in self.offsets]
+        """Return the delay at the stream's own times: linear between both ends, 0 where unknown."""
+        known = [offset.is_determined for offset in self.offsets]
         if not any(known):
             return np.zeros_like(time)
         if not all(known) or not self.times[1] > self.times[0]:
@@ -97,11 +98,11 @@ class Lateness:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Alignment:
-    """By how much a session's streams are apart.
+    """The offsets between a session's streams.
 
-    `reference` is the stream whose clock is taken for true, `lateness` has every other stream, and
-    `flags` says in a sentence each what is not as it should be; with none, the session can be relied on.
-    `taps` are when the contacts began, (n,) for each group that was used, on the reference's clock.
+    `reference` is the stream whose clock is taken as true. `lateness` holds the delay of every other stream.
+    `flags` has one sentence for each problem; an empty tuple means that the session can be relied on. `taps`
+    holds the contact onsets (n,) of each tap group used, on the reference's clock.
     """
 
     reference: str
@@ -110,7 +111,7 @@ class Alignment:
     taps: tuple[Floats, ...] = ()
 
     def correct(self, stream: str, time: Floats) -> Floats:
-        """Return a stream's times on the reference's clock; unchanged for a stream that has no taps.
+        """Return a stream's times on the reference's clock; a stream without taps stays unchanged.
 
         >>> alignment = Alignment(reference="wrench", lateness={})
         >>> alignment.correct("audio", np.array([1.0])).tolist()
@@ -121,23 +122,22 @@ class Alignment:
 
 
 def align(session: SessionReader, limits: Limits | None = None) -> Alignment:
-    """Return the offsets between a session's streams, from the taps at its beginning and its end.
+    """Estimate the offsets between a session's streams from the taps at its beginning and end.
 
-    The reference is the force where there is one, else the microphones, and the pose then says where
-    their taps are. Every other stream's offset is measured in the first and in the last group of taps (see
-    `sessions.sync.taps` for the method and the sign: positive is late); between them it is taken to change
-    linearly.
+    The reference is the force where there is one, else the microphones; then the pose locates the taps. Every
+    other stream's offset is measured at the first and the last group of taps (see `sessions.sync.taps` for
+    the method and the sign: positive is late) and interpolated linearly between them.
 
     Parameters
     ----------
     session
-        The session; its audio is read.
+        The session; this reads its audio.
     limits
-        What is flagged.
+        Limits beyond which a problem is flagged.
 
     Returns
     -------
-    The alignment. Without taps it changes nothing and says so in its flags.
+    The alignment. Without taps it leaves all times unchanged and sets a flag.
 
     Examples
     --------
@@ -152,10 +152,10 @@ def align(session: SessionReader, limits: Limits | None = None) -> Alignment:
     groups = () if guide is None else groups_of((taps_of_force if force else taps_of_height)(*guide.rows))
     if not groups:
         if guide is not None:
-            flags.append(f"there are no taps in {guide.stream}: how far the streams are apart is not known")
+            flags.append(f"there are no taps in {guide.stream}: the offset between the streams is unknown")
         return Alignment(reference=reference, lateness={}, flags=tuple(flags))
     if len(groups) == 1:
-        flags.append(f"there are taps at {groups[0].begin[0]:.1f} s only: drift is not known")
+        flags.append(f"there are taps at {groups[0].begin[0]:.1f} s only: the drift is unknown")
     ends = groups[0], groups[-1]
     times = float(ends[0].middle.mean()), float(ends[1].middle.mean())
     sound = _of_audio(session, ends[0], limits), _of_audio(session, ends[1], limits)
@@ -177,9 +177,9 @@ def align(session: SessionReader, limits: Limits | None = None) -> Alignment:
 
 
 def reading_times(track: ReadingTrack) -> Taken:
-    """Return when readings were taken, in session seconds, from the sender's clock or else its count.
+    """Return when readings were taken, in session seconds, from the sender's clock or sequence number.
 
-    See `sessions.sync.arrival.times_taken`; where the sender has neither, they are the times of arrival.
+    See `sessions.sync.arrival.times_taken`. A sender with neither gets the times of arrival.
     """
     feed = track.feed
     if feed.ticks > 0.0 and (track.device_time >= 0).all():
@@ -190,7 +190,7 @@ def reading_times(track: ReadingTrack) -> Taken:
 
 
 def aligned_readings(session: SessionReader, stream: str, alignment: Alignment) -> ReadingTrack:
-    """Return a stream's readings in order, at the times when they were taken on the reference's clock.
+    """Return a stream's readings in order of the time they were taken, on the reference's clock.
 
     Raises
     ------
@@ -213,8 +213,8 @@ def aligned_readings(session: SessionReader, stream: str, alignment: Alignment) 
 def calibration_spans(session: SessionReader, alignment: Alignment) -> Spans:
     """Return the spans (begin, end) in s in which the drivers are off for the taps.
 
-    The session's events of the kind "drivers" say when; without them it is what lies before the first group
-    of taps and after the last, with `AROUND_TAPS` on the other side of each. Sound of these spans has no
+    The session's events of kind "drivers" give the spans. Without such events, a span runs from the session's
+    edge to `AROUND_TAPS` on the inner side of the first and last tap group. Sound in these spans has no
     labels. Begin and end may be infinite.
     """
     switched = [(event.time, event.text == "on") for event in session.events if event.kind == "drivers"]
@@ -235,14 +235,14 @@ def calibration_spans(session: SessionReader, alignment: Alignment) -> Spans:
 
 
 class _Seen(NamedTuple):
-    """A stream that sees taps: its times, rising, and what it saw."""
+    """A stream that detects taps: its times, rising, and the values in which taps show."""
 
     stream: str
     rows: tuple[Floats, Floats]
 
 
 def _seen(session: SessionReader, column: str, usual: str) -> list[_Seen]:
-    """Return the streams that have a column and readings, the one of the usual name first."""
+    """Return the streams that have the column and readings, the one with the default name first."""
     names = [feed.stream for feed in session.description.feeds if column in feed.columns]
     streams: list[_Seen] = []
     for name in sorted(names, key=lambda name: name != usual):
@@ -282,22 +282,22 @@ def _of_height(seen: _Seen, group: Taps, limits: Limits) -> Offset:
 
 
 def _turned(offset: Offset) -> Offset:
-    """Return the offset of the reference against the stream, for the stream against the reference."""
+    """Return the reference's offset against the stream, from the stream's offset against the reference."""
     return replace(offset, value=-offset.value, each=-offset.each)
 
 
 def _flags_of(stream: str, late: Lateness, spacing: Seconds, limits: Limits) -> list[str]:
-    """Return what is not as it should be with a stream, in a sentence each."""
+    """Return one sentence for each problem of a stream."""
     flags: list[str] = []
     drift = limits.drift if stream == AUDIO else limits.intervals * spacing
     std = limits.std if stream == AUDIO else limits.intervals * spacing
     ends = 2 if late.times[1] > late.times[0] else 1
     for place, offset in zip(("start", "end")[:ends], late.offsets[:ends], strict=True):
-        if not offset.known:
-            flags.append(f"{stream} notices no taps within {limits.offset:g} s at the {place}")
+        if not offset.is_determined:
+            flags.append(f"{stream} shows no taps within {limits.offset:g} s at the {place}")
             continue
         if offset.taps < limits.taps:
-            flags.append(f"{stream} notices {offset.taps} taps at the {place}; {limits.taps} are needed")
+            flags.append(f"{stream} shows {offset.taps} taps at the {place}; {limits.taps} are needed")
         if offset.std > std:
             flags.append(
                 f"{stream}'s offset at the {place} is uncertain by {1e3 * offset.std:.2f} ms;"
@@ -317,25 +317,25 @@ def _flags_of(stream: str, late: Lateness, spacing: Seconds, limits: Limits) -> 
 
 
 def _mute(session: SessionReader, seen: Iterable[str]) -> list[str]:
-    """Return a sentence for each force and pose of which nothing came."""
+    """Return a sentence for each force and pose stream without readings."""
     due = {feed.stream for feed in session.description.feeds if {"fz", "z"} & set(feed.columns)}
     return [f"{stream} has no readings" for stream in sorted(due - set(seen))]
 
 
 def _steps_of_the_wall_clock(session: SessionReader, limits: Limits) -> list[str]:
-    """Return a sentence for each leap of the wall clock against the monotonic one."""
+    """Return a sentence for each step of the wall clock against the monotonic clock."""
     track = session.clocks
     offsets = track.offsets.get("realtime", np.zeros(0))
-    leaps = np.diff(offsets)
+    steps = np.diff(offsets)
     return [
-        f"the wall clock was set by {leaps[k]:+.3f} s"
+        f"the wall clock was set by {steps[k]:+.3f} s"
         f" between {track.time[k]:.1f} s and {track.time[k + 1]:.1f} s"
-        for k in np.flatnonzero(np.abs(leaps) > limits.step)
+        for k in np.flatnonzero(np.abs(steps) > limits.step)
     ]
 
 
 def _strays(session: SessionReader, limits: Limits) -> list[str]:
-    """Return a sentence where a sound server lost frames that it did not count."""
+    """Return a sentence where a sound server lost frames without counting them."""
     stray = session.audio.unevenness
     if stray <= limits.stray:
         return []

@@ -1,6 +1,6 @@
-"""What a session may hold at most, seen to before memory is taken, and JSON text within these bounds.
+"""Limits on the size of a session, checked before memory is allocated, and JSON parsing within them.
 
-A recording of 12 h with two microphones at 96 kHz is far within all of them.
+A 12 h recording with two microphones at 96 kHz is far within all limits.
 """
 
 import json
@@ -11,31 +11,31 @@ from monochord.core.errors import InputError
 from monochord.core.units import Seconds
 
 MAX_DURATION: Seconds = 7 * 24 * 3600.0
-"""Greatest distance of any time of a session from its beginning, either way, audio with its gaps included."""
+"""Largest distance of any time from the session's beginning, either way, audio gaps included, in s."""
 MAX_SAMPLE_RATE = 10_000_000
-"""Frames of audio a second."""
+"""Largest audio sample rate, in Hz."""
 MAX_STREAMS = 64
-"""Streams of readings in a session."""
+"""Largest number of streams of readings in a session."""
 MAX_COLUMNS = 256
-"""Columns of a stream or of the labels, and clocks."""
+"""Largest number of columns of a stream or of the labels, and of clocks."""
 MAX_TEXT = 1 << 22
-"""Characters of a JSON text, such as the description."""
+"""Largest length of a JSON text, such as the description, in characters."""
 MAX_NESTING = 32
-"""Tables and lists inside each other in a JSON text."""
+"""Deepest nesting of tables and lists in a JSON text."""
 MAX_EXPANSION = 100
-"""How many times its own size a compressed file unpacks to; what is not compressed has no such bound."""
+"""Largest ratio of unpacked to packed size of a compressed file; uncompressed files have no such limit."""
 ALWAYS_UNPACKED = 1 << 24
-"""Bytes that a compressed file may unpack to, however small it is: digital silence packs well."""
+"""Unpacked size allowed however small the file is, in bytes: digital silence compresses well."""
 
 
 def json_object(text: str) -> dict[str, Any]:
-    """Return the object that a JSON text holds.
+    """Return the object in a JSON text.
 
     Raises
     ------
     InputError
-        If it is no JSON, no object, too long, nested too deeply, or holds half a surrogate pair, which no
-        file can.
+        If the text is not a JSON object, too long, nested too deeply, or holds half a surrogate pair, which
+        cannot be written to a file.
 
     >>> json_object('{"n": 1}')
     {'n': 1}
@@ -78,7 +78,7 @@ def refuse_unpacking(what: str, packed: int, unpacked: int, remedy: str) -> None
 
 
 def refuse_beyond_memory(what: str, size: int, remedy: str) -> None:
-    """Raise `InputError` if `size` bytes are more than the memory of this machine."""
+    """Raise `InputError` if `size` bytes exceed this machine's memory."""
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     if size > memory:
         raise InputError(

@@ -1,4 +1,4 @@
-"""Checks a session: whether it is whole, whether it is what was written, and what is missing."""
+"""Checks a session: whether it is complete, unchanged since recording, and which data are missing."""
 
 import hashlib
 import json
@@ -32,17 +32,16 @@ DISTURBANCES = (
     "disk_slow",
     "disk_low",
 )
-"""Kinds of events that a report counts."""
+"""Event kinds counted in a report."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckReport:
     """The result of a check of a session.
 
-    `content_checksum` is SHA-256 over the messages of all topics, in their order; the checksum of the file is
-    another. `faults` make the file less than what was recorded: damage, a missing end, a content checksum
-    that differs. `remarks` are what the recording itself says went wrong: lost frames, missing readings, a
-    stepped clock.
+    `content_checksum` is SHA-256 over the messages of all topics in order; it differs from the file's
+    checksum. `faults` list damage to the file: damaged records, a missing end, a content checksum that
+    differs. `remarks` list problems of the recording itself: lost frames, missing readings, a stepped clock.
     """
 
     path: Path
@@ -54,17 +53,17 @@ class CheckReport:
 
     @property
     def sound(self) -> bool:
-        """Whether the file is whole and as it was written."""
+        """Whether the file is complete and unchanged since it was written."""
         return not self.faults
 
 
 def check(path: Path) -> CheckReport:
-    """Read all of a session and say what is wrong with it.
+    """Read a whole session and report its faults and remarks.
 
     Raises
     ------
     InputError
-        If the file is not there or no session at all.
+        If the file does not exist or is not a session.
     """
     recording = being_written(path)
     session = read_session(path)  # which refuses what would unpack to too much
@@ -73,16 +72,16 @@ def check(path: Path) -> CheckReport:
     content_checksum = hashlib.sha256(json.dumps(digests, sort_keys=True).encode()).hexdigest()
     faults = _damage(contents)
     if not contents.ended:
-        where = f"cut off after {contents.end} of {path.stat().st_size} bytes: was not closed"
+        where = f"cut off after {contents.end} of {path.stat().st_size} bytes: the session was never closed"
         faults += ["its ending is damaged"] if contents.closed else [] if recording else [where]
     if session.ending and content_checksum != session.ending.get("checksum"):
         wrong = ", ".join(t for t, digest in _ending(session, "sha256").items() if digests.get(t) != digest)
-        faults.append(f"checksum is not what was written ({wrong or 'its own is damaged'})")
+        faults.append(f"checksum differs from the recorded one ({wrong or 'its own is damaged'})")
     if not _described_twice(session):
-        faults.append("its description is not what was written")
+        faults.append("its description differs from the recorded one")
     remarks = _remarks(session)
     if contents.ended and not (session.ending or session.recovered):
-        remarks.insert(0, "its checksums are missing: it cannot be compared with what was recorded")
+        remarks.insert(0, "its checksums are missing: it cannot be compared with the recording")
     faults += _malformed(session)
     if recording:
         faults.append("being recorded, or repaired by another program")
@@ -113,12 +112,12 @@ def _damage(contents: Contents) -> list[str]:
     if "begin" in kinds:
         faults.append("its beginning is damaged")
     if "description" in kinds:
-        faults.append("its description is not what was written")
+        faults.append("its description differs from the recorded one")
     return faults
 
 
 def _ending(session: SessionReader, name: str) -> dict[str, Any]:
-    """Return a checksum of every topic as the writer stored it, nothing where that is damaged."""
+    """Return the stored checksum of every topic; empty where the ending is damaged."""
     try:
         return json_object(session.ending.get(name, "{}"))
     except InputError:
@@ -126,7 +125,7 @@ def _ending(session: SessionReader, name: str) -> dict[str, Any]:
 
 
 def _described_twice(session: SessionReader) -> bool:
-    """Return whether the description, which no checksum guards, is the one in the message, which one does."""
+    """Return whether the description at the start, which has no checksum, equals the checksummed message."""
     texts = [content.data for _, content in session.decoded("/description")]
     try:
         return not texts or Description.load(texts[0]) == session.description
@@ -135,7 +134,7 @@ def _described_twice(session: SessionReader) -> bool:
 
 
 def _malformed(session: SessionReader) -> list[str]:
-    """Return a sentence for each topic with messages that do not hold what they should."""
+    """Return a sentence for each topic with malformed messages."""
     _ = session.labels, session.clocks  # the rest has been read
     return [
         f"{count} malformed message{'s' if count > 1 else ''} of {topic} left out ({first})"
@@ -144,9 +143,9 @@ def _malformed(session: SessionReader) -> list[str]:
 
 
 def _by_topic(session: SessionReader, contents: Contents) -> tuple[dict[str, str], dict[str, int]]:
-    """Return SHA-256 and number of messages of every topic, as the writer reckons them.
+    """Return SHA-256 and number of messages of every topic, computed as the writer does.
 
-    Where the messages are those that were written, in whatever order, SHA-256 is that which was written.
+    The result equals the stored SHA-256 as long as the messages are unchanged, in any order.
     """
     written, totals = _ending(session, "sha256"), _ending(session, TOTALS)
     digests: dict[str, str] = {}
@@ -166,7 +165,7 @@ def _by_topic(session: SessionReader, contents: Contents) -> tuple[dict[str, str
 
 
 def _in_order(session: SessionReader, topic: str) -> Digest:
-    """Return the digest of a topic's messages as they are read; all that an older session has to go by."""
+    """Return the digest of a topic's messages in reading order; older sessions store only this one."""
     digest = Digest()
     for message in session.messages(topic):
         digest.add(message.log_time, message.publish_time, message.sequence, message.data)
@@ -197,7 +196,7 @@ def _remarks(session: SessionReader) -> list[str]:
 
 
 def _silence(audio: AudioTrack) -> list[str]:
-    """Return a remark where a microphone was silent for a second, or for all of a shorter session."""
+    """Return a remark where a microphone was silent for a second, or throughout a shorter session."""
     channels, count = audio.samples.shape
     size = min(audio.sample_rate, count)
     starts = range(0, count - size + 1, size) if count else ()

@@ -1,4 +1,4 @@
-"""Messages of a session as ROS 2 types and their CDR bytes."""
+"""Session messages as ROS 2 types and CDR bytes."""
 
 from collections.abc import Callable, Mapping
 from functools import cache
@@ -26,7 +26,7 @@ TOPICS = {
     "/clocks": CLOCKS,
     "/description": TEXT,
 }
-"""Topics of every session with their types; each stream of readings has one of its own name beside them."""
+"""Topics of every session with their types; each stream of readings adds a topic of its name."""
 
 
 def topic_of(stream: str) -> str:
@@ -39,7 +39,7 @@ def topic_of(stream: str) -> str:
 
 
 def type_of(feed: Feed) -> str:
-    """Return the message type that a stream of readings is written as.
+    """Return the message type of a stream of readings.
 
     >>> type_of(Feed(stream="wrench", columns=WRENCH, units=("N",) * 3 + ("N m",) * 3))
     'monochord_msgs/msg/WrenchBatch'
@@ -52,7 +52,7 @@ def type_of(feed: Feed) -> str:
 
 @cache
 def typestore() -> "Typestore":
-    """Return the ROS 2 types that sessions use, ours among them."""
+    """Return the ROS 2 types that sessions use, Monochord's types included."""
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore  # noqa: PLC0415
 
     store = get_typestore(Stores.ROS2_JAZZY)
@@ -62,7 +62,7 @@ def typestore() -> "Typestore":
 
 
 def own_definitions() -> dict[str, str]:
-    """Return the texts of the message types that are ours, by name; a type comes before those that hold it.
+    """Return Monochord's message definitions by name; a type comes before the types that contain it.
 
     >>> list(own_definitions())[:3]
     ['AudioBlock', 'Clocks', 'Estimate']
@@ -73,12 +73,12 @@ def own_definitions() -> dict[str, str]:
 
 
 def definition(name: str) -> str:
-    """Return a type's definition with those it needs, as MCAP schemas of encoding ros2msg hold it."""
+    """Return a type's definition with its dependencies, as an MCAP schema of encoding ros2msg."""
     return typestore().generate_msgdef(name, ros_version=2)[0]
 
 
 def header(stamp: int, frame: str = "") -> Any:
-    """Return a std_msgs/Header of a stamp in nanoseconds."""
+    """Return a std_msgs/Header with a stamp in nanoseconds."""
     types = typestore().types
     time = types["builtin_interfaces/msg/Time"](sec=int(stamp // NANO), nanosec=int(stamp % NANO))
     return types[HEADER](stamp=time, frame_id=frame)
@@ -90,18 +90,18 @@ def nanoseconds(stamp: Any) -> int:
 
 
 def encode(name: str, /, **fields: Any) -> bytes:
-    """Return a message of type `name` as CDR bytes, little-endian, with their encapsulation header."""
+    """Return a message of type `name` as little-endian CDR bytes with the encapsulation header."""
     store = typestore()
     return bytes(store.serialize_cdr(store.types[name](**fields), name))
 
 
 def decode(name: str, data: bytes | memoryview) -> Any:
-    """Return the message of type `name` that CDR bytes hold; its arrays are views of them.
+    """Return the message of type `name` in CDR bytes; its arrays are views of the bytes.
 
     Raises
     ------
     InputError
-        If the bytes are not of that type, or its fields do not fit each other.
+        If the bytes are not of that type, or its array lengths disagree.
     """
     from rosbags.serde import SerdeError  # noqa: PLC0415
 
@@ -116,10 +116,10 @@ def decode(name: str, data: bytes | memoryview) -> Any:
 
 
 def _refuse_counts(name: str, counts: Mapping[str, int], allowed: Mapping[str, int]) -> None:
-    """Refuse a message in which an array is not as long as the others say."""
+    """Raise `InputError` for a message whose array lengths disagree."""
     for part, count in counts.items():
         if count != allowed[part]:
-            raise InputError(f"{name} with {count} {part}", f"{allowed[part]}, as its other fields say")
+            raise InputError(f"{name} with {count} {part}", f"{allowed[part]}, to match its other fields")
 
 
 def _refuse_names(name: str, names: list[str]) -> None:
@@ -130,7 +130,7 @@ def _refuse_names(name: str, names: list[str]) -> None:
 def _refuse_audio(m: Any) -> None:
     if not m.channels or len(m.samples) % m.channels:
         given = f"audio of {len(m.samples)} samples in {m.channels} channels"
-        raise InputError(given, "as many samples in each of 1 or more")
+        raise InputError(given, "the same number of samples in each channel")
 
 
 def _refuse_readings(m: Any) -> None:
@@ -165,11 +165,11 @@ _REFUSE: dict[str, Callable[[Any], object]] = {
     EVENT: lambda m: json_object(m.data or "{}"),
     CLOCKS: _refuse_clocks,
 }
-"""What refuses a message whose fields do not fit each other, by its type."""
+"""Consistency check of each message type."""
 
 
 def encode_pose(stamp: int, values: np.ndarray[Any, np.dtype[np.float64]]) -> bytes:
-    """Return a pose (7,) with the sender's stamp in nanoseconds, 0 where it sent none."""
+    """Return a pose (7,) with the sender's stamp in nanoseconds, 0 where the sender gave none."""
     types = typestore().types
     x, y, z, qx, qy, qz, qw = (float(value) for value in values)
     pose = types["geometry_msgs/msg/Pose"](

@@ -1,4 +1,4 @@
-"""What is needed to read a session again, and the clock that its times are on."""
+"""A session's description and its clock."""
 
 import json
 import math
@@ -22,17 +22,17 @@ from monochord.sessions.bounds import MAX_COLUMNS, MAX_DURATION, MAX_SAMPLE_RATE
 
 NANO = 1_000_000_000
 LATEST_STAMP = 2**31 * NANO
-"""Where the seconds of a ROS 2 stamp end, in ns since 1970."""
+"""The largest ROS 2 stamp, in ns since 1970."""
 TUNING = "tuning"
-"""Name under `more` of what a sensor's tuning was measured to be, where it was recorded as tuned."""
+"""Key in `more` of the sensor's measured tuning, where it was recorded tuned."""
 ESTIMATES = "estimates"
-"""Name of the stream of readings that a live run records beside its sound."""
+"""Stream name of the estimates that a live run records beside its sound."""
 RESERVED_STREAMS = ("audio", "events", "clocks", "description")
-"""Names that streams of readings cannot have."""
+"""Reserved names that a stream of readings cannot have."""
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of what makes a session: Monochord, its file library, its encoder, Python.
+    """Return the versions of the programs that write a session: Monochord, mcap, encoder, Python.
 
     >>> sorted(versions())
     ['mcap', 'monochord', 'numpy', 'python', 'rosbags']
@@ -48,34 +48,34 @@ def versions() -> dict[str, str]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Description(Checked):
-    """What a session was recorded with and of.
+    """Metadata of a session: its subject, and how it was recorded.
 
     Parameters
     ----------
     name
-        What the session is called; not empty.
+        Name of the session; not empty.
     sample_rate, channels
-        Of the audio.
+        Of the audio, in Hz and as a count.
     simulated
-        Whether the sound is the twin's.
+        Whether the twin rendered the sound.
     sensor, string
-        The sensor as a table of plain values, and its string where that is known.
+        The sensor as a table of plain values, and its string where known.
     object, material, radius
-        What touches, what it is made of, and its radius in m where it touches.
+        The touching object, its material, and its radius at the contact in m.
     preamp_gains
-        In dB, one a microphone, where known.
+        Gains in dB, one for each microphone, where known.
     day, build, seed
-        Of a simulated session: which day of which sensor, and the seed of everything random.
+        For a simulated session: the day, the sensor build, and the random seed.
     plan
-        The plan that was carried out, as TOML text.
+        The recording plan, as TOML text.
     notes
-        Whatever the operator wants to say.
+        The operator's notes.
     feeds
         The instruments beside the microphones.
     versions
-        Of the programs that recorded it.
+        Versions of the programs that recorded the session.
     more
-        Anything else, as text.
+        Further values, as text.
     """
 
     name: str
@@ -104,16 +104,16 @@ class Description(Checked):
         _refuse_streams(len(self.feeds))
         for feed in self.feeds:
             if not re.fullmatch("[a-z][a-z0-9_]*", feed.stream) or feed.stream in RESERVED_STREAMS:
-                allowed = f"small letters, digits and underscores, and not {', '.join(RESERVED_STREAMS)}"
+                allowed = f"lower-case letters, digits and underscores, and not {', '.join(RESERVED_STREAMS)}"
                 raise InputError(f"stream '{feed.stream}'", allowed, "set its option stream")
             _refuse_feed(feed)
         streams = [feed.stream for feed in self.feeds]
         if len(set(streams)) < len(streams):
             twice = next(name for name in streams if streams.count(name) > 1)
-            raise InputError(f"two streams called '{twice}'", "names of their own", "set its option stream")
+            raise InputError(f"two streams called '{twice}'", "unique names", "set its option stream")
 
     def feed(self, stream: str) -> Feed:
-        """Return the feed of a stream; raises `InputError` where there is none."""
+        """Return the feed of a stream; raises `InputError` for an unknown stream."""
         for feed in self.feeds:
             if feed.stream == stream:
                 return feed
@@ -121,17 +121,17 @@ class Description(Checked):
         raise InputError(f"stream '{stream}' of session {self.name}", there)
 
     def dump(self) -> str:
-        """Return it as JSON text, keys sorted, which `load` reads again."""
+        """Return the description as JSON text with sorted keys, readable by `load`."""
         return json.dumps(to_tree(self), sort_keys=True, ensure_ascii=False)
 
     @classmethod
     def load(cls, text: str) -> "Description":
-        """Read JSON text; what a newer version added is put under `more`.
+        """Read JSON text; fields added by a newer version go into `more`.
 
         Raises
         ------
         InputError
-            If it is no JSON object, or holds what no description does.
+            If the text is not a JSON object, or holds an invalid field.
         """
         tree = json_object(text)
         feeds = tree.get("feeds")
@@ -150,10 +150,10 @@ def _refuse_streams(count: int) -> None:
 
 
 def _refuse_feed(feed: Feed) -> None:
-    """Refuse a feed whose columns are ambiguous, or too many for a table."""
+    """Raise `InputError` for a feed with ambiguous or too many columns."""
     what, count = f"stream '{feed.stream}'", len(feed.columns)
     if not 1 <= count <= MAX_COLUMNS or len(set(feed.columns)) < count:
-        raise InputError(f"{what} with {count} columns", f"1 to {MAX_COLUMNS}, each with a name of its own")
+        raise InputError(f"{what} with {count} columns", f"1 to {MAX_COLUMNS}, with unique names")
     if len(feed.units) != count:
         raise InputError(f"{what} with {len(feed.units)} units", f"{count}, one for each column")
     if not (0.0 <= feed.rate < math.inf and 0.0 <= feed.ticks < math.inf):
@@ -163,11 +163,11 @@ def _refuse_feed(feed: Feed) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SessionClock(Checked):
-    """A session's clock: nanoseconds since 1970 that go with the monotonic clock, whatever the wall does.
+    """A session's clock: monotonic time, expressed in nanoseconds since 1970.
 
-    `epoch_ns` is what the wall clock said when the monotonic clock said `origin`, the session's time zero.
-    A clock beyond what a stamp holds is refused with `InputError`, and so is a time that is not finite, or
-    further from the start than a session may be long.
+    `epoch_ns` is the wall clock at monotonic time `origin`, the session's time zero. Later steps of the wall
+    clock have no effect. `InputError` refuses a clock beyond the range of a stamp, a time that is not finite,
+    and a time further from the start than a session may last.
 
     >>> clock = SessionClock(epoch_ns=10**18, origin=5.0)
     >>> int(clock.stamp(5.25)), float(clock.seconds(10**18 + 250_000_000))
@@ -179,7 +179,7 @@ class SessionClock(Checked):
 
     @classmethod
     def now(cls) -> "SessionClock":
-        """Return a clock whose zero is now."""
+        """Return a clock that starts now."""
         return cls(epoch_ns=time.time_ns(), origin=time.monotonic())
 
     def stamp(self, monotonic: Seconds) -> int:
@@ -205,12 +205,12 @@ class SessionClock(Checked):
         return (np.asarray(stamp, dtype=np.int64) - self.epoch_ns) / NANO
 
     def dump(self) -> dict[str, str]:
-        """Return it as text by name."""
+        """Return the clock as text values by name."""
         return {"epoch_ns": str(self.epoch_ns), "origin": repr(self.origin)}
 
     @classmethod
     def load(cls, texts: Mapping[str, str]) -> "SessionClock":
-        """Read what `dump` gave; raises `InputError` where it is something else."""
+        """Read the values of `dump`; raises `InputError` for anything else."""
         try:
             return cls(epoch_ns=int(texts["epoch_ns"]), origin=float(texts["origin"]))
         except InputError:

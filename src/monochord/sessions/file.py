@@ -1,4 +1,4 @@
-"""The file under a session that is being written: unbuffered, and always some way ahead of a full disk."""
+"""The output file of a session: unbuffered, with disk space reserved ahead for its ending."""
 
 import ctypes
 import errno
@@ -19,19 +19,19 @@ from monochord.core.units import Seconds
 
 KEEP_SIZE = 1  # of fallocate(2): blocks are set aside, the file's size stays
 RESERVE = 4 << 20
-"""Bytes that are set aside beyond the file's end and its ending, so that it can always be finished."""
+"""Bytes reserved beyond the file's end and its ending, so that the file can always be finished."""
 MIN_SIZE_LIMIT = 2 << 20
-"""The smallest limit on the size of files under which it is worth beginning."""
+"""Smallest file size limit under which a session starts, in bytes."""
 NEXT_WRITE = 3 << 19
-"""Bytes below a limit on the size of files that the next writing may take."""
+"""Bytes kept free below a file size limit for the next write."""
 
 
 class SessionFile:
-    """A new file; every write is with the system at once, so that nothing is lost if the program is killed.
+    """A new file; every write reaches the system at once, so nothing is lost if the program is killed.
 
-    Space is set aside ahead of the end where the file system can do that. `full` is the error number with
-    which no more was to be had, 0 until then: ENOSPC, or EFBIG where the size of files is limited, by the
-    system (``ulimit -f``) or the file system (4 GB on FAT32). What is set aside then holds a good ending.
+    Space is reserved ahead of the end where the file system supports it. `full` is the error number once no
+    more space is available, 0 until then: ENOSPC, or EFBIG where the size of files is limited by the system
+    (``ulimit -f``) or the file system (4 GB on FAT32). The reserved space still holds a valid ending.
     """
 
     def __init__(self, path: Path) -> None:
@@ -46,13 +46,13 @@ class SessionFile:
         except FileExistsError as error:
             raise InputError(f"file {path} (exists)", "a new file", "choose another name") from error
         except OSError as error:
-            raise InputError(f"file {path} ({error.strerror})", "a file that can be written") from error
+            raise InputError(f"file {path} ({error.strerror})", "a writable file") from error
         lock(self._handle)  # nobody else can have one that is new
         _sync_name(path)
         self.reserve()
 
     def write(self, data: Any) -> int:
-        """Write all of it; raises `OSError` where the system will not take it."""
+        """Write all bytes; raises `OSError` where the system refuses."""
         view, done = memoryview(data).cast("B"), 0
         while done < len(view):
             done += os.write(self._handle, view[done:])
@@ -60,18 +60,18 @@ class SessionFile:
         return done
 
     def read(self, offset: int, count: int) -> bytes:
-        """Return `count` bytes that were written, or as many as there are."""
+        """Return `count` bytes already written, or as many as there are."""
         return os.pread(self._handle, count, offset)
 
     def tell(self) -> int:
-        """Return how many bytes were written."""
+        """Return the number of bytes written."""
         return self._size
 
     def flush(self) -> None:
-        """Do nothing: nothing is buffered."""
+        """Do nothing: there is no buffer."""
 
     def reserve(self, ending: int = 0) -> None:
-        """Set space aside ahead of the end for an ending of so many bytes and more; note if there is none."""
+        """Reserve at least this many bytes beyond the end for an ending; set `full` where that fails."""
         if self.full:
             return
         if self._size + NEXT_WRITE + ending > size_limit():
@@ -88,11 +88,11 @@ class SessionFile:
             self._reserved = self._size + ahead
 
     def sync(self) -> None:
-        """Wait until all is on the disk."""
+        """Wait until all bytes are on the disk."""
         os.fdatasync(self._handle)
 
     def close(self) -> None:
-        """Give back what was set aside and close; does no harm twice."""
+        """Release the reserved space and close; a second call does nothing."""
         if self._handle >= 0:
             handle, self._handle = self._handle, -1
             try:
@@ -102,13 +102,13 @@ class SessionFile:
 
 
 def size_limit() -> int:
-    """Return the system's present limit on the size of a file of this process, in bytes."""
+    """Return the system's current file size limit of this process, in bytes."""
     limit = resource.getrlimit(resource.RLIMIT_FSIZE)[0]
     return sys.maxsize if limit == resource.RLIM_INFINITY else limit
 
 
 def _sync_name(path: Path) -> None:
-    """Wait until the folder lists the file, so that it has its name after a power cut."""
+    """Wait until the folder entry is on the disk, so that the file keeps its name after a power cut."""
     with suppress(OSError):  # not every file system can
         folder = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY)
         try:
@@ -118,7 +118,7 @@ def _sync_name(path: Path) -> None:
 
 
 def _fallocate(handle: int, offset: int, length: int) -> int:
-    """Return 0, or the error number with which the system refused."""
+    """Return 0, or the system's error number."""
     call = _system_call()
     if call is None or call(handle, KEEP_SIZE, offset, length) == 0:
         return 0
@@ -134,27 +134,27 @@ def _system_call() -> Any:
 
 
 LOCK_TIMEOUT: Seconds = 0.3
-"""How long a lock is tried for: whoever only looks whether there is one holds it for an instant."""
+"""Time to retry a lock, in s: a check for a lock holds it for an instant."""
 
 
 def lock(handle: int) -> bool:
-    """Lock an open file for writing; return false where another program, or another part of this one, has it.
+    """Lock an open file for writing; return false where a writer already holds the lock.
 
-    The lock goes when the file is closed, or the program ends, however it does. A file system without locks
-    is taken to have no second writer.
+    The lock ends when the file is closed or the program ends in any way. A file system without locks is
+    assumed to have no second writer.
     """
     return _locked(handle, fcntl.LOCK_EX, LOCK_TIMEOUT)
 
 
 def refuse_recorded(path: Path, handle: int) -> None:
-    """Lock an open session for writing; raises `InputError` where it is being recorded or repaired."""
+    """Lock an open session for writing; raises `InputError` while it is being recorded or repaired."""
     if not lock(handle):
         given = f"session {path} (being recorded, or repaired by another program)"
         raise InputError(given, "a file that no process is writing", "wait until it is finished")
 
 
 def being_written(path: Path) -> bool:
-    """Return whether a program records or repairs a session now."""
+    """Return whether a program is recording or repairing a session now."""
     refuse_endless(path)
     with _reading(path) as handle:
         return not _locked(handle, fcntl.LOCK_SH, 0.0)

@@ -1,4 +1,4 @@
-"""Reads a session, whole, cut off or damaged."""
+"""Reads a session, whether complete, cut off or damaged."""
 
 from collections.abc import Iterable, Iterator
 from functools import cached_property
@@ -34,12 +34,12 @@ if TYPE_CHECKING:
 
 
 def read_session(path: Path) -> "SessionReader":
-    """Open a session; only its description is read at first.
+    """Open a session; reads only its description at first.
 
     Raises
     ------
     InputError
-        If the file does not exist, or is not a session.
+        If the file does not exist or is not a session.
     """
     return SessionReader(Path(path))
 
@@ -50,18 +50,18 @@ class SessionReader:
     Attributes
     ----------
     path
-        Its file.
+        The session's file.
     description
-        What was recorded.
+        The session's description.
     clock
-        Whose zero the times of all tracks count from.
+        The session's clock; its zero is time 0 of all tracks.
     ending
-        What was written when the session was closed; empty where it was cut off.
+        Metadata written on closing; empty where the session was cut off.
     recovered
-        Whether it was cut off or damaged, and repaired.
+        Whether the session was repaired after damage.
     malformed
-        Of each topic that was read and had messages that do not hold what they should: how many, and what is
-        wrong with the first. They are left out of all that is read.
+        For each topic read so far: the number of malformed messages, and the error of the first. All reads
+        leave malformed messages out.
     """
 
     def __init__(self, path: Path) -> None:
@@ -99,7 +99,7 @@ class SessionReader:
             opening |= self._described_again(origin, self._parts)
         if "description" not in opening:
             remedy = "import audio and labels with: monochord sessions import"
-            raise InputError(f"file {path} (MCAP, but no session)", "a session of Monochord", remedy)
+            raise InputError(f"file {path} (MCAP, but not a session)", "a Monochord session", remedy)
         try:
             self.description = Description.load(opening["description"])
             self.clock = SessionClock.load(opening)
@@ -110,7 +110,7 @@ class SessionReader:
         self._names = (dict(enumerate(self.topics, 1)) if ours else {}) | self._names
 
     def _described_again(self, origin: str, parts: list[walk.Record]) -> dict[str, str]:
-        """Return what the start says, as the first message says it, which a checksum guards; else nothing."""
+        """Return the description and clock from the checksummed message; nothing where it is missing."""
         try:
             float(origin)
         except ValueError:
@@ -132,29 +132,28 @@ class SessionReader:
 
     @property
     def complete(self) -> bool:
-        """Whether it was closed, rather than cut off."""
+        """Whether the session was closed, rather than cut off."""
         return bool(self.ending) or (self._ended and not self.recovered and not self._holes)
 
     @cached_property
     def damaged(self) -> int:
-        """How many chunks or other records are damaged; their content is left out of all that is read."""
+        """Number of damaged records or chunks; all reads leave their content out."""
         return self._holes + sum(not walk.contents(each).sound for each in self._parts)
 
     @property
     def streams(self) -> tuple[str, ...]:
-        """Names of the streams of readings; labels are none of them."""
+        """Names of the streams of readings, without the labels."""
         return tuple(feed.stream for feed in self.description.feeds if feed.stream != LABELS)
 
     @property
     def topics(self) -> tuple[str, ...]:
-        """Names of all topics, those of its streams among them."""
+        """Names of all topics, streams included."""
         return (*codec.TOPICS, *(codec.topic_of(stream) for stream in self.streams))
 
     def messages(self, topic: str) -> Iterator[walk.Message]:
-        """Yield the messages of a topic as they were recorded, one after the other; audio by its frames.
+        """Yield the messages of a topic in recording order; audio in order of frames.
 
-        Where another program wrote the file, they come in the order of their log times. Chunks that are
-        damaged are left out.
+        In a file written by another program, messages come in order of log time. Damaged chunks are left out.
         """
         rows = self._places.get(topic)
         if rows is None:
@@ -172,12 +171,12 @@ class SessionReader:
 
     @property
     def channels(self) -> dict[int, str]:
-        """The topic of each channel, by its number in the file."""
+        """Topic of each channel, by channel number."""
         _ = self._places
         return self._names
 
     def decoded(self, topic: str) -> Iterator[tuple[walk.Message, Any]]:
-        """Yield the messages of a topic with what they hold; those that are malformed are counted instead."""
+        """Yield the messages of a topic with their decoded content; malformed ones are counted instead."""
         count = 0
         for message in self.messages(topic):
             try:
@@ -190,7 +189,7 @@ class SessionReader:
             yield message, content
 
     def _decode(self, topic: str, message: walk.Message) -> Any:
-        """Return what a message holds; raises `InputError` where that does not fit the description."""
+        """Return a decoded message; raises `InputError` where it contradicts the description."""
         kind, width = codec.TOPICS.get(topic), 0
         if kind is None:
             feed = self.description.feed(topic.removeprefix("/"))
@@ -223,7 +222,7 @@ class SessionReader:
             raise InputError(f"audio up to frame {stop}", f"{limit:.0f} frames, or {MAX_DURATION:g} s")
 
     def _refuse_stamps(self, stamps: Any) -> None:
-        """Refuse times that are further from the start than a session may be long."""
+        """Refuse times further from the start than a session may last."""
         begin, reach = self.clock.epoch_ns, round(MAX_DURATION * NANO)
         low, high = (int(stamps.min()), int(stamps.max())) if len(stamps) else (begin, begin)
         if low < begin - reach or high > begin + reach:
@@ -234,18 +233,18 @@ class SessionReader:
 
     @cached_property
     def audio(self) -> AudioTrack:
-        """The microphones; raises `InputError` where they are more than this machine's memory holds."""
+        """The microphones' audio; raises `InputError` where it exceeds this machine's memory."""
         blocks = [(block, message) for message, block in self.decoded("/audio")]
         channels, rate = self.description.channels, self.description.sample_rate
         end = max((b.start + b.samples.size // channels for b, _ in blocks), default=0)
         what = f"session {self.path} with {end / rate:.0f} s of audio, its gaps counted in"
-        remedy = "export it, which takes it piece by piece"
+        remedy = "export it: an export reads piece by piece"
         refuse_beyond_memory(what, 4 * channels * end, remedy)
         try:
             samples = np.zeros((channels, end), dtype=np.float32)
         except MemoryError as error:
             given = f"{what} ({4e-9 * channels * end:.1f} GB)"
-            raise InputError(given, "what fits into memory", remedy) from error
+            raise InputError(given, "a session that fits into memory", remedy) from error
         gaps: list[tuple[int, int]] = []
         timed: list[tuple[int, float]] = []
         counted: list[int] = []
@@ -279,17 +278,17 @@ class SessionReader:
         Raises
         ------
         InputError
-            If there is no such stream, or pandas is not installed.
+            If the stream does not exist, or pandas is not installed.
         """
         return frame(self, stream)
 
     def plot(self) -> "tuple[Axes, ...]":
-        """Draw the session over time: the sound, the streams of readings, and the labels of a touch.
+        """Plot the session over time: the sound, the streams of readings, and the touch labels.
 
         Returns
         -------
         tuple of Axes
-            One for each, of a new pyplot figure.
+            One for each plot, in a new pyplot figure.
 
         Raises
         ------
@@ -321,7 +320,7 @@ class SessionReader:
 
     @cached_property
     def length(self) -> Seconds:
-        """Length of its audio in s, gaps included, by its last block; nothing else of it is read."""
+        """Length of the audio in s, gaps included, from its last block; the audio itself is not read."""
         rows = self._places.get("/audio")
         for row in [] if rows is None else rows[::-1]:
             _, part, start, stop = row.tolist()
@@ -335,7 +334,7 @@ class SessionReader:
         return 0.0
 
     def readings(self, stream: str) -> ReadingTrack:
-        """Return a stream of readings; raises `InputError` where there is none of this name."""
+        """Return a stream of readings; raises `InputError` for an unknown name."""
         feed = self.description.feed(stream)
         messages = self.decoded(codec.topic_of(stream))
         if codec.type_of(feed) == codec.POSES:
@@ -357,7 +356,7 @@ class SessionReader:
 
     @cached_property
     def labels(self) -> LabelTrack:
-        """What is known to be true; without columns where nothing is."""
+        """The labels; no columns where the session has none."""
         batches = [content for _, content in self.decoded("/labels")]
         names = self._names_of("label columns", (m.columns for m in batches))
         columns: dict[str, list[Any]] = {name: [] for name in names}
@@ -374,7 +373,7 @@ class SessionReader:
 
     @cached_property
     def events(self) -> tuple[Event, ...]:
-        """What happened, in order."""
+        """Events in order of time."""
         messages = [content for _, content in self.decoded("/events")]
         events = [
             Event(
@@ -389,7 +388,7 @@ class SessionReader:
 
     @cached_property
     def clocks(self) -> ClockTrack:
-        """Offsets of this machine's clocks to the monotonic one."""
+        """Offsets of this machine's clocks from the monotonic clock."""
         messages = [content for _, content in self.decoded("/clocks")]
         names = sorted(self._names_of("clocks", (m.names for m in messages)))
         rows = [dict(zip(m.names, m.offsets.tolist(), strict=True)) for m in messages]
@@ -401,7 +400,7 @@ class SessionReader:
         )
 
     def _names_of(self, what: str, each: Iterable[list[str]]) -> list[str]:
-        """Return all names in their order; raises `InputError` where a table of so many is not sensible."""
+        """Return all names in order; raises `InputError` where a table would have too many columns."""
         names = dict.fromkeys(name for part in each for name in part)
         if len(names) > MAX_COLUMNS:
             raise InputError(f"session {self.path} with {len(names)} {what}", f"{MAX_COLUMNS} at most")
@@ -429,11 +428,11 @@ class SessionReader:
 
 
 NO_COUNT = (1 << 32) - 1
-"""What stands for no sequence in a message's 32 bits."""
+"""Marks a missing sequence number in a message's 32 bits."""
 
 
 PIECE = 4096
-"""Messages whose places are looked up at a time."""
+"""Number of message positions looked up at a time."""
 
 
 def _joined(parts: list[Any], kind: Any) -> Any:
@@ -443,13 +442,13 @@ def _joined(parts: list[Any], kind: Any) -> Any:
 def table(session: SessionReader, stream: str) -> NDArray[Any]:
     """Return a stream as a structured array (n,) whose first field is ``time``, in session seconds.
 
-    ``audio`` has a field for each microphone (``mic_1``, ``mic_2``) in full scale, ``labels`` one for each
-    label, a stream of readings one for each column and its ``sequence`` and ``status``.
+    ``audio`` has one field per microphone (``mic_1``, ``mic_2``) in full scale, ``labels`` one per label, and
+    a stream of readings one per column plus ``sequence`` and ``status``.
 
     Raises
     ------
     InputError
-        If there is no such stream.
+        If the stream does not exist.
     """
     if stream == AUDIO:
         audio = session.audio

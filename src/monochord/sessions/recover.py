@@ -1,4 +1,4 @@
-"""Repairs a session that was cut off or damaged, in place: sound records stay, an ending is appended."""
+"""Repairs a cut-off or damaged session in place: intact records stay, an ending is appended."""
 
 import json
 import mmap
@@ -29,10 +29,11 @@ from monochord.sessions.walk import MAGIC
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recovery:
-    """The result of a repair: whether one was needed, and what is left.
+    """The result of a repair: whether one was needed, and what remains.
 
-    `seconds` is the length of the audio. `lost_bytes` were damaged or unfinished and are read no more; `cut`
-    is the file that has them and whatever else was changed, None where only a writing had been cut off.
+    `seconds` is the length of the remaining audio. `lost_bytes` counts damaged or unfinished bytes that are
+    now skipped. `cut` is the file with all bytes that were changed or removed; None where only an interrupted
+    write was cut off.
     """
 
     path: Path
@@ -44,19 +45,19 @@ class Recovery:
 
 
 def recover(path: Path) -> Recovery:
-    """Repair a session in place; a whole session is not changed.
+    """Repair a session in place; an intact session is not changed.
 
-    Sound records stay where they are, bit for bit. What follows from the rest (the start, heads of
-    chunks, indices) is put right; what cannot becomes a record that every reader skips. Behind the last sound
-    record come the index that every MCAP reader looks for and a note that the session was repaired. Little
-    more than an ending is written, so a full disk hardly matters. All bytes that are changed or cut away, but
-    for a writing that was cut off, are first saved beside the session, as ``NAME.mcap.cut``; an older one
-    stays.
+    Intact records stay in place, bit for bit. Everything that can be derived from them (the start, chunk
+    headers, indices) is restored; anything else becomes a record that every reader skips. After the last
+    intact record, the repair appends the index that every MCAP reader expects and a note that the session was
+    repaired. It writes little more than an ending, so a full disk rarely prevents it. Before the repair, all
+    bytes to be changed or removed, except an interrupted write, are saved beside the session as
+    ``NAME.mcap.cut``; an existing file of that name stays.
 
     Raises
     ------
     InputError
-        If the file is not there, no session, being recorded, or cannot be written.
+        If the file does not exist, is not a session, is being recorded, or cannot be written.
     """
     refuse_endless(path)
     try:
@@ -67,7 +68,7 @@ def recover(path: Path) -> Recovery:
             repair.plan()
             repair.carry_out()
     except OSError as error:
-        raise InputError(f"file {path} ({error.strerror})", "a file that can be written") from error
+        raise InputError(f"file {path} ({error.strerror})", "a writable file") from error
     session = read_session(path)
     audio = session.audio
     return Recovery(
@@ -81,9 +82,9 @@ def recover(path: Path) -> Recovery:
 
 
 class _Repair:
-    """What is to be done to a file, worked out on a private copy of its pages before any of it is done.
+    """The planned changes to a file, worked out on a private copy of its pages first.
 
-    `contents` describes the file after the repair, `lost` counts the bytes that it no longer has.
+    `contents` describes the file after the repair; `lost` counts the bytes that it loses.
     """
 
     def __init__(self, path: Path, file: BinaryIO) -> None:
@@ -97,7 +98,7 @@ class _Repair:
         self.needed = not self.contents.whole
 
     def plan(self) -> None:
-        """Work out what to change."""
+        """Work out the changes."""
         if self.contents.unreadable:
             given = f"session {self._path} (with chunks that cannot be unpacked here)"
             raise InputError(given, "chunks of lz4 or zstd, 64 MiB at most", "unpack it: mcap decompress")
@@ -115,7 +116,7 @@ class _Repair:
                 self._pieces.append((self.contents.end, size))
 
     def carry_out(self) -> None:
-        """Save what will be removed, then change the file."""
+        """Save the bytes to be removed, then change the file."""
         if not self.needed:
             return
         contents, file = self.contents, self._file
@@ -157,12 +158,12 @@ class _Repair:
             yield offset, walk.lost(end - offset), end - offset
 
     def _notes(self) -> dict[str, dict[str, str]]:
-        """Return the metadata to add; see to it that description, types and topics are known."""
+        """Return the metadata to add; ensure that description, types and topics are known."""
         contents = self.contents
         identity = identity_of(self._draft, contents)
         if identity is None:
             remedy = "import audio and labels with: monochord sessions import"
-            raise InputError(f"file {self._path} (MCAP, but no session)", "a session of Monochord", remedy)
+            raise InputError(f"file {self._path} (MCAP, but not a session)", "a Monochord session", remedy)
         text, clock = identity
         notes = {walk.RECOVERED: {"lost_bytes": str(self.lost), "pieces": json.dumps(_joined(self._pieces))}}
         if not contents.begin:
@@ -174,7 +175,7 @@ class _Repair:
 
 
 def _joined(pieces: Iterable[tuple[int, int]]) -> list[tuple[int, int]]:
-    """Return stretches in order, those that overlap as one."""
+    """Return stretches in order, with overlapping ones merged."""
     merged: list[tuple[int, int]] = []
     for start, stop in sorted(pieces):
         if merged and start <= merged[-1][1]:
@@ -185,7 +186,7 @@ def _joined(pieces: Iterable[tuple[int, int]]) -> list[tuple[int, int]]:
 
 
 def _save_beside(path: Path, pieces: Iterable[memoryview]) -> Path:
-    """Write what will be gone from a file beside it, under a name that is free."""
+    """Save the bytes that a repair removes beside the file, under a free name."""
     for number in count(1):
         cut = path.with_name(f"{path.name}.cut{number if number > 1 else ''}")
         with suppress(FileExistsError), cut.open("xb") as file:
@@ -202,7 +203,7 @@ def _save_beside(path: Path, pieces: Iterable[memoryview]) -> Path:
 
 
 def ending_after(contents: Contents, notes: Mapping[str, Mapping[str, str]]) -> bytes:
-    """Return what belongs behind the sound part: the last chunk's index, notes by name, the summary."""
+    """Return the bytes after the intact part: the last chunk's index, notes by name, the summary."""
     out = RecordBuilder()
     if contents.index:
         contents.chunks[-1].message_index_length = len(contents.index)

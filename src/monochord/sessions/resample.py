@@ -1,4 +1,4 @@
-"""A session at another sample rate: a model reads sound of the rate that it was trained at alone."""
+"""Resample a session: a model accepts only the sample rate that it was trained at."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -17,24 +17,24 @@ BLOCK: Seconds = 0.1
 
 
 def resample(session: SessionReader, path: Path, sample_rate: int) -> None:
-    """Write a session whose sound has another sample rate; everything else, and every time, stays.
+    """Write a copy of a session with its sound at another sample rate; all other data and all times stay.
 
-    The sound between two gaps is resampled in one piece, linear phase, by soxr's "HQ". Above half of the
-    lower rate nothing is left, or nothing is there.
+    Each stretch of sound between two gaps is resampled as a whole, with linear phase, by soxr's "HQ". Nothing
+    remains above half of the lower rate.
 
     Parameters
     ----------
     session
-        What was recorded.
+        The recorded session.
     path
-        The new session, ``NAME.mcap``; an error leaves none.
+        The new session, ``NAME.mcap``; on an error it is not left behind.
     sample_rate
         The new rate, in Hz.
 
     Raises
     ------
     InputError
-        If the session has that rate, the rate is not above zero, or the file exists.
+        If the session already has that rate, the rate is not positive, or the file exists.
 
     Examples
     --------
@@ -44,14 +44,14 @@ def resample(session: SessionReader, path: Path, sample_rate: int) -> None:
     if sample_rate < 1:
         raise InputError(f"{given}, to {sample_rate} Hz", "1 Hz or more")
     if sample_rate == session.description.sample_rate:
-        raise InputError(f"{given} already", "another rate", "use it as it is")
+        raise InputError(f"{given} already", "another rate", "use the session unchanged")
     more = {**session.description.more, "resampled": f"from {session.description.sample_rate} Hz"}
     description = replace(session.description, sample_rate=sample_rate, more=more)
     write_back(path, description, session.clock, _stretches(session.audio, sample_rate), tables(session))
 
 
 def _stretches(audio: AudioTrack, rate: int) -> Iterator[Stretch]:
-    """Yield the sound at a rate, each frame at the time that it has in the track."""
+    """Yield the resampled sound, each frame at its time in the track."""
     ratio, reached, size = rate / audio.sample_rate, 0, round(BLOCK * rate)
     ends = (*(first for first, _ in audio.gaps), audio.samples.shape[1])
     begins = (0, *(stop for _, stop in audio.gaps))

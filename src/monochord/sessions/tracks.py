@@ -1,4 +1,4 @@
-"""What a session holds, as arrays; all times are seconds since the session's beginning."""
+"""The tracks of a session as arrays; all times are seconds since the session's beginning."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -12,16 +12,16 @@ from monochord.core.types import Audio, Feed, Floats
 from monochord.core.units import Samples, Seconds
 
 AUDIO, LABELS = "audio", "labels"
-"""Names of the streams that every session has: the microphones, and what is known to be true."""
+"""Names of the streams in every session: the audio and the labels."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AudioTrack:
     """The microphones' samples (channels, n) float32 from the stream's first frame on.
 
-    Lost frames are zeros, and `gaps` tells where: first frame and the one after the last. `anchor_frame` (k,)
-    was at the converter at `anchor_time` (k,), as the device said; `device_frame` (k,) is its own count
-    there, -1 where it has none.
+    Lost frames are zeros; `gaps` lists the first lost frame and the one after the last. Frame `anchor_frame`
+    (k,) was at the converter at `anchor_time` (k,), as reported by the device; `device_frame` (k,) is the
+    device's count there, -1 where it has none.
     """
 
     samples: Audio
@@ -33,10 +33,10 @@ class AudioTrack:
 
     @property
     def line(self) -> tuple[float, Seconds]:
-        """Frames a second, and the time of frame 0, of the line through the anchors.
+        """Sample rate, and the time of frame 0, of the line through the anchors.
 
-        The converter's clock is steady, so all anchors but the outlying fit one line; with fewer than two, or
-        less than a second of them, the nominal rate stands.
+        The converter's clock is steady, so one line fits all anchors but outliers. With fewer than two
+        anchors, or less than a second of them, the nominal rate is used.
         """
         frames, times, rate = self.anchor_frame, self.anchor_time, float(self.sample_rate)
         if not len(frames):
@@ -57,10 +57,10 @@ class AudioTrack:
 
     @property
     def unevenness(self) -> Seconds:
-        """How far the device's times stray from the line for longer than a moment.
+        """Largest lasting deviation of the device's times from the line, in s.
 
-        A sound server that stood still without counting its frames shows here: what came after is later than
-        its frames say. A time that is off alone is none; of every five the middle counts.
+        It shows a sound server that stalled without counting frames: later sound is later than its frame
+        count says. A single deviating time has no effect; the median of every five counts.
         """
         if len(self.anchor_time) < 5:
             return 0.0
@@ -81,7 +81,7 @@ class AudioTrack:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReadingTrack:
-    """All readings of an instrument; see `monochord.core.types.Readings` for what the arrays are."""
+    """All readings of an instrument; see `monochord.core.types.Readings` for the arrays."""
 
     feed: Feed
     time: Floats
@@ -91,7 +91,7 @@ class ReadingTrack:
     status: NDArray[np.uint32]
 
     def column(self, name: str) -> Floats:
-        """Return the values (n,) of a column; raises `InputError` where there is none of this name."""
+        """Return the values (n,) of a column; raises `InputError` for an unknown column."""
         if name not in self.feed.columns:
             given = f"column '{name}' of stream '{self.feed.stream}'"
             raise InputError(given, ", ".join(self.feed.columns))
@@ -99,14 +99,14 @@ class ReadingTrack:
 
     @property
     def missing(self) -> int:
-        """How many readings the sender's count says never came; a count that begins again is none."""
+        """Number of readings lost by the sender's count; a count that restarts is not a loss."""
         steps = np.diff(self.sequence[self.sequence >= 0])
         return sum((steps[steps > 1] - 1).tolist())  # whose sum need not fit 64 bits
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Event:
-    """Something that happened at a time; `text` is for a reader, `data` for a program."""
+    """An event at a time; `text` is for a reader, `data` for a program."""
 
     time: Seconds
     kind: str
@@ -116,7 +116,7 @@ class Event:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClockTrack:
-    """Offsets in s of clocks to the monotonic clock, by name (n,), as measured at times (n,)."""
+    """Offsets in s of clocks from the monotonic clock, by name (n,), measured at times (n,)."""
 
     time: Floats
     offsets: dict[str, Floats]

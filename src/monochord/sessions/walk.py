@@ -1,7 +1,7 @@
-"""Walks an MCAP file record by record, past damage to the next sound record.
+"""Walks an MCAP file record by record, skipping damage to the next intact record.
 
-The `mcap` library knows how records are laid out. Only what is read for each chunk and message is unpacked
-here, since that takes a tenth of the time and no copy.
+The `mcap` library defines the record layout. This module unpacks only what is read for each chunk and
+message, which takes a tenth of the time and no copy.
 """
 
 import mmap
@@ -34,9 +34,9 @@ from monochord.core.files import refuse_endless, similar_name
 from monochord.sessions import _packing as packing
 
 MAX_WRITE = 8 << 20
-"""Bytes of one writing, at most."""
+"""Largest write, in bytes."""
 RECOVERED = "monochord.recovered"
-"""Name of the metadata that a repaired session has."""
+"""Name of the metadata in a repaired session."""
 MAGIC = b"\x89MCAP0\r\n"
 # As plain numbers: a walk takes a quarter longer where it looks up members of the enumeration.
 HEADER, FOOTER, DATA_END = int(Opcode.HEADER), int(Opcode.FOOTER), int(Opcode.DATA_END)
@@ -44,19 +44,18 @@ SCHEMA, CHANNEL, MESSAGE = int(Opcode.SCHEMA), int(Opcode.CHANNEL), int(Opcode.M
 CHUNK, MESSAGE_INDEX = int(Opcode.CHUNK), int(Opcode.MESSAGE_INDEX)
 METADATA, ATTACHMENT = int(Opcode.METADATA), int(Opcode.ATTACHMENT)
 DAMAGED, LOOSE = 0, -1
-"""Opcodes under which `records` gives bytes that are no record, and messages in no chunk."""
+"""Opcodes of `records` for damaged bytes and for messages outside chunks."""
 FIRST_PRIVATE = 0x80
-"""The first of the opcodes that MCAP leaves to applications."""
+"""First opcode that MCAP reserves for applications."""
 LOST, LOST_MARK = 0xDA, b"DAMAGED\n"
-"""Opcode, one of those, and first bytes of a record that stands where others were damaged: every reader skips
-it."""
+"""Opcode and first bytes of a record that replaces damaged ones; every reader skips it."""
 HEAD = struct.Struct("<BQ")
-"""What stands before the body of a record: opcode and length."""
+"""Header of a record: opcode and length."""
 CHUNK_HEAD = struct.Struct("<QQQII")
-"""How a chunk begins: first and last time, size, checksum, length of the compression's name."""
+"""Header of a chunk: first and last time, size, checksum, length of the compression's name."""
 _MESSAGE = struct.Struct("<HIQQ")
 MIN_MESSAGE = _MESSAGE.size
-"""Bytes of a message record without its payload."""
+"""Size of a message record without its payload, in bytes."""
 _INDEX_HEAD, _INDEX_ENTRY = 6, 16
 _LOOSE = (SCHEMA, CHANNEL, MESSAGE)
 _MIN_DAMAGE = HEAD.size + len(LOST_MARK)  # bytes of the smallest damage, so that a record of opcode LOST fits
@@ -67,11 +66,11 @@ _MAX_NAME = 32  # characters of a compression's name
 
 
 class Record(NamedTuple):
-    """A record of the file: its opcode, where it begins and ends, its body, and what the library reads in it.
+    """A record of the file: opcode, begin and end offset, body, and the library's parsed content.
 
-    Of opcode `DAMAGED`, the body is all of it, as there is no telling a head from what follows. Of `LOOSE`,
-    it is all of one or more records (schemas, channels, messages), heads included, as `inside` takes them.
-    `content` is None of these, of chunks, messages, indices and `LOST`.
+    For opcode `DAMAGED`, the body is the whole record, since its header is unknown. For `LOOSE`, it is one or
+    more records (schemas, channels, messages) with headers, as `inside` reads them. `content` is None for
+    these two, for chunks, messages, indices and `LOST`.
     """
 
     opcode: int
@@ -82,7 +81,7 @@ class Record(NamedTuple):
 
 
 class Message(NamedTuple):
-    """A message: its channel's number, its count, when it was logged and published in ns, its payload."""
+    """A message: channel number, sequence number, log and publish time in ns, payload."""
 
     channel: int
     sequence: int
@@ -93,7 +92,7 @@ class Message(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChunkBody:
-    """What a chunk holds: its records, and whether their checksum is right."""
+    """A chunk's records, and whether their checksum is right."""
 
     uncompressed_size: int
     compression: str
@@ -103,7 +102,7 @@ class ChunkBody:
 
 
 def mapped(path: Path) -> memoryview:
-    """Return the bytes of a file, read as they are used; raises `InputError` if it is no MCAP file."""
+    """Return a file's bytes, mapped into memory; raises `InputError` if it is not an MCAP file."""
     refuse_endless(path)
     try:
         with path.open("rb") as file:
@@ -115,17 +114,17 @@ def mapped(path: Path) -> memoryview:
         remedy = similar_name(path) or "check its name"
         raise InputError(f"file {path} ({error.strerror})", "a session (.mcap)", remedy) from error
     if bytes(view[: len(MAGIC)]) != MAGIC and not _record(view, len(MAGIC)):
-        raise InputError(f"file {path} (not MCAP)", "a session (.mcap)", "record or import one")
+        raise InputError(f"file {path} (not MCAP)", "a session (.mcap)", "record a session or import one")
     return view
 
 
 def records(view: memoryview) -> Iterator[Record]:
-    """Yield the records of a file up to its footer, or up to where it was cut off.
+    """Yield the records of a file up to its footer, or to where it was cut off.
 
-    Where a record's head or the lengths inside it are damaged, the next sound record is searched, and what
-    lies between is one record of opcode `DAMAGED`. Schemas, channels and messages that follow each other
-    outside chunks are one record of opcode `LOOSE`. What comes after the data section is not searched: it is
-    made anew from what comes before.
+    Where a record's header or inner lengths are damaged, the next intact record is searched; the bytes
+    between form one record of opcode `DAMAGED`. Consecutive schemas, channels and messages outside chunks
+    form one record of opcode `LOOSE`. After the data section nothing is searched: it is rebuilt from the data
+    section.
     """
     offset, heads, before = len(MAGIC), _HEADS, HEADER
     while offset < len(view):
@@ -149,12 +148,12 @@ def records(view: memoryview) -> Iterator[Record]:
 
 
 def lost(length: int) -> bytes:
-    """Return the first bytes of a record that takes the place of `length` damaged bytes."""
+    """Return the first bytes of a record that replaces `length` damaged bytes."""
     return HEAD.pack(LOST, length - HEAD.size) + LOST_MARK
 
 
 def torn(view: memoryview, offset: int) -> bool:
-    """Return whether a file ends, from `offset` on, within what was being written, with nothing whole."""
+    """Return whether a file ends, from `offset` on, in an interrupted write with nothing complete."""
     if bytes(view[-len(MAGIC) :]) == MAGIC:
         return False
     data_end = _record(view, offset)
@@ -171,7 +170,7 @@ def torn(view: memoryview, offset: int) -> bool:
 
 
 def chunk(body: memoryview) -> ChunkBody:
-    """Return what a chunk record holds, uncompressed; one that is damaged holds nothing."""
+    """Return a chunk record's content, uncompressed; empty where damaged."""
     _, _, size, crc, length = CHUNK_HEAD.unpack_from(body)
     name = body[CHUNK_HEAD.size : CHUNK_HEAD.size + min(length, _MAX_NAME)]
     compression, packed = bytes(name).decode(errors="replace"), body[CHUNK_HEAD.size + length + 8 :]
@@ -187,7 +186,7 @@ def chunk(body: memoryview) -> ChunkBody:
 
 
 def contents(record: Record) -> ChunkBody:
-    """Return what a record of opcode `CHUNK` or `LOOSE` holds; nothing guards the latter."""
+    """Return the content of a `CHUNK` or `LOOSE` record; the latter has no checksum."""
     if record.opcode == CHUNK:
         return chunk(record.body)
     size = len(record.body)
@@ -213,7 +212,7 @@ def inside(view: memoryview) -> Iterator[tuple[int, int, memoryview]]:
 
 
 def message(body: memoryview) -> Message:
-    """Return the message that a record's body holds; one that is cut off holds nothing but its channel."""
+    """Return the message in a record's body; a truncated one has only its channel."""
     if len(body) < MIN_MESSAGE:
         return Message(int.from_bytes(body[:2], "little"), 0, 0, 0, body[:0])
     number, sequence, log_time, publish_time = _MESSAGE.unpack_from(body, 0)
@@ -221,7 +220,7 @@ def message(body: memoryview) -> Message:
 
 
 def parsed(opcode: int, body: memoryview) -> McapRecord | None:
-    """Return what the library reads in a record's body, None where the lengths in it do not add up."""
+    """Return the library's parsed content of a record's body; None where its lengths are inconsistent."""
     if opcode not in _READ:
         return None
     stream = _Body(body)
@@ -237,7 +236,7 @@ def parsed(opcode: int, body: memoryview) -> McapRecord | None:
 
 
 class _Body(ReadDataStream):
-    """A record's body: what would be read from behind it is an error, what is no UTF-8 is none."""
+    """A record's body: reading past its end raises, invalid UTF-8 does not."""
 
     def __init__(self, body: memoryview) -> None:
         super().__init__(BytesIO())
@@ -255,7 +254,7 @@ class _Body(ReadDataStream):
 
 
 def _record(view: memoryview, offset: int) -> Record | None:
-    """Return a record of the data section, None where the lengths in it say that there is none."""
+    """Return a record of the data section; None where its lengths are invalid."""
     if offset + HEAD.size > len(view):
         return None
     opcode, length = HEAD.unpack_from(view, offset)
@@ -272,7 +271,7 @@ def _record(view: memoryview, offset: int) -> Record | None:
 
 
 def _loose(view: memoryview, first: Record) -> Record:
-    """Return schemas, channels and messages that follow each other as one record."""
+    """Return consecutive schemas, channels and messages as one record."""
     last = following = first
     while following and following.opcode in _LOOSE:
         last, following = following, _record(view, following.end)
@@ -280,9 +279,9 @@ def _loose(view: memoryview, first: Record) -> Record:
 
 
 def _next(view: memoryview, start: int, heads: "re.Pattern[bytes]") -> int:
-    """Return where the next record begins that is sound, or has a record behind it; 0 where there is none.
+    """Return where the next record begins that is intact or followed by a record; 0 where there is none.
 
-    `heads` finds where one may begin: messages are looked for only in files that have them outside chunks.
+    `heads` finds candidate positions: messages are searched only in files that have them outside chunks.
     """
     for match in heads.finditer(view, start):
         record = _record(view, match.start())
@@ -300,7 +299,7 @@ def _next(view: memoryview, start: int, heads: "re.Pattern[bytes]") -> int:
 
 
 def _summary(view: memoryview, offset: int) -> Iterator[Record]:
-    """Yield the records behind the data section, up to the footer or the first that makes no sense."""
+    """Yield the records after the data section, up to the footer or the first invalid one."""
     for opcode, at, body in inside(view[offset:]):
         if not HEADER <= opcode <= DATA_END and opcode < FIRST_PRIVATE:
             return
@@ -311,7 +310,7 @@ def _summary(view: memoryview, offset: int) -> Iterator[Record]:
 
 
 def index_fits(body: memoryview) -> bool:
-    """Return whether a record's body can be that of an index of messages."""
+    """Return whether a record's body can be a message index."""
     return (
         len(body) % _INDEX_ENTRY == _INDEX_HEAD
         and int.from_bytes(body[2:_INDEX_HEAD], "little") == len(body) - _INDEX_HEAD
@@ -335,17 +334,17 @@ _READ: dict[int, Callable[[ReadDataStream], McapRecord]] = {
     DATA_END: DataEnd.read,
     FOOTER: Footer.read,
 }
-"""What the library reads of a session's records."""
+"""Parsers of a session's records."""
 _FITS: dict[int, Callable[[memoryview], bool]] = {
     MESSAGE: lambda body: len(body) >= MIN_MESSAGE,
     CHUNK: _chunk_fits,
     MESSAGE_INDEX: index_fits,
     LOST: lambda body: bytes(body[: len(LOST_MARK)]) == LOST_MARK,
 }
-"""Whether the lengths inside the records of which there are many agree with the record's own."""
+"""Length checks of the most frequent records."""
 
 
 def unpacked_size(body: memoryview) -> int:
-    """Return how many bytes a chunk record claims to unpack to, 0 if it is not compressed."""
+    """Return a chunk record's claimed unpacked size in bytes, 0 if it is not compressed."""
     _, _, size, _, length = CHUNK_HEAD.unpack_from(body)
     return size if length else 0

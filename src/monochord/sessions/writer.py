@@ -1,4 +1,4 @@
-"""Writes a session as it happens: one MCAP file, whole again after every flush."""
+"""Writes a session during recording: one MCAP file, valid after every flush."""
 
 import hashlib
 import json
@@ -25,36 +25,36 @@ from monochord.sessions.tracks import LABELS
 from monochord.sessions.walk import CHUNK_HEAD, HEAD, MESSAGE_INDEX
 
 AUDIO_MESSAGE: Seconds = 0.1
-"""Audio in a message, at most."""
+"""Largest audio in a message."""
 MAX_READINGS = 256
-"""Readings in a message, at most."""
+"""Largest number of readings in a message."""
 MAX_UNFLUSHED = 1 << 20
-"""Bytes that wait for a flush, at most."""
+"""Largest number of bytes that wait for a flush."""
 OF_SUMMARY, OF_CHUNK, OF_TOPIC = 1 << 16, 96, 10
-"""Bytes of the ending, at most: of all of it, of each chunk, of each topic in a chunk."""
+"""Largest size of the ending in bytes: in total, per chunk, per topic in a chunk."""
 CHUNKS = "_Writer__chunk_indices"
-"""Where mcap's writer remembers what it wrote."""
+"""Attributes in which mcap's writer remembers what it wrote."""
 
 
 class SessionWriter(Closing):
-    """An open session. All its times are seconds of the monotonic clock, as `Block` and `Readings` have them.
+    """An open session. All times are seconds of the monotonic clock, as in `Block` and `Readings`.
 
-    What was given before a `flush` is in the file whole and readable, whatever becomes of the program. Where
-    the disk is full the file is finished with what there is, and the call that noticed raises `OSError`.
+    Everything passed in before a `flush` is in the file, complete and readable, even if the program crashes.
+    Where the disk is full, the file is closed with its current content, and the call raises `OSError`.
 
     Parameters
     ----------
     path
         A new file, ``NAME.mcap``.
     description
-        What is recorded; its feeds are the streams that `readings` may bring.
+        The session's description; `readings` accepts the streams of its feeds.
     clock
-        The session's clock; one whose zero is now by default.
+        The session's clock; by default, one that starts now.
 
     Raises
     ------
     InputError
-        If the file exists or cannot be made.
+        If the file exists or cannot be created.
     """
 
     def __init__(self, path: Path, description: Description, clock: SessionClock | None = None) -> None:
@@ -84,11 +84,11 @@ class SessionWriter(Closing):
 
     @property
     def size(self) -> int:
-        """Bytes in the file so far."""
+        """Size of the file so far, in bytes."""
         return self._file.tell()
 
     def audio(self, block: Block) -> None:
-        """Take the next block; blocks that follow each other go into one message."""
+        """Add the next block; consecutive blocks are joined into one message."""
         self._refuse_closed()
         if block.samples.shape[0] != self.description.channels:
             given = f"block of {block.samples.shape[0]} channels"
@@ -105,7 +105,7 @@ class SessionWriter(Closing):
         self._flush_if_due()
 
     def readings(self, readings: Readings) -> None:
-        """Take readings of a stream that the description's feeds name; those of ``labels`` are labels."""
+        """Add readings of a stream in the description's feeds; those of ``labels`` are labels."""
         self._refuse_closed()
         feed = self.description.feed(readings.stream)
         if readings.values.shape != (len(readings.time), len(feed.columns)):
@@ -147,7 +147,7 @@ class SessionWriter(Closing):
         self._flush_if_due()
 
     def labels(self, time: Floats, columns: Mapping[str, Floats]) -> None:
-        """Take what is true at times (n,): columns (n,) by name, NaN where it is not known."""
+        """Add labels at times (n,): columns (n,) by name, NaN where unknown."""
         self._refuse_closed()
         _refuse_too_many("labels of", len(columns))
         stamps = self.clock.stamps(time)
@@ -172,7 +172,7 @@ class SessionWriter(Closing):
         self._put("/events", stamp, codec.encode(codec.EVENT, **fields))
 
     def clocks(self, time: Seconds, offsets: Mapping[str, Seconds]) -> None:
-        """Note this machine's clocks minus the monotonic one, as they are at a time."""
+        """Record this machine's clock offsets from the monotonic clock at a time."""
         self._refuse_closed()
         _refuse_too_many("offsets of", len(offsets))
         stamp, names = self.clock.stamp(time), sorted(offsets)
@@ -181,13 +181,13 @@ class SessionWriter(Closing):
         self._put("/clocks", stamp, data)
 
     def flush(self, *, sync: bool = False) -> None:
-        """Write everything received so far to the file; with `sync`, wait until it is on the disk.
+        """Write everything added so far to the file; with `sync`, wait until it is on the disk.
 
         Raises
         ------
         OSError
-            If the disk is full (ENOSPC), or the file as large as files may be (EFBIG). The file has then been
-            finished and is valid.
+            If the disk is full (ENOSPC) or the file has reached its size limit (EFBIG). The file has then
+            been closed and is valid.
         """
         self._refuse_closed()
         try:
@@ -206,7 +206,7 @@ class SessionWriter(Closing):
             self._file.sync()
 
     def sync(self) -> None:
-        """Wait until what was flushed is on the disk; may be called from another thread."""
+        """Wait until the flushed data are on the disk; may be called from another thread."""
         if not self._closed:
             self._file.sync()
 
@@ -227,7 +227,7 @@ class SessionWriter(Closing):
             raise
 
     def _closing_values(self) -> dict[str, str]:
-        """Return the values of the ending: messages and SHA-256 of each topic, counts, the clock."""
+        """Return the closing values: messages and SHA-256 of each topic, counts, the clock."""
         digests = {topic: self._digests[number] for topic, number in self._channels.items()}
         ordered = json.dumps({topic: each.ordered for topic, each in digests.items()}, sort_keys=True)
         return {
@@ -240,7 +240,7 @@ class SessionWriter(Closing):
         }
 
     def _finish_file(self) -> None:
-        """Finish the file with what is whole in it."""
+        """Close the file with its complete content."""
         self._closed = True
         try:
             self._file.close()
@@ -288,7 +288,7 @@ class SessionWriter(Closing):
 
     def _refuse_closed(self) -> None:
         if self._closed:
-            raise InputError(f"session {self.path} (closed)", "an open session", "begin another")
+            raise InputError(f"session {self.path} (closed)", "an open session", "open a new one")
 
 
 def _refuse_too_many(what: str, count: int) -> None:
@@ -297,17 +297,17 @@ def _refuse_too_many(what: str, count: int) -> None:
 
 
 class ChunkList:
-    """Stands in for the list in which an MCAP writer remembers its chunks until the file's end.
+    """Replaces the list in which an MCAP writer remembers its chunks until the file's end.
 
-    An hour has some 36,000 chunks, whose entries take 22 MB in memory. Eight bytes of each are stored here,
-    where it begins; the rest is read back from the file when the end is written.
+    An hour has some 36,000 chunks, whose entries take 22 MB in memory. This list stores only each chunk's
+    position (eight bytes); the rest is read back from the file when the end is written.
     """
 
     def __init__(self, file: SessionFile) -> None:
         self._file, self._begins = file, array("Q")
 
     def append(self, index: ChunkIndex) -> None:
-        """Remember a chunk that was written, with the indexes of its messages behind it."""
+        """Remember a written chunk with the message indices after it."""
         self._begins.append(index.chunk_start_offset)
 
     def __iter__(self) -> Iterator[ChunkIndex]:

@@ -62,8 +62,8 @@ def check(cases: int) -> None:
         sound_offset, late, seen, behind = measured(
             truth, case, force_rate=force_rate, pose_rate=pose_rate, noise=noise
         )
-        assert sound_offset.known
-        assert seen.known
+        assert sound_offset.is_determined
+        assert seen.is_determined
         audio[case], stds[case] = sound_offset.value - late, sound_offset.std
         pose[case] = (seen.value - behind) * pose_rate
         assert abs(seen.value - behind) < 3.0 * seen.std
@@ -101,7 +101,7 @@ def test_a_dead_microphone_does_not_spoil_the_other_ones_taps(dead: int) -> None
             sound[1 - dead, place : place + 200] += 0.1
         taps = Taps(begin=begin, end=begin + 0.006, spacing=1 / 7000)
         offset = audio_offset(taps, sound.astype(np.float32), first=0.0, rate=44100.0)
-        assert offset.known
+        assert offset.is_determined
         assert offset.value == pytest.approx(late, abs=0.2e-3)
         assert offset.std < 0.5e-3
 
@@ -119,7 +119,7 @@ def test_even_spacing_leaves_the_offset_open() -> None:
     height = np.minimum(0.2 * np.abs(time[:, None] - at).min(axis=1), 3e-3)
     even = Taps(begin=at - 0.003, end=at + 0.003, spacing=1e-3)
     assert height_offset(even, time, height).rival > 0.8
-    assert not height_offset(even, time, height).known
+    assert not height_offset(even, time, height).is_determined
 
 
 def test_without_taps_or_sound_nothing_is_known() -> None:
@@ -134,7 +134,7 @@ def test_without_taps_or_sound_nothing_is_known() -> None:
         height_offset(none, time, np.zeros(time.size)),
         height_offset(some, time, np.zeros(time.size)),
     ):
-        assert not result.known
+        assert not result.is_determined
 
 
 def test_noise_alone_is_not_taken_for_taps() -> None:
@@ -146,7 +146,7 @@ def test_noise_alone_is_not_taken_for_taps() -> None:
         taps = Taps(begin=begin, end=begin, spacing=1e-3)
         sound = rng.standard_normal((2, 6 * RATE)).astype(np.float32)
         result = audio_offset(taps, sound, first=0.0, rate=44100.0)
-        taken += result.known and result.std < 0.5e-3 and result.taps >= 3
+        taken += result.is_determined and result.std < 0.5e-3 and result.taps >= 3
     assert taken == 0
 
 

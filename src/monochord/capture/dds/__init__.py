@@ -1,1 +1,1 @@
-"""ROS 2 messages over DDS, without ROS: ``messages`` are what is said, ``participant`` is who says it."""
+"""ROS 2 messages over DDS, without ROS: ``messages`` has the types, ``participant`` sends and receives."""

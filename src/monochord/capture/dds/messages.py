@@ -1,7 +1,7 @@
-"""The ROS 2 messages that Monochord speaks, as DDS types with the names and layout that ROS 2 gives them.
+"""The ROS 2 messages that Monochord uses, as DDS types with ROS 2's names and layout.
 
-A topic ``NAME`` of ROS 2 is the topic ``rt/NAME`` of DDS. `TYPE_HASHES` are the hashes of the definitions
-after REP-2016, which ROS 2 tools compare; a writer tells them in its user data.
+The ROS 2 topic ``NAME`` is the DDS topic ``rt/NAME``. `TYPE_HASHES` holds the hashes of the definitions after
+REP-2016, which ROS 2 tools compare; a writer announces them in its user data.
 """
 
 from dataclasses import dataclass
@@ -51,7 +51,7 @@ class Time(IdlStruct, typename="builtin_interfaces.msg.dds_.Time_"):
 @final
 @dataclass
 class Header(IdlStruct, typename="std_msgs.msg.dds_.Header_"):
-    """When something was so, and in which frame."""
+    """A time stamp and a coordinate frame."""
 
     stamp: Time
     frame_id: str
@@ -60,7 +60,7 @@ class Header(IdlStruct, typename="std_msgs.msg.dds_.Header_"):
 @final
 @dataclass
 class Point(IdlStruct, typename="geometry_msgs.msg.dds_.Point_"):
-    """A place in m."""
+    """A position in m."""
 
     x: float64
     y: float64
@@ -81,7 +81,7 @@ class Quaternion(IdlStruct, typename="geometry_msgs.msg.dds_.Quaternion_"):
 @final
 @dataclass
 class Pose(IdlStruct, typename="geometry_msgs.msg.dds_.Pose_"):
-    """A place and an orientation."""
+    """A position and an orientation."""
 
     position: Point
     orientation: Quaternion
@@ -99,7 +99,7 @@ class PoseStamped(IdlStruct, typename="geometry_msgs.msg.dds_.PoseStamped_"):
 @final
 @dataclass
 class Vector3(IdlStruct, typename="geometry_msgs.msg.dds_.Vector3_"):
-    """A force in N, a torque in N m, or a shift in m."""
+    """A force in N, a torque in N m, or a translation in m."""
 
     x: float64
     y: float64
@@ -127,7 +127,7 @@ class WrenchStamped(IdlStruct, typename="geometry_msgs.msg.dds_.WrenchStamped_")
 @final
 @dataclass
 class Transform(IdlStruct, typename="geometry_msgs.msg.dds_.Transform_"):
-    """A shift and a rotation."""
+    """A translation and a rotation."""
 
     translation: Vector3
     rotation: Quaternion
@@ -136,7 +136,7 @@ class Transform(IdlStruct, typename="geometry_msgs.msg.dds_.Transform_"):
 @final
 @dataclass
 class TransformStamped(IdlStruct, typename="geometry_msgs.msg.dds_.TransformStamped_"):
-    """Where the frame `child_frame_id` is in the header's frame."""
+    """The pose of frame `child_frame_id` in the header's frame."""
 
     header: Header
     child_frame_id: str
@@ -146,7 +146,7 @@ class TransformStamped(IdlStruct, typename="geometry_msgs.msg.dds_.TransformStam
 @final
 @dataclass
 class TFMessage(IdlStruct, typename="tf2_msgs.msg.dds_.TFMessage_"):
-    """Several transforms, as the topic ``tf`` bears them."""
+    """Several transforms, as on the topic ``tf``."""
 
     transforms: sequence[TransformStamped]
 
@@ -154,7 +154,7 @@ class TFMessage(IdlStruct, typename="tf2_msgs.msg.dds_.TFMessage_"):
 @final
 @dataclass
 class PointStamped(IdlStruct, typename="geometry_msgs.msg.dds_.PointStamped_"):
-    """A place with its time and frame."""
+    """A position with its time and frame."""
 
     header: Header
     point: Point
@@ -163,7 +163,7 @@ class PointStamped(IdlStruct, typename="geometry_msgs.msg.dds_.PointStamped_"):
 @final
 @dataclass
 class Bool(IdlStruct, typename="std_msgs.msg.dds_.Bool_"):
-    """Whether something is so."""
+    """A truth value."""
 
     data: bool
 
@@ -171,7 +171,7 @@ class Bool(IdlStruct, typename="std_msgs.msg.dds_.Bool_"):
 @final
 @dataclass
 class KeyValue(IdlStruct, typename="diagnostic_msgs.msg.dds_.KeyValue_"):
-    """A value of a diagnosis, as text."""
+    """A diagnostic value, as text."""
 
     key: str
     value: str
@@ -180,7 +180,7 @@ class KeyValue(IdlStruct, typename="diagnostic_msgs.msg.dds_.KeyValue_"):
 @final
 @dataclass
 class DiagnosticStatus(IdlStruct, typename="diagnostic_msgs.msg.dds_.DiagnosticStatus_"):
-    """How a part of a robot is: `level` 0 is well, 1 a warning, 2 an error, 3 stale."""
+    """The state of one part of a robot: `level` 0 is ok, 1 warning, 2 error, 3 stale."""
 
     level: uint8
     name: str
@@ -192,7 +192,7 @@ class DiagnosticStatus(IdlStruct, typename="diagnostic_msgs.msg.dds_.DiagnosticS
 @final
 @dataclass
 class DiagnosticArray(IdlStruct, typename="diagnostic_msgs.msg.dds_.DiagnosticArray_"):
-    """How several parts of a robot are."""
+    """The states of several parts of a robot."""
 
     header: Header
     status: sequence[DiagnosticStatus]
@@ -212,7 +212,7 @@ class Estimate(IdlStruct, typename="monochord_msgs.msg.dds_.Estimate_"):
 @final
 @dataclass
 class Touch(IdlStruct, typename="monochord_msgs.msg.dds_.Touch_"):
-    """All that is estimated of one window of sound; `Touch.msg` describes each field."""
+    """All estimates for one window of sound; `Touch.msg` describes each field."""
 
     header: Header
     start: uint64
@@ -231,7 +231,7 @@ class Touch(IdlStruct, typename="monochord_msgs.msg.dds_.Touch_"):
 @final
 @dataclass
 class Event(IdlStruct, typename="monochord_msgs.msg.dds_.Event_"):
-    """Something that happened; `data` is a JSON object."""
+    """An event; `data` is a JSON object."""
 
     header: Header
     kind: str
@@ -240,7 +240,7 @@ class Event(IdlStruct, typename="monochord_msgs.msg.dds_.Event_"):
 
 
 def header(nanoseconds: int, frame: str) -> Header:
-    """Return the header of what was so at a time since the Unix epoch.
+    """Return a header stamped with a time since the Unix epoch.
 
     >>> header(1_500_000_000, "string").stamp
     Time(sec=1, nanosec=500000000)
@@ -258,7 +258,7 @@ def nanoseconds(stamp: Time) -> int:
 
 
 def ros_name(message: type[Any]) -> str:
-    """Return what ROS 2 calls a message.
+    """Return the ROS 2 name of a message type.
 
     >>> ros_name(PoseStamped)
     'geometry_msgs/msg/PoseStamped'

@@ -1,4 +1,4 @@
-"""Takes part in a DDS domain: writers and readers of ROS 2 topics."""
+"""Joins a DDS domain, with writers and readers of ROS 2 topics."""
 
 import ctypes
 import os
@@ -20,20 +20,25 @@ MAX_DOMAIN = 232
 DEPTH = 10  # what ROS 2 keeps of a topic
 URI = "CYCLONEDDS_URI"
 FIRST_PORT, PORTS = 7400, 250
-"""A domain's UDP ports after the DDSI standard: 250 ports from 7400 + 250 times the domain on."""
+"""A domain's UDP ports by the DDSI standard: 250 ports starting at 7400 + 250 times the domain number."""
 ATTACH_FILTER = 26  # SO_ATTACH_FILTER of asm-generic/socket.h, which Python does not name
 MAX_SAMPLE_SIZE = "1 MiB"
-"""Larger messages are not assembled, so that none fills the memory."""
+"""Largest message that is assembled, in bytes, so that no message fills the memory."""
 LINGER = "100 ms"
-"""How long a writer that is closed waits for a reader that has not confirmed all: one that was killed never
-does, and a sensor has seven writers."""
+"""How long closing a writer waits for readers to confirm its last messages.
+
+A killed reader never confirms, and a sensor has seven writers.
+"""
 
 FAST_DDS = "1.15"
-"""Vendor whose descriptions of types are ignored: those of sequences lack flags that the standard asks for
-(DDS-XTypes 1.3, 7.3.4), and a writer of such messages would wait for a valid description for ever."""
+"""Vendor whose type descriptions are ignored.
+
+Its sequence types lack flags that the standard requires (DDS-XTypes 1.3, 7.3.4), so a writer of such messages
+would wait forever for a valid description.
+"""
 
 OnMessage = Callable[[Any, Seconds], None]
-"""Called with a message and its monotonic time of arrival, in a thread of DDS."""
+"""Called with a message and its monotonic time of arrival, in a DDS thread."""
 
 _CONFIGURING = threading.Lock()
 
@@ -57,7 +62,7 @@ class Participant(Closing):
     InputError
         If the domain is invalid, or the DDS library is missing.
     DeviceError
-        If there is no such interface.
+        If the interface does not exist.
 
     Examples
     --------
@@ -89,19 +94,21 @@ class Participant(Closing):
                 if own and interface:
                     _keep_to(interface, self.domain, _sockets() - others)
         except (DDSException, OSError) as error:
-            question = "is there such a network?" if not os.environ.get(URI) else f"is ${URI} right?"
+            question = (
+                "check the interface name and the network" if not os.environ.get(URI) else f"is ${URI} right?"
+            )
             line = f"DDS over '{interface}': the domain {self.domain} cannot be joined; {question}"
             raise DeviceError(line) from error
         self._parts: list[TopicWriter | TopicReader] = []
 
     def writer(self, topic: str, message: str) -> "TopicWriter":
-        """Return a writer of messages of a kind of `monochord.capture.dds.messages` to a topic of ROS 2."""
+        """Return a writer to a ROS 2 topic, for a message type of `monochord.capture.dds.messages`."""
         part = TopicWriter(self._participant, topic, message)
         self._parts.append(part)
         return part
 
     def reader(self, topic: str, message: str, on_message: OnMessage) -> "TopicReader":
-        """Return a reader that calls `on_message` with each message of a topic of ROS 2."""
+        """Return a reader that calls `on_message` with each message of a ROS 2 topic."""
         part = TopicReader(self._participant, topic, message, on_message)
         self._parts.append(part)
         return part
@@ -115,7 +122,7 @@ class Participant(Closing):
 
 
 class TopicWriter:
-    """Writes messages to a topic, reliably, as is the default of ROS 2."""
+    """Writes messages to a topic with reliable delivery, the ROS 2 default."""
 
     def __init__(self, participant: Any, topic: str, message: str) -> None:
         from cyclonedds.core import Policy, Qos  # noqa: PLC0415
@@ -137,12 +144,12 @@ class TopicWriter:
         self._writer.write(message, nanoseconds)
 
     def close(self) -> None:
-        """Leave the topic."""
+        """Close the writer."""
         self._writer = None
 
 
 class TopicReader:
-    """Reads a topic, from reliable and best-effort writers.
+    """Reads a topic, from both reliable and best-effort writers.
 
     `faulty` counts the messages that could not be decoded.
     """
@@ -171,11 +178,11 @@ class TopicReader:
 
     @property
     def returns(self) -> int:
-        """Number of times that a writer appeared after all had gone."""
+        """Number of times that a writer reappeared after all had left."""
         return max(0, self._arrivals - 1)
 
     def close(self) -> None:
-        """Leave the topic; no call is made after this returns."""
+        """Close the reader; no call is made after this returns."""
         self._reader.set_listener(None)
         self._reader = None
 
@@ -227,9 +234,9 @@ def _own_domain() -> int:
 
 @contextmanager
 def _configured(interface: str) -> Generator[bool]:
-    """Pass the configuration by the environment: so the domain ends with its last participant.
+    """Set the configuration in the environment, so that the domain closes with its last participant.
 
-    Yields whether it is our own and not that of ``$CYCLONEDDS_URI``.
+    Yields whether the configuration is Monochord's rather than that of ``$CYCLONEDDS_URI``.
     """
     alone = interface == "lo"
     discovery = (
@@ -269,11 +276,11 @@ def _sockets() -> set[int]:
 
 
 def _keep_to(interface: str, domain: int, descriptors: set[int]) -> None:
-    """Have the kernel drop packets to a domain's wildcard sockets from any other interface but ``lo``.
+    """Make the kernel drop packets to a domain's wildcard sockets unless they arrive over ``lo``.
 
-    A classic BPF program (linux/filter.h), which needs no privileges: it compares the index of the interface
-    of a packet. Packets of this machine to itself arrive over ``lo``, whatever their address, and no others
-    do.
+    A classic BPF program (linux/filter.h), which needs no privileges, compares the index of the packet's
+    interface. Packets from this machine to itself always arrive over ``lo``, whatever their address, and only
+    these do.
     """
     load_word, equal, return_ = 0x20, 0x15, 0x06  # BPF_LD|BPF_W|BPF_ABS, BPF_JMP|BPF_JEQ|BPF_K, BPF_RET|BPF_K
     interface_index = 0xFFFFF008  # SKF_AD_OFF + SKF_AD_IFINDEX

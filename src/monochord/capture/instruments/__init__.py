@@ -1,4 +1,4 @@
-"""What is recorded beside audio, force/torque and pose: one file a kind of instrument, found by its name."""
+"""Instruments recorded beside audio, such as force/torque and pose: one module per kind, found by name."""
 
 from monochord.capture.instruments.base import Instrument
 from monochord.core.registry import Registry

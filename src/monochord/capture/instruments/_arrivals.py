@@ -1,4 +1,4 @@
-"""From the kernel's stamps of the wall clock to the monotonic clock, whoever sets the wall clock."""
+"""Converts the kernel's wall-clock stamps to monotonic time, even while the wall clock is being set."""
 
 import time
 
@@ -9,16 +9,16 @@ from monochord.core.types import Floats
 from monochord.core.units import Seconds
 
 SLACK = 1e-3
-"""How far outside its poll an arrival may seem to lie: the clocks are read one after the other."""
+"""Tolerance in s for an arrival outside its poll: the two clocks are read one after the other."""
 
 
 class Arrivals:
-    """Turns wall-clock stamps into monotonic times, poll after poll.
+    """Converts wall-clock stamps to monotonic times, poll by poll.
 
-    What a poll finds came after the last poll and before now, and the offset between the clocks is read at
-    both. A stamp that neither offset brings between them was taken by a clock that someone had set; it
-    becomes now. Times never go back. So a step of the wall clock costs at most one poll interval of
-    accuracy, for the readings of one poll.
+    A reading in a poll arrived after the previous poll and before this one; the offset between the clocks is
+    read at both. A stamp that neither offset places in this interval comes from a clock that was set
+    meanwhile; it becomes the time of the poll. Times never go back. So a step of the wall clock costs at most
+    one poll interval of accuracy, for the readings of one poll.
     """
 
     def __init__(self) -> None:
@@ -37,7 +37,7 @@ class Arrivals:
 
 
 def convert(stamps: Floats, offsets: tuple[Seconds, Seconds], since: Seconds, now: Seconds) -> Floats:
-    """Return `stamps` less the first offset that brings each between `since` and `now`; else `now`."""
+    """Return `stamps` minus the first offset that places each between `since` and `now`; else `now`."""
     times = stamps - offsets[0]
     if times.size and times.min() >= since - SLACK and times.max() <= now + SLACK:  # nearly always
         return np.minimum(times, now)

@@ -1,4 +1,4 @@
-"""Readings one by one into arrays, with their sender's count and clock."""
+"""Collects single readings into arrays, with the sender's count and clock."""
 
 from collections.abc import Sequence as Values
 from dataclasses import replace
@@ -12,14 +12,14 @@ from monochord.core.units import Hertz, Seconds
 NONE = -1
 NANOSECONDS = 1e9
 LATE = 1e9
-"""A sender whose clock is back by more, in ns, was started anew."""
+"""A sender's clock that goes back by more than this, in ns, means that the sender restarted."""
 
 
 class Collected:
-    """Takes readings as they come and gives them out as arrays; `feed` says what they are.
+    """Collects readings as they arrive and returns them as arrays; `feed` describes them.
 
-    Where the sender counts its readings, gaps are counted and what comes too late is left out. Where it
-    does not, all are kept, and a stamp that is older than the one before counts as out of order.
+    Where the sender counts its readings, gaps are counted and late readings are left out. Where it does not,
+    all are kept, and a stamp older than the previous one counts as out of order.
     """
 
     def __init__(self, feed: Feed) -> None:
@@ -45,22 +45,22 @@ class Collected:
         )
 
     def add(self, values: Values[float], *, time: Seconds, tick: int = NONE, count: int = NONE) -> None:
-        """Take a reading that came at a monotonic time, with its sender's clock in ns and count, or -1."""
+        """Add a reading with its monotonic time of arrival, the sender's clock in ns and its count, or -1."""
         self._rows.append(values)
         self._times.append(time)
         self._ticks.append(tick)
         self._counts.append(count)
 
     def refuse(self, readings: int = 1) -> None:
-        """Count readings that nobody can read."""
+        """Count unreadable readings."""
         self._health = replace(self._health, faulty=self._health.faulty + readings)
 
     def returned(self) -> None:
-        """Count a sender that was away and is back."""
+        """Count a sender that returned after an absence."""
         self._health = replace(self._health, reconnects=self._health.reconnects + 1)
 
     def take(self) -> list[Readings]:
-        """Return what was added since the last time, oldest first."""
+        """Return the readings added since the last call, oldest first."""
         if not self._rows:
             return []
         time = np.maximum.accumulate(np.maximum(np.array(self._times, np.float64), self._last_time))

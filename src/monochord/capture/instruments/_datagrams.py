@@ -1,7 +1,7 @@
-"""Datagrams of a socket, many in one call of the kernel, each with the kernel's own time of arrival.
+"""Reads many datagrams from a socket in one system call, each with the kernel's time of arrival.
 
 Linux only: ``recvmmsg`` and ``SO_TIMESTAMPNS``. Seven thousand datagrams a second cost one call and a few
-array operations a poll, and no Python object each.
+array operations per poll, without a Python object for each.
 """
 
 import ctypes
@@ -42,9 +42,10 @@ STAMP = np.dtype(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Datagrams:
-    """What a socket held: `payload` (n, size) uint8, each `length` (n,) bytes of it, longer ones cut off.
+    """Datagrams from a socket: `payload` (n, size) uint8, with `length` (n,) valid bytes each.
 
-    `stamp` (n,) is when the kernel took each in, in seconds of the wall clock; NaN where it did not say.
+    Longer datagrams are truncated. `stamp` (n,) is the kernel's time of arrival in s of the wall clock, NaN
+    where it gave none.
     """
 
     payload: NDArray[np.uint8]
@@ -53,9 +54,9 @@ class Datagrams:
 
 
 class Receiver:
-    """Reads datagrams of at most `size` bytes; a longer one is given with the length `size` + 1.
+    """Reads datagrams of at most `size` bytes; a longer one has length `size` + 1.
 
-    The socket is made non-blocking, is asked for time stamps and gets as large a buffer as the kernel grants.
+    The socket becomes non-blocking, time-stamped, and gets the largest buffer that the kernel grants.
     """
 
     def __init__(self, sock: socket.socket, size: Samples) -> None:
@@ -78,11 +79,11 @@ class Receiver:
 
     @property
     def buffer(self) -> int:
-        """Bytes that the kernel holds back for it; it books some 800 for a short datagram."""
+        """Size of the kernel's receive buffer in bytes; a short datagram takes some 800."""
         return self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
 
     def take(self) -> Datagrams:
-        """Return what has come, without waiting."""
+        """Return the datagrams received so far, without waiting."""
         parts: list[Datagrams] = []
         for _ in range(MAX_CALLS):
             part = self._batch()
@@ -120,7 +121,7 @@ class Receiver:
 
 
 def wait_readable(sock: socket.socket, seconds: Seconds) -> bool:
-    """Wait until a datagram is there, at most so long."""
+    """Wait for a datagram, at most `seconds`."""
     import select  # noqa: PLC0415
 
     return bool(select.select([sock], [], [], seconds)[0])

@@ -1,4 +1,4 @@
-"""An instrument whose readings come as JSON, one a datagram."""
+"""An instrument whose readings arrive as JSON, one per datagram."""
 
 import socket
 from collections.abc import Callable
@@ -17,7 +17,7 @@ LATEST = 9.2e9  # s, what 64 bits of nanoseconds hold
 
 
 class Stamped(msgspec.Struct):
-    """A datagram: `stamp` is its sender's clock in s, `sequence` its count; both may be absent."""
+    """A datagram's optional time and count: `stamp` is the sender's clock in s, `sequence` its count."""
 
     stamp: float | None = None
     sequence: int | None = None
@@ -25,11 +25,11 @@ class Stamped(msgspec.Struct):
 
 T = TypeVar("T", bound=Stamped)
 Read: TypeAlias = Callable[[T], tuple[float, ...] | None]
-"""Returns the values of a datagram in the order of the feed's columns, or None where they make no sense."""
+"""Returns a datagram's values in the order of the feed's columns, or None where they are invalid."""
 
 
 class JsonConnection(Connection, Generic[T]):
-    """Reads datagrams of one kind from a socket; what is not of this kind counts as faulty."""
+    """Reads datagrams of one kind from a socket; any other datagram counts as faulty."""
 
     def __init__(self, sock: socket.socket, feed: Feed, kind: type[T], read: Read[T]) -> None:
         self._receiver, self._decoder, self._values = (
@@ -42,7 +42,7 @@ class JsonConnection(Connection, Generic[T]):
 
     @property
     def feed(self) -> Feed:
-        """What the readings are."""
+        """Description of the readings."""
         return self._collected.feed
 
     @property
@@ -51,7 +51,7 @@ class JsonConnection(Connection, Generic[T]):
         return self._collected.health
 
     def poll(self) -> list[Readings]:
-        """Return what has come since the last poll."""
+        """Return the readings since the last poll."""
         datagrams = self._receiver.take()
         times = self._arrivals.times(datagrams.stamp)
         for payload, length, time in zip(datagrams.payload, datagrams.length, times, strict=True):

@@ -1,4 +1,4 @@
-"""What instruments of the robot's pose share: their feed, and what a pose may be."""
+"""Shared by the pose instruments: their feed, and checks of a pose."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -10,18 +10,18 @@ from monochord.core.types import POSE, Feed
 from monochord.core.units import Hertz
 
 Rotation: TypeAlias = Literal["vector", "fixed_xyz", "moving_xyz"]
-"""What three angles of a pose mean: see `quaternion_of`."""
+"""Meanings of three angles; see `quaternion_of`."""
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 FARTHEST = 1e7
-"""Metres along each axis, a quarter of the way round the Earth: who says more says nonsense."""
+"""Largest coordinate in m, a quarter of the Earth's circumference; anything larger is an error."""
 LONGEST_TURN = 1e6
-"""Of a quaternion that is not of length 1, which is made so."""
+"""Largest length of a quaternion that is normalised; a longer one is invalid."""
 
 
 def pose_feed(rate: Hertz, details: Mapping[str, str]) -> Feed:
     """Return the feed of a pose with `rate` readings per second; 0 if the rate is unknown."""
     if not 0.0 <= rate <= 100e3:
-        raise InputError(f"rate of {rate} Hz", "0 to 100000 Hz, 0 where it is not known")
+        raise InputError(f"rate of {rate} Hz", "0 to 100000 Hz, 0 where unknown")
     units = ("m",) * 3 + ("",) * 4
     return Feed(
         stream="pose",
@@ -34,9 +34,10 @@ def pose_feed(rate: Hertz, details: Mapping[str, str]) -> Feed:
 
 
 def unit_pose(position: Sequence[float], orientation: Sequence[float]) -> tuple[float, ...] | None:
-    """Return x, y, z and a unit quaternion, or None where that is no pose.
+    """Return x, y, z and a unit quaternion, or None for an invalid pose.
 
-    That is where a number is not finite or absurd (beyond `FARTHEST` m), or the quaternion turns nothing.
+    A pose is invalid where a number is not finite or absurdly large (beyond `FARTHEST` m), or the quaternion
+    has length 0.
 
     >>> unit_pose((0.1, 0.0, 0.0), (0.0, 0.0, 0.0, 2.0))
     (0.1, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
@@ -50,9 +51,9 @@ def unit_pose(position: Sequence[float], orientation: Sequence[float]) -> tuple[
 def quaternion_of(rotation: Rotation, angles: Sequence[float]) -> tuple[float, float, float, float]:
     """Return the quaternion x, y, z, w of three angles in rad.
 
-    ``vector`` is an axis times the angle about it, v: q = (v / |v| sin(|v| / 2), cos(|v| / 2)).
-    ``fixed_xyz`` turns about the fixed axes x, then y, then z, by roll, pitch and yaw: R = Rz Ry Rx.
-    ``moving_xyz`` turns about x, then about the y and the z that have turned along: R = Rx Ry Rz.
+    ``vector`` is the rotation axis times the angle, v: q = (v / |v| sin(|v| / 2), cos(|v| / 2)).
+    ``fixed_xyz`` rotates about the fixed axes x, then y, then z, by roll, pitch and yaw: R = Rz Ry Rx.
+    ``moving_xyz`` rotates about x, then about the rotated y and z axes: R = Rx Ry Rz.
 
     >>> [round(part, 3) for part in quaternion_of("fixed_xyz", (0.0, 0.0, math.pi / 2))]
     [0.0, 0.0, 0.707, 0.707]

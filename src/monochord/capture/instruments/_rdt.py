@@ -1,4 +1,4 @@
-"""Raw Data Transfer, the protocol of an ATI Net F/T: its packets, and the settings that give them a scale."""
+"""Raw Data Transfer, the ATI Net F/T protocol: its packets, and the settings that scale them."""
 
 import socket
 import struct
@@ -26,13 +26,14 @@ STOP, STREAM, RESET_LATCH, BIAS = 0x0000, 0x0002, 0x0041, 0x0042
 HEADER = 0x1234
 
 RECORD = np.dtype([("rdt", ">u4"), ("ft", ">u4"), ("status", ">u4"), ("counts", ">i4", 6)])
-"""A reply: number in this stream, number of the internal sample, status word, Fx Fy Fz Tx Ty Tz in counts."""
+"""A record: RDT sequence, F/T sequence, status word, Fx Fy Fz Tx Ty Tz in counts."""
 
 LONGEST_SETTINGS = 1 << 20
 LONGEST_DETAIL = 100
 COUNTS_PER_UNIT = (1e-6, 1e15)
 RATES = (1e-2, 1e6)
-"""What a device may say, in counts a unit and Hz: anything else is garbage, and overflows."""
+"""Valid ranges of a device's settings, in counts per unit and Hz; values outside would overflow.
+"""
 QUOTED = 40
 NEWTONS = MappingProxyType(
     {
@@ -54,8 +55,11 @@ NEWTON_METRES = MappingProxyType(
         "knm": 1e3,
     }
 )
-"""SI units by the word of a unit, its letters alone. A device's codes count them in this order from 1 on, by
-ATI's manual 9620-05 of the Net F/T: its configurations page and its reply to "Read Calibration Info"."""
+"""SI units by the letters of a unit's word.
+
+A device's unit codes number them in this order from 1, as in ATI's Net F/T manual 9620-05 (configurations
+page, and the reply to "Read Calibration Info").
+"""
 DETAILS = (
     "prodname",
     "setserial",
@@ -75,10 +79,10 @@ DETAILS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CountScale:
-    """What gives a device's counts their scale.
+    """The scale of a device's counts.
 
-    `scale` (6,) is in N and N m a count, `rate` that of its records and `internal_rate` that of the samples
-    inside; `details` are its settings as it words them.
+    `scale` (6,) is in N and N m per count, `rate` is the rate of records and `internal_rate` that of internal
+    samples; `details` are the device's settings in its own words.
     """
 
     scale: Floats
@@ -88,14 +92,14 @@ class CountScale:
 
 
 def request(command: int, count: int = 0) -> bytes:
-    """Return the datagram of a command; `count` is how many records to stream, 0 for no end."""
+    """Return the datagram of a command; `count` is the number of records to stream, 0 for no limit."""
     return struct.pack(">HHI", HEADER, command, count)
 
 
 def fetch_calibration(host: str, place: str, port: int, deadline: Seconds) -> CountScale:
-    """Read a device's settings over HTTP from its IPv4 address `place`, all of it until a monotonic time.
+    """Read a device's settings over HTTP from its IPv4 address `place`, before a monotonic deadline.
 
-    Raises `DeviceError` where there are none by then, or none that make sense.
+    Raises `DeviceError` where no valid settings arrive in time.
     """
     page = f"http://{host}:{port}{SETTINGS}"
     begin = time.monotonic()
@@ -105,21 +109,21 @@ def fetch_calibration(host: str, place: str, port: int, deadline: Seconds) -> Co
             with connection.getresponse() as reply:
                 text = reply.read(LONGEST_SETTINGS + 1) if reply.status == HTTPStatus.OK else b""
     except TimeoutError as error:
-        line = f"Net F/T at {host}: {page}: no whole reply within {deadline - begin:.2g} s"
+        line = f"Net F/T at {host}: {page}: no complete reply within {deadline - begin:.2g} s"
         raise DeviceError(f"{line}; is it on, and at this address?") from error
     except OSError as error:
         reason = error.strerror or type(error).__name__
         raise DeviceError(f"Net F/T at {host}: {page}: {reason}; is it on, and at this address?") from error
     except (HTTPException, ValueError) as error:
-        line = f"Net F/T at {host}: {page} answers no HTTP ({_quoted(str(error))}); is it a Net F/T?"
+        line = f"Net F/T at {host}: {page} does not answer in HTTP ({_quoted(str(error))}); is it a Net F/T?"
         raise DeviceError(line) from error
     if reply.status != HTTPStatus.OK:
-        raise DeviceError(f"Net F/T at {host}: {page} answers {reply.status}; is it a Net F/T?")
+        raise DeviceError(f"Net F/T at {host}: {page} answers HTTP status {reply.status}; is it a Net F/T?")
     return read_calibration(text, f"Net F/T at {host}")
 
 
 class _HttpConnection(HTTPConnection):
-    """An HTTP connection that is over at a monotonic time, however slowly the other end goes on."""
+    """An HTTP connection that ends at a monotonic deadline, however slow the other end is."""
 
     def __init__(self, place: str, port: int, deadline: Seconds) -> None:
         super().__init__(place, port)
@@ -131,7 +135,7 @@ class _HttpConnection(HTTPConnection):
 
 
 class _HurriedSocket(socket.socket):
-    """A TCP socket each of whose waits lasts until a monotonic time at most."""
+    """A TCP socket on which each wait ends at a monotonic deadline."""
 
     def __init__(self, deadline: Seconds) -> None:
         super().__init__(socket.AF_INET, socket.SOCK_STREAM)
@@ -153,14 +157,13 @@ class _HurriedSocket(socket.socket):
 
 
 def read_calibration(text: bytes, device: str) -> CountScale:
-    """Return the calibration that ``netftapi2.xml`` tells; raises `DeviceError` where it makes no sense.
+    """Return the calibration in ``netftapi2.xml``; raises `DeviceError` where it is invalid.
 
-    The text is UTF-8, or else Latin-1, whatever it says of itself: so what is looked through is what is read.
+    The text is decoded as UTF-8, else Latin-1, whatever encoding it declares, so that the checks see exactly
+    the parsed text.
     """
     if len(text) > LONGEST_SETTINGS:
-        raise DeviceError(
-            f"{device}: its settings are longer than {LONGEST_SETTINGS} bytes; is it a Net F/T?"
-        )
+        raise DeviceError(f"{device}: its settings exceed {LONGEST_SETTINGS} bytes; is it a Net F/T?")
     try:
         plain = text.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -168,7 +171,7 @@ def read_calibration(text: bytes, device: str) -> CountScale:
     # From a NUL expat takes it that a text is UTF-16, whatever it was said to be.
     if any(mark in plain for mark in ("\0", "<!DOCTYPE", "<!ENTITY")):
         raise DeviceError(
-            f"{device}: its settings hold a NUL, a document type or XML entities; no Net F/T's do"
+            f"{device}: its settings hold a NUL, a document type or XML entities, unlike those of a Net F/T"
         )
     try:
         elements = ET.fromstring(plain).iter()  # noqa: S314  (no entities)  # nosec B314
@@ -191,9 +194,9 @@ def read_calibration(text: bytes, device: str) -> CountScale:
 def _per_unit(
     settings: Mapping[str, str], device: str, counts: str, unit: str, units: Mapping[str, float]
 ) -> float:
-    """Return SI units a count, by a unit's code or by its word, which is the same setting after an ``s``.
+    """Return SI units per count, from a unit's code or its word (the same setting with an ``s`` before it).
 
-    Refused are a setting without either, and a code and a word that say different units.
+    Raises `DeviceError` where both are missing, or where code and word name different units.
     """
     if counts not in settings:
         raise DeviceError(f"{device}: its settings have no '{counts}'; is it a Net F/T?")

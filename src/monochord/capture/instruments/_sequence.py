@@ -1,4 +1,4 @@
-"""Senders' counters: what is missing, what came too late, when the sender began again."""
+"""Senders' counters: missing readings, late readings, and restarts of the sender."""
 
 from dataclasses import dataclass, field
 from typing import TypeAlias
@@ -13,29 +13,29 @@ Counts: TypeAlias = NDArray[np.int64]
 Mask: TypeAlias = NDArray[np.bool_]
 
 MAX_STEP = 1 << 30
-"""A count that jumps on by more did not lose so many readings: it began again."""
+"""Largest jump of the count that counts as lost readings; a larger jump is a restart."""
 
 
 @dataclass(slots=True, kw_only=True)
 class Sequence:
-    """A sender's count of its readings, carried on when it wraps round and when it begins again.
+    """A sender's count of its readings, continued across wrap-around and restarts.
 
-    The gaps in what `follow` returns are exactly what `missing` counts. A count that goes back while the
-    sender's clock goes on is a stream begun anew; the clock tells what was lost. Where the clock goes back
-    too, the reading came too late or twice and is left out, as readings stay in the order in which they
-    were taken; unless it is back by more than `patience` or the sender was known to be away: then the
-    sender was restarted, and only the time of arrival tells, roughly, what was lost.
+    The gaps in what `follow` returns are exactly what `missing` counts. Where the count goes back while the
+    sender's clock advances, the stream has restarted, and the clock gives the number of lost readings. Where
+    both go back, the reading is late or a duplicate and is left out, since readings keep the order in which
+    they were taken. Where the clock goes back by more than `patience`, or the sender is known to have been
+    away, the sender has restarted, and only the time of arrival gives a rough number of lost readings.
 
     Parameters
     ----------
     wraps
-        Whether the sender's counters are of 32 bits and wrap round.
+        Whether the sender's counters have 32 bits and wrap around.
     ticks
-        Ticks of the sender's clock from one reading to the next; 0 where that is not known.
+        Ticks of the sender's clock between readings; 0 where unknown.
     rate
-        Readings a second; 0 where that is not known.
+        Readings per second; 0 where unknown.
     patience
-        How many ticks the sender's clock may be back for a reading to be late.
+        Largest step back of the sender's clock, in ticks, for which a reading counts as late.
     """
 
     wraps: bool = False
@@ -52,21 +52,21 @@ class Sequence:
     _time: Seconds = field(default=0.0, init=False)
 
     def follow(self, count: Counts, tick: Counts, time: Floats, *, away: bool = False) -> tuple[Counts, Mask]:
-        """Carry the count on over the next readings.
+        """Continue the count over the next readings.
 
         Parameters
         ----------
         count, tick
-            The sender's own count and clock, (n,).
+            The sender's count and clock, (n,).
         time
-            When each came, (n,), in s.
+            Time of arrival, (n,), in s.
         away
-            Whether the sender had gone before the first of them.
+            Whether the sender was away before the first reading.
 
         Returns
         -------
         numbers, in_order
-            The count carried on, (n,), and which readings are in order, (n,).
+            The continued count, (n,), and which readings are in order, (n,).
         """
         in_order = np.ones(count.size, np.bool_)
         if not count.size:
@@ -90,7 +90,7 @@ class Sequence:
         return numbers, in_order
 
     def _step(self, count: int, tick: int, time: Seconds, *, away: bool) -> int:
-        """Return by how much the count carried on goes on: 0 for a reading that is late."""
+        """Return the increase of the continued count; 0 for a late reading."""
         counted = int(self._difference(np.int64(count - self._count)))
         ticked = int(self._difference(np.int64(tick - self._tick)))
         if 1 <= counted <= MAX_STEP:

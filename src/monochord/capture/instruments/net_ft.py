@@ -27,30 +27,30 @@ from monochord.core.units import Hertz, Seconds
 class NetFt(Instrument):
     """A Net F/T box at `address`, which streams force and torque over UDP.
 
-    The counts' scale comes from the device's own settings, which have to say their units, by code or by word.
-    Readings bear the kernel's time of arrival; their `sequence` is the device's count of records, carried on
-    over a new beginning, `device_time` its count of internal samples and `status` its status word. A device
-    that falls silent is asked again until it answers. Between polls the kernel holds the records: those of a
-    second need about 6 MB, which ``net.core.rmem_max`` may not grant.
+    The scale comes from the device's settings, which must state their units, by code or by word. Readings
+    have the kernel's time of arrival. Their `sequence` is the device's record count, continued across
+    restarts; `device_time` is its count of internal samples and `status` its status word. A silent device is
+    asked to stream again until it answers. Between polls the kernel buffers the records: one second needs
+    about 6 MB, which ``net.core.rmem_max`` may not allow.
 
     Parameters
     ----------
     address
-        Host name or number; ``HOST:PORT`` for another port than `rdt_port`.
+        Host name or IP address; ``HOST:PORT`` for a port other than `rdt_port`.
     rdt_port
-        UDP port of its stream.
+        UDP port of the RDT stream.
     http_port
-        TCP port of its web pages, which tell the counts a newton.
+        TCP port of its web pages, which state the counts per newton.
     rate
-        Records a second that it is set to send; 0 for what its settings say.
+        Configured records per second; 0 to use its settings.
     bias
-        Whether to make the load of this moment zero.
+        Whether to zero the present load.
     reset_latch
-        Whether to clear what its threshold conditions latched.
+        Whether to clear latched threshold conditions.
     timeout_seconds
-        How long opening may take, in seconds: to find its name, to read its settings, to the first record.
+        Timeout for opening, in seconds: name resolution, settings, first record.
     silence_seconds
-        After how long a silence, in seconds, it is asked to stream again.
+        Silence in seconds after which it is asked to stream again.
     """
 
     address: str = "127.0.0.1"
@@ -64,7 +64,7 @@ class NetFt(Instrument):
 
     @contextmanager
     def open(self) -> Generator["_NetFtConnection"]:
-        """Read its settings and start its stream; raises `DeviceError` if it does not answer."""
+        """Read the settings and start the stream; raises `DeviceError` if the device does not answer."""
         host, port = self._place()
         deadline = time.monotonic() + self.timeout_seconds
         place = resolved(host, self.timeout_seconds)
@@ -144,7 +144,7 @@ class _NetFtConnection(Connection):
         if not wait_readable(self._socket, max(deadline - time.monotonic(), 0.0)):
             raise DeviceError(
                 f"Net F/T at {self._options.address}: no record within {self._options.timeout_seconds} s; "
-                "is RDT enabled on its communication page, and UDP let through?"
+                "is RDT enabled on its communication page, and is UDP allowed through the firewall?"
             )
 
     def stop(self) -> None:
@@ -189,7 +189,7 @@ class _NetFtConnection(Connection):
         ]
 
     def _unwrapped(self, tick: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return the count of internal samples, (n,), carried on where it wraps round."""
+        """Return the count of internal samples, (n,), continued across wrap-around."""
         before = self._tick if self._health.readings > tick.size else int(tick[0])
         ticks = before + np.cumsum((np.diff(tick, prepend=before) + (1 << 31)) % (1 << 32) - (1 << 31))
         self._tick = int(ticks[-1])

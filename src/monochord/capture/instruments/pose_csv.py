@@ -1,4 +1,4 @@
-"""The robot's pose from a CSV file that its controller goes on writing."""
+"""The robot's pose from a CSV file that its controller keeps appending to."""
 
 import math
 import os
@@ -26,45 +26,46 @@ ANGLES = (("rx", "ry", "rz"), ("roll", "pitch", "yaw"))
 FIRST_LINE = "a first line time,x,y,z[,qx,qy,qz,qw], or with rx,ry,rz or roll,pitch,yaw"
 MAX_READ = 1 << 20  # bytes a poll
 LONGEST_LINE = 4096
-"""Bytes of a line; a longer one is faulty, and is not kept in memory."""
+"""Longest line in bytes; a longer line is faulty and is not kept in memory."""
 LATEST = 9.2e9  # s, what 64 bits of nanoseconds hold
 METRES = MappingProxyType({"m": 1.0, "mm": 1e-3})
 RADIANS = MappingProxyType({"rad": 1.0, "deg": math.pi / 180.0})
 WHOLE_TURN = 2.0 * math.pi + 1e-3
-"""Largest angle in rad: robots write none beyond a turn, and degrees soon are."""
+"""Largest angle in rad: robots report at most one turn, so a larger angle is probably in degrees."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PoseCsv(Instrument):
-    """Lines that are appended to the file at `path`, from the moment of opening on.
+    """Poses from lines appended to the CSV file at `path` after opening.
 
-    Its first line names the columns: ``time,x,y,z`` and perhaps ``qx,qy,qz,qw``, others besides. Three angles
-    ``rx,ry,rz`` or ``roll,pitch,yaw`` can take the place of the quaternion if `rotation` says what they mean;
-    if it does not, the file is refused. A reading bears the time at which a poll found its line, which is as
-    late as polls are rare and the writer buffers; its `device_time` is the column ``time``, s of the
-    controller's clock, in ns. A line is read once it is complete. A file that is written anew is read from
-    its top. What is no pose counts as faulty, and so does a line longer than 4096 bytes, a place beyond
-    `reach` and an angle beyond a turn. A file whose last line so far is in other units is refused. The path
-    may be that of a FIFO, whose lines are read as they come; that nobody writes to it is no error.
+    The first line names the columns: ``time,x,y,z``, optionally ``qx,qy,qz,qw``, and any others. Three angles
+    ``rx,ry,rz`` or ``roll,pitch,yaw`` can replace the quaternion if `rotation` states their meaning;
+    otherwise the file is refused. A reading's time is that of the poll that read its line, delayed by the
+    poll interval and the writer's buffering; its `device_time` is the column ``time``, in s of the
+    controller's clock, converted to ns. Incomplete lines wait until they are complete. A replaced file is
+    read from its beginning. An invalid pose counts as faulty, and so do a line longer than 4096 bytes, a
+    position beyond `reach` and an angle beyond one turn. A file whose last line is in different units is
+    refused. The path may be a FIFO, whose lines are read as they arrive; a FIFO without a writer is not an
+    error.
 
     Parameters
     ----------
     path
-        The file, which must be there.
+        The file, which must exist.
     from_start
-        Whether the lines that are there already count too.
+        Whether to read existing lines too.
     rate
-        Poses a second that are due; 0 where that is not known.
+        Expected poses per second; 0 if unknown.
     unit
         Unit of x, y and z in the file: ``m`` or ``mm``.
     rotation
-        What three angles mean: ``vector``, an axis times the angle about it; ``fixed_xyz``, turns about the
-        fixed axes x, then y, then z (roll, pitch, yaw); ``moving_xyz``, about x, then the turned y, then the
-        turned z; ``none`` leaves them out.
+        Meaning of three angles: ``vector``, rotation axis times angle; ``fixed_xyz``, rotations about the
+        fixed axes x, then y, then z (roll, pitch, yaw); ``moving_xyz``, about x, then the rotated y, then the
+        rotated z; ``none`` ignores them.
     angles
         Unit of the angles in the file: ``rad`` or ``deg``.
     reach
-        Farthest place along each axis, in m.
+        Largest coordinate along each axis, in m.
     """
 
     path: str
@@ -77,7 +78,7 @@ class PoseCsv(Instrument):
 
     @contextmanager
     def open(self) -> Generator["_PoseCsvConnection"]:
-        """Open the file; raises `DeviceError` without one, `InputError` for columns that are no pose."""
+        """Open the file; raises `DeviceError` where it is missing, `InputError` for invalid columns."""
         details = {"path": self.path, "unit": self.unit}
         if self.rotation:
             details |= {"rotation": self.rotation, "angles": self.angles}
@@ -114,7 +115,7 @@ class _PoseCsvConnection(Connection):
             reason = getattr(error, "strerror", None) or error
             raise DeviceError(f"pose file {self._path}: {reason}") from error
         if len(head) > LONGEST_LINE:
-            given = f"pose file {self._path} whose first line is longer than {LONGEST_LINE} bytes"
+            given = f"pose file {self._path} with a first line longer than {LONGEST_LINE} bytes"
             raise InputError(given, FIRST_LINE)
         if newline:
             self._columns = _names(head)
@@ -135,7 +136,7 @@ class _PoseCsvConnection(Connection):
             self._refuse_units(lines.rpartition(b"\n")[0].rpartition(b"\n")[2])
 
     def _refuse_columns(self) -> None:
-        """Refuse columns that are no pose, and angles of which nobody says what they mean."""
+        """Refuse columns that are not a pose, and angles without a stated meaning."""
         columns = {*self._columns}
         groups = [group for group in (TURN, *ANGLES) if columns & {*group}]
         lacking = [name for group in (PLACE, *groups) for name in group if name not in columns]
@@ -143,12 +144,12 @@ class _PoseCsvConnection(Connection):
             raise InputError(f"pose file {self._path} without {', '.join(lacking)}", FIRST_LINE)
         if groups and TURN not in groups and not self._options.rotation:
             names = ", ".join(groups[0])
-            given = f"pose file {self._path} with {names}, which have several meanings"
+            given = f"pose file {self._path} with {names}, which are ambiguous"
             allowed = "vector (axis times angle), fixed_xyz (roll, pitch, yaw), moving_xyz, or none"
             raise InputError(given, allowed, "say which with rotation=, and angles=deg for degrees")
 
     def _refuse_units(self, line: bytes) -> None:
-        """Refuse a file whose last line is a pose in other units than those that the options say."""
+        """Refuse a file whose last line has a pose in other units than the options state."""
         pose, options = self._parsed(line), self._options
         if pose is None:
             return
@@ -198,7 +199,7 @@ class _PoseCsvConnection(Connection):
         return self._collected.add(pose, time=now, tick=tick if tick >= 0 else NONE)
 
     def _parsed(self, line: bytes) -> "_Line | None":
-        """Return the numbers of a line in SI units; None where it is no pose."""
+        """Return the numbers of a line in SI units; None for an invalid pose."""
         options = self._options
         try:
             fields = dict(zip(self._columns, line.decode("utf-8").split(","), strict=True))
@@ -216,7 +217,7 @@ class _PoseCsvConnection(Connection):
         return _Line(stamp, [METRES[options.unit] * part for part in place], (), angles)
 
     def _was_written_anew(self) -> bool:
-        """Whether the file is another than before, or shorter; it is then at its top."""
+        """Whether the file was replaced or truncated; it is then read from its beginning."""
         try:
             named = self._path.stat()
             if self._file:
@@ -233,7 +234,7 @@ class _PoseCsvConnection(Connection):
 
 
 class _Line(NamedTuple):
-    """A line: a stamp in s, x, y, z in m, and a quaternion, or if that is empty three angles in rad."""
+    """A line: time stamp in s, x, y, z in m, and a quaternion or, if that is empty, three angles in rad."""
 
     stamp: Seconds
     place: Sequence[Metres]
@@ -241,7 +242,7 @@ class _Line(NamedTuple):
     angles: Sequence[float]
 
     def unit_pose(self, options: PoseCsv) -> tuple[float, ...] | None:
-        """Return x, y, z and a unit quaternion, or None where that is no pose of this robot."""
+        """Return x, y, z and a unit quaternion, or None for a pose out of range."""
         near = all(abs(part) <= options.reach for part in self.place)
         if not (near and all(abs(angle) <= WHOLE_TURN for angle in self.angles) and abs(self.stamp) < LATEST):
             return None  # NaN too is not within any bound
@@ -252,7 +253,7 @@ class _Line(NamedTuple):
 
 
 def _opened(path: Path) -> IO[bytes]:
-    """Open a file so that neither this nor reading waits for whoever writes to it, as a FIFO has it."""
+    """Open a file so that neither opening nor reading waits for a writer, even for a FIFO."""
     return open(path, "rb", buffering=0, opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK))
 
 

@@ -1,4 +1,4 @@
-"""The robot's pose from ROS 2, over DDS, without ROS."""
+"""The robot's pose from ROS 2 over DDS, without a ROS installation."""
 
 from collections import deque
 from collections.abc import Generator, Iterator
@@ -17,17 +17,17 @@ if TYPE_CHECKING:
     from monochord.capture.dds.participant import TopicReader
 
 MAX_PENDING = 100_000
-"""Poses that wait for a poll; older ones count as missing."""
+"""Largest number of poses that wait for a poll; older ones count as missing."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PoseDds(Instrument):
-    """A pose on a `topic` of ROS 2; needs the extra ``ros``, but no ROS.
+    """A pose on a ROS 2 `topic`; needs the extra ``ros``, but no ROS installation.
 
-    Each reading has its time of arrival, taken by a thread of DDS, and as `device_time` its header's stamp in
-    ns of the sender's wall clock. A publisher that goes and returns is followed. A message that is no pose
-    counts as faulty, and so does a position more than 1e7 m away or an invalid stamp. CycloneDDS binds to all
-    addresses; packets from another interface are dropped by the kernel.
+    Each reading has its time of arrival, taken in a DDS thread; its `device_time` is the header's stamp in ns
+    of the sender's wall clock. A publisher may leave and return. An invalid pose counts as faulty, and so do
+    a position more than 1e7 m away and an invalid stamp. CycloneDDS binds to all addresses; the kernel drops
+    packets from other interfaces.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class PoseDds(Instrument):
     interface
         Network interface; ``lo`` is this machine alone, empty lets the library choose.
     rate
-        Expected poses a second; 0 if unknown.
+        Expected poses per second; 0 if unknown.
     """
 
     topic: str = "/pose"
@@ -55,7 +55,7 @@ class PoseDds(Instrument):
 
     @contextmanager
     def open(self) -> Generator["_PoseDdsConnection"]:
-        """Join the domain; raises `InputError` without the library. No publisher is no error."""
+        """Join the domain; raises `InputError` without the library. A missing publisher is not an error."""
         if self.kind == "tf" and not self.frame:
             raise InputError("kind 'tf' without a frame", "a frame", "set frame=tool0")
         from monochord.capture.dds.participant import Participant  # noqa: PLC0415
@@ -94,7 +94,7 @@ class _PoseDdsConnection(Connection):
         )
 
     def add(self, message: Any, now: Seconds) -> None:
-        """Store the poses of a message for the next poll; called by a thread of DDS."""
+        """Store the poses of a message for the next poll; called from a DDS thread."""
         for header, position, orientation in self._poses(message):
             pose = unit_pose(
                 (position.x, position.y, position.z),

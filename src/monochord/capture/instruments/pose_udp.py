@@ -13,19 +13,19 @@ from monochord.core.units import Hertz
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PoseUdp(Instrument):
-    """Poses sent to `address`, each a datagram of JSON.
+    """Poses received at `address`, one JSON datagram each.
 
     A datagram is ``{"stamp": 1.5, "position": [x, y, z], "orientation": [x, y, z, w], "sequence": 7}``:
     seconds of the sender's clock, metres, a quaternion and the sender's count; all but the position are
-    optional. The stamp becomes `device_time`, in ns. A datagram that cannot be read counts as faulty, and so
-    does a position more than 1e7 m away.
+    optional. The stamp becomes `device_time`, in ns. An unreadable datagram counts as faulty, and so does a
+    position more than 1e7 m away.
 
     Parameters
     ----------
     address
         Address to bind: ``HOST:PORT``, or ``PORT`` for this machine alone.
     rate
-        Expected poses a second; 0 if unknown.
+        Expected poses per second; 0 if unknown.
     """
 
     address: str = "127.0.0.1:9871"
@@ -33,7 +33,7 @@ class PoseUdp(Instrument):
 
     @contextmanager
     def open(self) -> Generator["JsonConnection[_Pose]"]:
-        """Listen; raises `DeviceError` if the port is taken. A missing sender is no error."""
+        """Listen; raises `DeviceError` if the port is taken. A missing sender is not an error."""
         feed = pose_feed(self.rate, {"address": self.address})
         with listening(self.address) as sock:
             yield JsonConnection(sock, feed, _Pose, lambda pose: unit_pose(pose.position, pose.orientation))

@@ -1,4 +1,4 @@
-"""Any numbers as JSON datagrams: a thermometer, a motor's current, a force sensor of another make."""
+"""Arbitrary values as JSON datagrams: a thermometer, a motor current, another force sensor."""
 
 import math
 import re
@@ -18,18 +18,18 @@ from monochord.core.types import POSE, WRENCH, Feed
 from monochord.core.units import Hertz
 
 MAX_VALUE = 1e18
-"""A larger value is faulty: no measurement is so large in SI units."""
+"""Largest valid value: no measurement in SI units exceeds it."""
 STANDARD_COLUMNS = MappingProxyType({"wrench": WRENCH, "pose": POSE})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Udp(Instrument):
-    """Named numbers sent to `address`, each datagram a JSON object.
+    """Named values received at `address`, one JSON object per datagram.
 
-    A datagram is ``{"stamp": 1.5, "sequence": 7, "values": {"temperature": 293.1}}``: seconds of the
-    sender's clock, its count, and values by column; stamp and sequence are optional. A column that is
-    missing is unknown (NaN), a name that is no column is ignored, of a repeated name the last value counts. A
-    datagram that cannot be read counts as faulty, and so does a value beyond 1e18.
+    A datagram is ``{"stamp": 1.5, "sequence": 7, "values": {"temperature": 293.1}}``: seconds of the sender's
+    clock, its count, and values by column; stamp and sequence are optional. A missing column becomes NaN, an
+    unknown name is ignored, and of a repeated name the last value counts. An unreadable datagram counts as
+    faulty, and so does a value beyond 1e18.
 
     Parameters
     ----------
@@ -40,9 +40,9 @@ class Udp(Instrument):
     columns
         Names of the values.
     units
-        Their units in SI, one each; none if unknown.
+        SI units, one for each column; empty if unknown.
     rate
-        Expected readings a second; 0 if unknown.
+        Expected readings per second; 0 if unknown.
     """
 
     address: str = "127.0.0.1:9872"
@@ -53,7 +53,7 @@ class Udp(Instrument):
 
     @contextmanager
     def open(self) -> Generator["JsonConnection[_Numbers]"]:
-        """Listen; raises `DeviceError` if the port is taken. A missing sender is no error."""
+        """Listen; raises `DeviceError` if the port is taken. A missing sender is not an error."""
         feed = self._feed()
         with listening(self.address) as sock:
             yield JsonConnection(sock, feed, _Numbers, self._values)
@@ -64,16 +64,20 @@ class Udp(Instrument):
 
     def _feed(self) -> Feed:
         if not re.fullmatch(r"[a-z][a-z0-9_]*", self.stream):
-            raise InputError(f"stream '{self.stream}'", "small letters, digits and _, a letter first")
+            raise InputError(
+                f"stream '{self.stream}'", "lower-case letters, digits and _, starting with a letter"
+            )
         columns = self.columns
         if not columns or not all(columns) or len(set(columns)) < len(columns):
-            raise InputError(f"columns {', '.join(columns) or 'none'}", "one name or more, all different")
+            raise InputError(f"columns {', '.join(columns) or 'none'}", "at least one name, all different")
         if self.stream in STANDARD_COLUMNS and columns != STANDARD_COLUMNS[self.stream]:
             raise InputError(
                 f"columns of the stream '{self.stream}'", ", ".join(STANDARD_COLUMNS[self.stream])
             )
         if self.units and len(self.units) != len(columns):
-            raise InputError(f"{len(self.units)} units for {len(columns)} columns", "one each, or none")
+            raise InputError(
+                f"{len(self.units)} units for {len(columns)} columns", "one for each column, or none"
+            )
         return Feed(
             stream=self.stream,
             columns=columns,

@@ -1,4 +1,4 @@
-"""What runs in, or meets, the audio thread: atomics, ring buffer, libjack and the compiled callbacks.
+"""Code that runs in the audio thread or shares memory with it: atomics, ring buffer, libjack, callbacks.
 
-Nothing here takes a lock, allocates or enters the Python interpreter while the audio thread is inside.
+Nothing here takes a lock, allocates memory or enters the Python interpreter in the audio thread.
 """

@@ -1,7 +1,7 @@
-"""One block of memory that a compiled callback and Python share: counters, port handles, headers, samples.
+"""One memory block shared by a compiled callback and Python: counters, port handles, headers, samples.
 
 It is an array of int64 words, so that a callback needs only its address: counters first, then the port
-handles, then one header a period, then the samples as float32, channel by channel.
+handles, then one header per period, then the samples as float32, channel by channel.
 """
 
 import os
@@ -41,7 +41,7 @@ HEADER = 4  # words a header: device's frame count and its clock in microseconds
 
 
 class Arena:
-    """Room for `frames` frames of `channels` channels in at most `periods` periods, all zeros.
+    """Memory for `frames` frames of `channels` channels in at most `periods` periods, initialised to zero.
 
     Attributes
     ----------
@@ -79,12 +79,12 @@ class Arena:
 
     @property
     def address(self) -> int:
-        """Address of the memory: what a compiled callback is given."""
+        """Address of the memory, as passed to a compiled callback."""
         return int(self.words[SELF])
 
     @property
     def ports(self) -> list[int]:
-        """The device's handles of the ports, one a channel."""
+        """JACK's port handles, one per channel."""
         return self.words[PORTS : PORTS + self.samples.shape[0]].tolist()
 
     def count(self, field: int) -> int:
@@ -92,21 +92,21 @@ class Arena:
         return load(self.words, field)
 
     def wake(self) -> None:
-        """Wake whoever is in `wait`; after `close` nobody is."""
+        """Wake the thread in `wait`; after `close`, do nothing."""
         descriptor = int(self.words[WAKE])
         if descriptor >= 0:
             os.eventfd_write(descriptor, 1)
 
     def wait(self, seconds: Seconds) -> None:
-        """Wait until woken since the last wait, by a callback or by `wake`, or until the time is over."""
+        """Wait until a callback or `wake` wakes this thread, or until the timeout."""
         descriptor = int(self.words[WAKE])
         if select.select((descriptor,), (), (), seconds)[0]:
             os.eventfd_read(descriptor)
 
     def close(self) -> None:
-        """Give back the file descriptor; no callback may run any more. Closing twice does no harm.
+        """Close the file descriptor; no callback may run any more. A second call does nothing.
 
-        An arena that nobody holds any more is closed by that.
+        An unreferenced arena is closed automatically.
         """
         self.words[WAKE] = -1
         self._close()

@@ -1,6 +1,6 @@
 """Ordered loads and stores of one integer, for memory that two threads share without a lock.
 
-The writer fills the data and then publishes an index with `store_release`; the reader that sees the index
+The writer fills the data and then publishes an index with `store_release`; a reader that sees the index
 through `load_acquire` also sees the data, on every processor.
 """
 
@@ -16,7 +16,7 @@ ALIGNMENT = 8
 
 
 def _in_kernels(function: Any) -> Any:
-    """Make a generator of code callable from compiled functions, and opaque to type checkers."""
+    """Make a code generator callable from compiled functions, and opaque to type checkers."""
     return intrinsic(function)
 
 

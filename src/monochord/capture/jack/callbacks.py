@@ -1,8 +1,8 @@
 """Compiled callbacks for JACK's threads: no Python, no allocation, no lock.
 
-They are given the address of an arena (see `arena`) and leave everything there. Handles and addresses travel
-as integers of pointer size. Importing this module compiles them, or loads them from numba's cache, so import
-it before a client is activated.
+Each receives the address of an arena (see `arena`) and stores everything there. Handles and addresses are
+passed as integers of pointer size. Importing this module compiles the callbacks or loads them from numba's
+cache, so import it before activating a client.
 """
 
 from collections.abc import Callable
@@ -30,7 +30,7 @@ _copy = ExternalFunction("memcpy", types.intp(types.intp, types.intp, types.intp
 _fill = ExternalFunction("memset", types.intp(types.intp, types.int32, types.intp))
 
 WORD, SAMPLE = 8, 4  # bytes
-NEVER = 1 << 62  # frames
+FAR_AHEAD = 1 << 62  # frames
 HALF_SPAN = 1 << 31  # frames; JACK counts modulo twice as many
 
 
@@ -40,7 +40,7 @@ LAYOUT = crc32(repr([item for item in vars(at).items() if item[0].isupper()]).en
 
 
 def _callback(result: Any, *arguments: Any) -> Callable[[Any], Any]:
-    """Compile a function into a C function of this signature; its address is its attribute `address`."""
+    """Compile a function into a C function of this signature; the attribute `address` is its address."""
 
     def compiled(function: Any) -> Any:
         function.__qualname__ += f"_{LAYOUT:08x}"
@@ -70,7 +70,7 @@ def _all_connected(words: Any) -> bool:
 
 @njit
 def _cycle_start(words: Any) -> int:
-    """Return JACK's time of this period's start in microseconds, 0 before its clock has settled."""
+    """Return JACK's start time of this period in microseconds, 0 until its clock has settled."""
     scratch = words[at.SELF] + WORD * at.SCRATCH
     failed = _cycle_times(words[at.CLIENT], scratch, scratch + WORD, scratch + 2 * WORD, scratch + 3 * WORD)
     return 0 if failed else words[at.SCRATCH + 1]
@@ -78,12 +78,12 @@ def _cycle_start(words: Any) -> int:
 
 @njit
 def _frames_ahead(words: Any) -> int:
-    """Return how many frames after this period's start the tape is to begin; negative where it is late."""
+    """Return how many frames after this period's start playback begins; negative where it is late."""
     scheduled = load_acquire(words, at.SCHEDULED)
     if scheduled == 0:
         return 0
     if scheduled == 1:
-        return NEVER
+        return FAR_AHEAD
     now = np.int64(_last_frame_time(words[at.CLIENT]))
     return (words[at.BEGIN] - now + HALF_SPAN) % (2 * HALF_SPAN) - HALF_SPAN
 
@@ -120,9 +120,9 @@ def capture(nframes: Any, arena: Any) -> Any:
 
 @_callback(types.int32, types.uint32, types.voidptr)
 def play(nframes: Any, arena: Any) -> Any:
-    """Hand one period of the tape to every port; silence before it begins and after its end.
+    """Play one period of the tape on every port; silence before its start and after its end.
 
-    It begins when all ports are connected, or at the frame that was set; what is late for that is left out.
+    Playback starts when all ports are connected, or at the frame set beforehand; a late start skips frames.
     """
     words = _words(arena)
     frames, length, position = np.int64(nframes), words[at.FRAMES], words[at.READ]
@@ -147,9 +147,9 @@ def play(nframes: Any, arena: Any) -> Any:
 
 @_callback(types.int32, types.uint32, types.voidptr)
 def relay(nframes: Any, arena: Any) -> Any:
-    """Hand one period of the ring to every port, by the server's clock once all ports are connected.
+    """Play one period of the ring on every port, on the server's clock once all ports are connected.
 
-    Frame 0 is that of the first such period. A frame that was not written in time is silence.
+    Frame 0 is that of the first such period. A frame that was written too late is silence.
     """
     words = _words(arena)
     frames, capacity = np.int64(nframes), words[at.FRAMES]
@@ -178,14 +178,14 @@ def relay(nframes: Any, arena: Any) -> Any:
 
 @_callback(types.int32, types.voidptr)
 def xrun(arena: Any) -> Any:
-    """Count an overrun or underrun that the server reports."""
+    """Count an xrun reported by the server."""
     _words(arena)[at.XRUNS] += 1
     return 0
 
 
 @_callback(types.void, types.voidptr)
 def shutdown(arena: Any) -> None:
-    """Note that the server has gone, and wake the reader."""
+    """Record that the server has shut down, and wake the reader."""
     words = _words(arena)
     store_release(words, at.GONE, 1)
     _wake(words)
@@ -193,7 +193,7 @@ def shutdown(arena: Any) -> None:
 
 @_callback(types.void, types.uint32, types.int32, types.voidptr)
 def port_registration(_port: Any, _registered: Any, arena: Any) -> None:
-    """Note that a port came or went, and wake the reader, who connects it."""
+    """Record that a port appeared or disappeared, and wake the reader, which connects it."""
     words = _words(arena)
     words[at.PORTS_CHANGED] += 1
     _wake(words)
@@ -201,4 +201,4 @@ def port_registration(_port: Any, _registered: Any, arena: Any) -> None:
 
 @_callback(types.void, types.voidptr)
 def silent(_message: Any) -> None:
-    """Take a message of the library and print nothing."""
+    """Discard a message from the library."""

@@ -1,4 +1,4 @@
-"""A JACK client: opened, given compiled callbacks and ports, activated, closed."""
+"""A JACK client: open, set compiled callbacks, register ports, activate, close."""
 
 import os
 import threading
@@ -32,7 +32,7 @@ class JackClient:
     Raises
     ------
     DeviceError
-        If libjack is not installed or no such server runs (none is ever started).
+        If libjack is not installed or the server is not running (none is started).
     """
 
     def __init__(self, name: str, server: str = "") -> None:
@@ -45,7 +45,9 @@ class JackClient:
         self._server = server or os.environ.get("JACK_DEFAULT_SERVER", "default")
         with _opening:
             if any(client.gone for client in _clients):
-                raise DeviceError("JACK server: went away, and clients of this program have not left it yet")
+                raise DeviceError(
+                    "JACK server: shut down, and this program's other clients have not closed yet"
+                )
             self.handle = self._open(name, server)
             if not self.handle:
                 raise DeviceError(f"JACK server '{self._server}': not running; {libjack.START_JACK}")
@@ -60,22 +62,22 @@ class JackClient:
 
     @property
     def gone(self) -> bool:
-        """Whether the server of this client, once it was started, went away."""
+        """Whether the server has gone away since the client started."""
         return self._arena is not None and bool(self._arena.count(at.GONE))
 
     @property
     def name(self) -> str:
-        """The client's name as the server gave it."""
+        """The client's name, as assigned by the server."""
         return libjack.decoded(self._jack.jack_get_client_name(self.handle))
 
     @property
     def sample_rate(self) -> int:
-        """The server's frames a second."""
+        """The server's sample rate in Hz."""
         return int(self._jack.jack_get_sample_rate(self.handle))
 
     @property
     def period(self) -> Samples:
-        """The server's frames a period."""
+        """The server's period in frames."""
         return int(self._jack.jack_get_buffer_size(self.handle))
 
     @property
@@ -84,9 +86,9 @@ class JackClient:
         return bool(self._jack.jack_is_realtime(self.handle))
 
     def start(self, arena: Arena, process: int, direction: int, prefix: str) -> list[str]:
-        """Register a port for each channel, set the compiled callbacks and activate; return the ports' names.
+        """Register a port for each channel, set the compiled callbacks and activate; return the port names.
 
-        `process` is the address of the process callback and `direction` JACK's flag for the ports. The
+        `process` is the address of the process callback and `direction` is JACK's flag for the ports. The
         arena must outlive the client.
         """
         jack, calls, address = self._jack, self._callbacks, arena.address
@@ -109,7 +111,7 @@ class JackClient:
         return [libjack.decoded(jack.jack_port_name(port)) for port in ports]
 
     def outputs(self, pattern: str = "", *, physical: bool = False) -> list[str]:
-        """Return the full names of audio output ports in which a regular expression is found, in order."""
+        """Return the full names of audio output ports that match a regular expression, in order."""
         flags = libjack.IS_OUTPUT | (libjack.IS_PHYSICAL if physical else 0)
         ports = self._jack.jack_get_ports(self.handle, libjack.encoded(pattern) or None, libjack.AUDIO, flags)
         names: list[str] = []
@@ -129,7 +131,7 @@ class JackClient:
         return bool(self._jack.jack_port_connected(port))
 
     def capture_latency(self, port: int) -> Samples:
-        """Return how many frames ago a sample that arrives at an input port now was at the converter."""
+        """Return the age in frames of a sample that arrives at an input port now."""
         latency = libjack.LatencyRange()
         self._jack.jack_port_get_latency_range(port, libjack.CAPTURE_LATENCY, byref(latency))
         return int(latency.max)
@@ -150,7 +152,7 @@ class JackClient:
         return int(self._jack.jack_time_to_frames(self.handle, microseconds))
 
     def close(self) -> None:
-        """Leave the server; no callback runs after this. Does no harm after the server has gone."""
+        """Close the client; no callback runs after this. Safe after the server has gone away."""
         with _opening:
             if self.gone:
                 for client in _clients:
@@ -161,7 +163,7 @@ class JackClient:
             _clients.discard(self)
 
     def doom(self, server: str) -> None:
-        """Note that another client found the server gone, whether libjack has reported it or not yet."""
+        """Record that another client found the server gone, whether or not libjack has reported it."""
         if self._arena and self._server == server:
             self._arena.words[at.GONE] = 1
             self._arena.wake()

@@ -1,7 +1,7 @@
-"""The JACK C library: the functions that Monochord calls, declared once, and its messages silenced.
+"""The JACK C library: the functions that Monochord calls, with its console messages silenced.
 
-Declared with ctypes and not through a binding, so that nothing but compiled code is ever entered from JACK's
-threads. The names are JACK's own (https://jackaudio.org/api/).
+The functions are declared with ctypes rather than a binding, so that JACK's threads enter only compiled code.
+The names are JACK's (https://jackaudio.org/api/).
 """
 
 import ctypes
@@ -19,7 +19,7 @@ START_JACK = (
     " Scarlett on USB, 'arecord -l' lists other cards); where PipeWire runs, put pw-jack before the command"
     " instead"
 )
-"""What to do where there is no JACK, or no server of it runs: the one hint, wherever JACK is missed."""
+"""Remedy where JACK or its server is missing."""
 NO_START_SERVER, SERVER_NAME = 0x01, 0x04  # jack_options_t
 IS_INPUT, IS_OUTPUT, IS_PHYSICAL = 0x1, 0x2, 0x4  # enum JackPortFlags
 CAPTURE_LATENCY = 0  # jack_latency_callback_mode_t
@@ -61,7 +61,7 @@ DECLARATIONS: dict[str, tuple[Any, list[Any]]] = {
 
 
 def decoded(name: bytes) -> str:
-    """Return a name of JACK's, which may be of any bytes; `encoded` gives these back."""
+    """Return a JACK name as text; it may hold any bytes, which `encoded` restores."""
     return name.decode("utf-8", "surrogateescape")
 
 
@@ -71,7 +71,7 @@ def encoded(name: str) -> bytes:
 
 
 def shown(name: str) -> str:
-    r"""Return a name as a person reads and types it: bytes that are not text are written as escapes.
+    r"""Return a name for display and typing; bytes that are not text become escapes.
 
     >>> shown(decoded(b"St\xc3:out")), shown("USB Audio (hw:1,0):out")
     ('St\\xc3:out', 'USB Audio (hw:1,0):out')
@@ -81,7 +81,7 @@ def shown(name: str) -> str:
 
 @cache
 def path() -> str:
-    """Return the name under which the dynamic linker finds JACK; raises `DeviceError` where there is none."""
+    """Return the dynamic linker's name of the JACK library; raises `DeviceError` where it is missing."""
     for name in NAMES:
         try:
             ctypes.CDLL(name)

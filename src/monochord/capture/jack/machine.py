@@ -1,4 +1,4 @@
-"""What this machine offers to live audio, and what to do about what it lacks."""
+"""Checks whether this machine is ready for live audio, with a remedy for each problem."""
 
 import ctypes
 import mmap
@@ -24,7 +24,7 @@ PRIORITY = 70  # of JACK's audio threads, at least
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Check:
-    """One thing looked at: `state` is ok, warn or missing; `remedy` says what to do where it is not ok."""
+    """The result of one check: `state` is ok, warn or missing; `remedy` says how to fix anything but ok."""
 
     name: str
     state: str
@@ -34,13 +34,13 @@ class Check:
 
 
 def checks() -> Iterator[Check]:
-    """Look at everything, one after another; takes a second or two."""
+    """Run all checks in sequence; takes a second or two."""
     for look in (python, compile_cache, sound_files, jack, port_audio, priority, memory, governor):
         yield look()
 
 
 def python() -> Check:
-    """Look at the interpreter: 3.11 or later."""
+    """Check the Python version: 3.11 or later."""
     version, recent = sys.version.split()[0], sys.version_info >= (3, 11)
     return Check(
         name="Python",
@@ -52,19 +52,19 @@ def python() -> Check:
 
 
 def compile_cache() -> Check:
-    """Look whether compiled kernels can be kept, so that only the first start is slow."""
+    """Check whether compiled kernels can be cached, so that only the first start is slow."""
     folder = Path(os.environ.get("NUMBA_CACHE_DIR") or Path(monochord.__file__).parent)
     writable = os.access(folder, os.W_OK) or (not folder.exists() and os.access(folder.parent, os.W_OK))
     return Check(
         name="compile cache",
         state=OK if writable else WARN,
         detail=f"compiled kernels {'are kept' if writable else 'cannot be kept'} in {folder}",
-        remedy="" if writable else "set NUMBA_CACHE_DIR to a folder of yours, or each start compiles anew",
+        remedy="" if writable else "set NUMBA_CACHE_DIR to a writable folder, or every start compiles again",
     )
 
 
 def sound_files() -> Check:
-    """Look for libsndfile, which reads recordings."""
+    """Check for libsndfile, which reads audio files."""
     try:
         pass
     except OSError:
@@ -75,12 +75,12 @@ def sound_files() -> Check:
 
 
 def jack() -> Check:
-    """Look for JACK and its server."""
+    """Check for JACK and a running server."""
     remedy = f"for live sound {START_JACK}"
     try:
         jack_library()
     except DeviceError:
-        return Check(name="JACK", state=MISSING, detail="it is not installed", remedy=remedy)
+        return Check(name="JACK", state=MISSING, detail="not installed", remedy=remedy)
     try:
         client = JackClient("monochord-doctor")
     except DeviceError:
@@ -92,13 +92,13 @@ def jack() -> Check:
         client.close()
     server = f"a server runs at {rate} Hz, with periods of {1e3 * period / rate:.1f} ms"
     if not urgent:
-        remedy = "start it with -R, or it will lose frames under load"
+        remedy = "start it with -R, or it loses frames under load"
         return Check(name="JACK", state=WARN, detail=f"{server}, not in real time", remedy=remedy)
     return Check(name="JACK", state=OK, detail=f"{server}, in real time")
 
 
 def port_audio() -> Check:
-    """Look for PortAudio and the sound cards it sees."""
+    """Check for PortAudio and its sound cards."""
     try:
         import sounddevice  # noqa: PLC0415
     except OSError:
@@ -107,13 +107,13 @@ def port_audio() -> Check:
         return Check(name="sound cards", state=MISSING, detail=detail, remedy=remedy)
     inputs = [card["name"] for card in sounddevice.query_devices() if card["max_input_channels"] > 0]
     if not inputs:
-        remedy = "for live sound plug in a sound card with two inputs"
-        return Check(name="sound cards", state=WARN, detail="none with an input is plugged in", remedy=remedy)
+        remedy = "for live sound connect a sound card with two inputs"
+        return Check(name="sound cards", state=WARN, detail="none with an input is connected", remedy=remedy)
     return Check(name="sound cards", state=OK, detail=f"these have inputs: {', '.join(inputs)}")
 
 
 def priority() -> Check:
-    """Try whether a thread may run with real-time priority, as JACK's do."""
+    """Check whether a thread may run with real-time priority, like JACK's threads."""
     granted: list[bool] = []
 
     def ask() -> None:
@@ -135,7 +135,7 @@ def priority() -> Check:
 
 
 def memory() -> Check:
-    """Try whether memory may be locked against swapping, as JACK's clients do with theirs."""
+    """Check whether memory may be locked against swapping, as JACK's clients do."""
     libc = ctypes.CDLL(None)
     with mmap.mmap(-1, LOCKED_MEMORY) as block:
         view = ctypes.c_char.from_buffer(block)
@@ -150,7 +150,7 @@ def memory() -> Check:
 
 
 def governor() -> Check:
-    """Look whether the processor keeps its pace."""
+    """Check whether the processor keeps its clock rate when idle."""
     try:
         governor = GOVERNOR.read_text(encoding="ascii").strip()
     except OSError:

@@ -1,4 +1,4 @@
-"""A ring of audio periods: one thread writes, one reads, neither waits for the other."""
+"""A ring buffer of audio periods: one thread writes, one reads, neither waits for the other."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ FRAME_TIME_SPAN = 1 << 32  # a device's frame count is a 32-bit number
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Period:
-    """What one callback brought: samples (channels, n), the device's frame count and clock (0: unknown)."""
+    """One callback's data: samples (channels, n), the device's frame count and clock (0: unknown)."""
 
     samples: Audio
     frame_time: Samples
@@ -24,8 +24,8 @@ class Period:
 class Ring:
     """A ring for at least `frames` frames of `channels` channels, in periods of `shortest` frames or more.
 
-    Counts of frames and periods grow for ever; a place in the ring is the count modulo its size, which is a
-    power of two. `arena` is what a compiled callback writes to, in the way that `put` shows.
+    Counts of frames and periods only increase; the index in the ring is the count modulo its size, a power of
+    two. `arena` is the memory that a compiled callback writes, in the same way as `put`.
 
     >>> ring = Ring(1, 64)
     >>> ring.put(Period(samples=np.ones((1, 16), np.float32), frame_time=480))
@@ -42,12 +42,12 @@ class Ring:
 
     @property
     def pending(self) -> Samples:
-        """Frames written and not yet read."""
+        """Frames written but not yet read."""
         words = self.arena.words
         return int(words[WRITTEN] - words[READ]) if load(words, PUBLISHED) else 0
 
     def put(self, period: Period) -> bool:
-        """Write one period and wake the reader; where it does not fit, count its frames and return False."""
+        """Write one period and wake the reader; if it does not fit, count its frames and return False."""
         words, frames = self.arena.words, period.samples.shape[1]
         published, written = int(words[PUBLISHED]), int(words[WRITTEN])
         full = published - load(words, CONSUMED) >= len(self.arena.headers)
@@ -65,7 +65,7 @@ class Ring:
         return True
 
     def take(self) -> Period | None:
-        """Return the oldest period, its samples copied out, or None where there is none."""
+        """Return the oldest period with its samples copied, or None where the ring is empty."""
         words, consumed = self.arena.words, int(self.arena.words[CONSUMED])
         if load(words, PUBLISHED) == consumed:
             return None
@@ -80,13 +80,13 @@ class Ring:
         return Period(samples=samples, frame_time=frame_time, microseconds=microseconds)
 
     def _place(self, begin: Samples, frames: Samples) -> tuple[int, Samples]:
-        """Return where a period begins and how many of its frames come before the ring's end."""
+        """Return where a period begins in the ring, and how many of its frames fit before the ring's end."""
         capacity = self.arena.samples.shape[1]
         return begin % capacity, min(frames, capacity - begin % capacity)
 
 
 def frames_between(earlier: Samples, later: Samples) -> Samples:
-    """Return how far a device's 32-bit frame count went on, signed, across its wrap.
+    """Return the signed advance of a device's 32-bit frame count, across its wrap.
 
     >>> frames_between(2**32 - 10, 54)
     64

@@ -1,4 +1,4 @@
-"""A JACK server of our own with the dummy driver: real JACK where there is no sound card."""
+"""Starts a JACK server with the dummy driver: real JACK without a sound card."""
 
 import os
 import shutil
@@ -19,21 +19,21 @@ END_TIMEOUT: Seconds = 20.0
 
 @dataclass
 class JackServer:
-    """A jackd with the dummy driver, synchronous, so that it loses no frame of its own.
+    """A jackd with the dummy driver in synchronous mode, so that it loses no frames by itself.
 
-    As a context it is started, and stopped at the end. It runs in real time where that is allowed, and keeps
-    its time then on a busy machine too.
+    As a context manager it starts the server and stops it at the end. The server runs in real time where
+    permitted, and then keeps time on a busy machine too.
 
     Parameters
     ----------
     name
-        Name of the server; by default one that belongs to this process.
+        Name of the server; by default one unique to this process.
     period
-        Frames a period.
+        Frames per period.
     rate
         Sample rate in Hz.
     real_time
-        Whether it asks for a real-time priority.
+        Whether to request real-time priority.
 
     Examples
     --------
@@ -47,7 +47,7 @@ class JackServer:
     process: "subprocess.Popen[bytes] | None" = None
 
     def start(self) -> None:
-        """Start it, and return once clients can connect; raises `DeviceError` where it does not start."""
+        """Start the server and wait until clients can connect; raises `DeviceError` on failure."""
         jackd = shutil.which("jackd")
         if not jackd:
             raise DeviceError(f"jackd: not found; {START_JACK}")
@@ -66,21 +66,21 @@ class JackServer:
                 time.sleep(0.02)
 
     def kill(self) -> None:
-        """Kill -9, as a crash would."""
+        """Kill the server with SIGKILL, as in a crash."""
         if self.process:
             self.process.kill()
             self.process.wait()
             self.process = None
 
     def stop(self) -> None:
-        """End it as a person would, so that it tidies up."""
+        """Stop the server with SIGTERM, so that it cleans up."""
         if self.process:
             self.process.terminate()
             self.process.wait(END_TIMEOUT)
             self.process = None
 
     def restart(self, rate: int = 0) -> None:
-        """Kill it and start it again, with another rate if one is given."""
+        """Kill the server and start it again, optionally at another rate."""
         self.kill()
         self.rate = rate or self.rate
         self.start()

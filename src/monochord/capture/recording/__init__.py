@@ -1,4 +1,4 @@
-"""From source and instruments to a session.
+"""Records a source and instruments into a session.
 
 `RecordingSettings` are the configuration, `RecordingJob` is built from them, `record` is the loop and
 `RecordingSummary` its result.

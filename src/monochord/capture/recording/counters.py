@@ -17,36 +17,36 @@ from monochord.core.types import Block, Feed, InstrumentHealth, Readings, Stream
 from monochord.core.units import Samples, Seconds
 
 CLIPPED = 0.999
-"""Share of full scale from which a sample counts as clipped; 16 bits reach 0.99997 and 1."""
+"""Full-scale level from which a sample counts as clipped; 16-bit samples reach 0.99997 and 1."""
 PEAK_HOLD: Seconds = 1.5
 """Time for which the highest peak is shown."""
 SILENCE: Seconds = 0.5
-"""Audio or an instrument is silent when its next data are this late."""
+"""Audio or an instrument is silent when its next data are this late, in s."""
 SILENCE_UNKNOWN_RATE: Seconds = 2.0
-"""The same for an instrument whose rate is unknown."""
+"""Silence limit of an instrument of unknown rate, in s."""
 OVERDUE_READINGS, OVERDUE_BLOCKS = 5, 4
-"""A slow instrument, or audio in large blocks, is silent when so many of them are overdue."""
+"""A slow instrument, or audio in large blocks, is silent when this many readings or blocks are overdue."""
 MIN_QUIET: Seconds = 1.0
-"""Time for which a microphone picks up nothing at all before that is reported."""
+"""How long a microphone picks up nothing before a warning, in s."""
 QUIET_PIECE: Seconds = 0.1
-"""Length of the pieces of sound that are silence or not."""
+"""Length of the pieces of sound checked for silence, in s."""
 RATE_INTERVAL: Seconds = 1.0
-"""Time over which the rate of an instrument is counted."""
+"""Interval over which an instrument's rate is measured, in s."""
 TIMING_INTERVAL: Seconds = 1.0
-"""Times are compared from one such interval to the next."""
+"""Interval between comparisons of the device's times, in s."""
 MIN_SHIFT: Seconds = 3e-3
-"""Smallest shift in an interval that is reported: no converter's clock is wrong by so much in a second."""
+"""Smallest shift per interval that is reported, in s; no converter's clock drifts that fast."""
 MIN_BLOCKS = 4
 """Smallest number of blocks in an interval."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Level:
-    """The level of one microphone over the latest audio, as shares of full scale.
+    """The level of one microphone over the latest audio, in full scale.
 
     `peak_hold` is the highest peak of the last 1.5 s and `highest` that of the whole recording. `clipped` and
-    `not_numbers` count samples since the start; `clipping` is true if some clipped in the last 1.5 s. `quiet`
-    is how long it has been picking up nothing at all, up to now.
+    `not_numbers` count samples since the start; `clipping` is true if any clipped in the last 1.5 s. `quiet`
+    is the time in s for which the microphone has picked up nothing.
     """
 
     rms: float = 0.0
@@ -60,12 +60,12 @@ class Level:
 
     @property
     def is_silent(self) -> bool:
-        """Whether it has been silent for long enough to warn about it."""
+        """Whether the microphone has been silent long enough for a warning."""
         return self.quiet >= MIN_QUIET
 
 
 class Levels:
-    """Measures the level of blocks, all blocks since the last `look` together.
+    """Measures the level of all blocks since the last `look`.
 
     >>> levels = Levels(channels=1, sample_rate=44100)
     >>> levels.add(Block(samples=np.array([[0.5, -1.0]], np.float32), start=0))
@@ -82,7 +82,7 @@ class Levels:
         self._blocks.append(block)
 
     def look(self, now: Seconds) -> tuple[Level, ...]:
-        """Return each microphone's level over the blocks since the last look."""
+        """Return each microphone's level over the blocks since the last call."""
         if self._blocks:
             samples = np.concatenate([block.samples for block in self._blocks], axis=1)
             self._blocks.clear()
@@ -134,9 +134,9 @@ class _Meter:
 class FeedNow:
     """The state of one instrument.
 
-    `values` are its latest reading by column and `rate` the readings a second over the last second. `faulty`
-    readings had a status that is not 0, of which `status` is the latest. `silent` is the time without data, 0
-    while the next reading is not late.
+    `values` holds the latest reading by column and `rate` the readings per second over the last second.
+    `faulty` counts readings with a nonzero status; `status` is the latest one. `silent` is the time without
+    data, 0 until the next reading is late.
     """
 
     name: str
@@ -194,10 +194,11 @@ class FeedCounter:
 
 
 class TimingCheck:
-    """Detects uncounted losses of frames: the time of frame 0, from each block's time and index, then jumps.
+    """Detects uncounted losses of frames from jumps in the time of frame 0.
 
-    A server that is late for a period may lose it and continue its count; then the times of its frames jump
-    relative to their indices. A slow drift between two clocks is not reported.
+    The time of frame 0 follows from each block's time and index. A server that is late for a period may lose
+    it and continue its count; then the times jump relative to the frame indices. A slow drift between two
+    clocks is not reported.
 
     >>> import numpy as np
     >>> timing = TimingCheck(1000)
@@ -234,12 +235,12 @@ class TimingCheck:
 class Progress:
     """The state of a running recording.
 
-    `time` is the monotonic clock's and `elapsed` the time since the start. `frames`, `dropped` and `gaps`
-    count the blocks received; `silent` is the time without audio, 0 while the next block is not late.
-    `levels` are the microphones', `feeds` the instruments'. `waiting` is the filled share of the queue of
-    data not yet written, and `blocked` the time for which devices waited for space in it. `implausible_age`
-    is the age of the latest block by the source's own time, where that is impossible, else 0; `time_shift`
-    the shift of its times against its frames.
+    `time` is the monotonic clock and `elapsed` the time since the start. `frames`, `dropped` and `gaps` count
+    the blocks received; `silent` is the time without audio, 0 until the next block is late. `levels` holds
+    the microphones, `feeds` the instruments. `waiting` is the filled share of the write queue, and `blocked`
+    the time that devices waited for space in it. `implausible_age` is the age of the latest block by the
+    source's clock where that is impossible, else 0; `time_shift` is the shift of the source's times against
+    its frames.
     """
 
     time: Seconds
@@ -259,9 +260,10 @@ class Progress:
 
 
 class RecordingCounters:
-    """Counts a recording from now on: `stream`, and `connections` by name, into a file in `folder`.
+    """Counts a recording from now on, written into a file in `folder`.
 
-    `reserve` is the number of bytes of the disk that stay free.
+    `stream` is the source, `connections` the instruments by name. `reserve` is the number of bytes of the
+    disk that stay free.
     """
 
     def __init__(

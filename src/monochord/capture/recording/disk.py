@@ -1,4 +1,4 @@
-"""The disk of a recording: the time until it is full, and syncing to it beside the loop."""
+"""A recording's disk: time until it is full, and background syncing."""
 
 import errno
 import os
@@ -14,7 +14,7 @@ from monochord.core.units import Seconds
 SYNC_INTERVAL: Seconds = 1.0
 """Time between two syncs to the disk."""
 MIN_ELAPSED: Seconds = 1.0
-"""Duration from which the growth of a recording is known."""
+"""Shortest recording from which the growth rate is known, in s."""
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
@@ -28,13 +28,13 @@ class Space:
 
 
 def free_bytes(folder: Path) -> float:
-    """Return the bytes that a user may still write below a folder."""
+    """Return the free bytes for this user below a folder."""
     status = os.statvfs(folder)
     return float(status.f_bavail * status.f_frsize)
 
 
 def space(folder: Path, *, size: float, elapsed: Seconds, reserve: float) -> Space:
-    """Return the time until `reserve` bytes are left, from the rate so far.
+    """Return the disk space, with the time until only `reserve` bytes are left at the rate so far.
 
     >>> space(Path("/"), size=0.0, elapsed=5.0, reserve=0.0).left
     inf
@@ -45,13 +45,15 @@ def space(folder: Path, *, size: float, elapsed: Seconds, reserve: float) -> Spa
 
 
 def refuse_place(path: Path, min_free: float) -> None:
-    """Refuse a file that exists, a folder that does not, and a disk with less than `min_free` bytes free."""
+    """Raise `InputError` for an existing file, a missing folder, or less than `min_free` free bytes."""
     if path.exists():
         raise InputError(
-            f"file '{path}' (exists)", "a new file", "choose another name; nothing is overwritten"
+            f"file '{path}' (exists)",
+            "a new file",
+            "choose another name; existing files are never overwritten",
         )
     if not path.parent.is_dir():
-        raise InputError(f"file '{path}'", "a file in a folder that exists", f"make '{path.parent}' first")
+        raise InputError(f"file '{path}'", "a file in an existing folder", f"create '{path.parent}' first")
     free = free_bytes(path.parent)
     if free < min_free:
         given = f"disk of '{path}' with {1e-6 * free:.0f} MB free"
@@ -65,9 +67,9 @@ def is_full(error: OSError) -> bool:
 
 @contextmanager
 def written_through(sync: Callable[[], None]) -> Generator[list[OSError]]:
-    """Call `sync` once a second from a thread of its own, so that a slow disk blocks nothing.
+    """Call `sync` once a second from a separate thread, so that a slow disk blocks nothing.
 
-    Yields the list of errors; after the first it is not called again.
+    Yields the list of errors; after the first error, `sync` is not called again.
     """
     stopped, errors = threading.Event(), list[OSError]()
 

@@ -1,4 +1,4 @@
-"""Audio and labels that were recorded elsewhere, as a session."""
+"""Creates a session from audio and labels that were recorded elsewhere."""
 
 import csv
 import math
@@ -31,40 +31,40 @@ LABEL_RANGES: dict[str, tuple[float, float, str]] = {
 MAX_OVERHANG: Seconds = 1.0
 """Longest time by which labels may exceed the audio."""
 TOUCH = ("begin", "end")
-"""Columns of a table that has a row for each touch, in place of `time`."""
+"""Columns of a table with one row per touch, in place of `time`."""
 TOUCH_STEP: Seconds = 0.01
-"""Distance of the labels that such a row becomes."""
+"""Time between the labels that such a row becomes, in s."""
 
 
 def from_files(
     audio: Path, labels: Path | None, out: Path, *, described: Mapping[str, Any] | None = None
 ) -> None:
-    r"""Write a session of an audio file and a table of labels.
+    r"""Write a session from an audio file and a table of labels.
 
     The audio is WAV or FLAC, 1 or 2 channels at 16 to 96 kHz. Samples of up to 24 bits, and 32-bit floats,
-    are stored exactly; wider ones are rounded to 32-bit floats. The session's beginning is the file's date
-    minus its duration; there are no device times, so frame n is at n / rate. A session that was recorded with
-    microphones alone can take the place of the file: its sensor, string and gaps are kept. Estimates that a
-    live run recorded beside them are left out.
+    are stored exactly; wider ones are rounded to 32-bit floats. The session begins at the file's date minus
+    its duration; without device times, frame n is at n / rate. In place of the file, a session recorded with
+    microphones alone is accepted: its sensor, string and gaps are kept, and estimates that a live run
+    recorded in it are left out.
 
     Parameters
     ----------
     audio
-        The file.
+        The audio file or session.
     labels
-        A CSV file; its first line names the columns: ``time`` in s from the audio's beginning; ``contact``
+        A CSV file whose first line names the columns: ``time`` in s from the audio's beginning; ``contact``
         and ``slip`` (0 or 1), ``position`` in m from pickup 1, ``force`` in N, or any others, all numbers. An
-        empty cell is unknown. With ``begin`` and ``end`` in place of ``time`` a row is a touch, and nothing
-        touches between them. None for no labels.
+        empty cell is unknown. With ``begin`` and ``end`` in place of ``time``, each row is a touch, and there
+        is no contact between rows. None for no labels.
     out
-        The new session, ``NAME.mcap``; an error leaves none.
+        The new session, ``NAME.mcap``; on an error it is not left behind.
     described
         Options of `Description` by name, such as ``object`` and ``string``; the name defaults to the file's.
 
     Raises
     ------
     InputError
-        If a file cannot be used (with the row and the column of a table), or the session exists.
+        If a file cannot be used (the error names the row and column of a table), or the session exists.
 
     >>> import tempfile, soundfile
     >>> from monochord.sessions import read_session
@@ -107,13 +107,15 @@ def from_files(
 
 
 def _known(path: Path) -> tuple[dict[str, Any], int]:
-    """Return how a recorded session is described, and its begin in ns; refuses one with other streams."""
+    """Return the description and begin in ns of a recorded session; refuses one with other streams."""
     session = read_session(path)
     streams = [name for name in session.streams if name != ESTIMATES]
     streams += ["labels"] if session.labels.time.size else []
     if streams:
         given = f"session {path} with {' and '.join(streams)}"
-        raise InputError(given, "one of microphones alone", "build takes its labels from these")
+        raise InputError(
+            given, "a session of microphones alone", "run build on it, which labels it from these streams"
+        )
     about = to_tree(session.description)
     for name in ("feeds", "sample_rate", "channels"):
         about.pop(name, None)
@@ -121,7 +123,7 @@ def _known(path: Path) -> tuple[dict[str, Any], int]:
 
 
 def _text(name: str) -> str:
-    """Return a file's name, which may be any bytes, as text."""
+    """Return a file's name as text; it may hold any bytes."""
     return os.fsencode(name).decode(errors="replace")
 
 
@@ -146,16 +148,16 @@ def read_labels(
 ) -> tuple[Floats, dict[str, Floats]]:
     """Return times (n,) and columns (n,) by name; NaN where a cell is empty.
 
-    The first line names the columns: ``time`` in s from the audio's beginning, and others, which are numbers.
-    Cells are separated by commas, semicolons or tabs. A table of touches, with ``begin`` and ``end``, is
-    returned as labels every `TOUCH_STEP`.
+    The first line names the columns: ``time`` in s from the audio's beginning, and others, all numbers. Cells
+    are separated by commas, semicolons or tabs. A table of touches, with ``begin`` and ``end``, is returned
+    as labels every `TOUCH_STEP`.
 
     Raises
     ------
     InputError
-        With row and column: where the file is no such table, a cell no number or out of its range, a time out
-        of the audio's `seconds` or before the one above it, or a position or force that no touch of the
-        `string` has, by `physics.known_touches`.
+        If the file is not such a table, a cell is not a number or out of range, a time is beyond the audio's
+        `seconds` or before the previous one, or a position or force is impossible on the `string` (see
+        `physics.known_touches`). The error names the row and column.
     """
     names, rows = _rows(path)
     table = ([_number(path, row, *cell) for cell in zip(names, cells, strict=True)] for row, cells in rows)
@@ -184,9 +186,9 @@ def read_labels(
 
 
 def _pressing(force: Floats, contact: Floats) -> Floats:
-    """Return the forces (n,) of touches, NaN elsewhere, without the noise about zero of a force sensor.
+    """Return the forces (n,) of touches, NaN elsewhere, without the force sensor's noise about zero.
 
-    Forces that are negative on the whole are kept: that is no noise.
+    Forces that are negative on average are kept: they are not noise.
     """
     known = np.isfinite(force) & (contact != 0.0) & (force != 0.0)
     noise = force[known].sum() >= -0.5 * np.abs(force[known]).sum()
@@ -207,7 +209,7 @@ def _of_touches(
 
 
 def _rows(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
-    """Return the header and the rows that are not empty, each with its number in the file."""
+    """Return the header and the nonempty rows, each with its number in the file."""
     allowed = "a CSV file whose first line names time and labels"
     refuse_endless(path)
     try:
@@ -229,14 +231,14 @@ def _rows(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
     lines = [(number, line) for (number, _), line in zip(lines, cells, strict=True)]
     names = [name.strip() for name in lines[0][1]]
     if "time" not in names and not {*TOUCH} <= {*names}:
-        remedy = "call the column of the times time"
+        remedy = "name the time column 'time'"
         raise InputError(f"file {path} with columns {', '.join(names)}", "time and others", remedy)
     if len(set(names)) < len(names) or not all(names):
         raise InputError(f"file {path} with columns {', '.join(names)}", "a different name for each")
     for number, line in lines[1:]:
         if len(line) != len(names):
             given = f"file {path} row {number} of {len(line)} cells"
-            raise InputError(given, f"{len(names)}, as its first line has")
+            raise InputError(given, f"{len(names)}, as in its first line")
     return names, lines[1:]
 
 
@@ -253,7 +255,7 @@ def _refuse_times(path: Path, rows: list[int], time: Floats, seconds: Seconds) -
     if len(wrong):
         given = f"file {path} row {rows[wrong[0]]}, time {time[wrong[0]]:g}"
         raise InputError(
-            given, f"0 to {seconds:g} s, as long as the audio is", "give times in s from its beginning"
+            given, f"0 to {seconds:g} s, the length of the audio", "give times in s from its beginning"
         )
     back = np.flatnonzero(np.diff(time) < 0.0)
     if len(back):

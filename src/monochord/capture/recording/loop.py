@@ -1,4 +1,4 @@
-"""The loop from source and instruments to a session, readable top to bottom."""
+"""The loop that records source and instruments into a session, readable top to bottom."""
 
 import errno
 import os
@@ -23,11 +23,11 @@ from monochord.sessions import Event, SessionClock, SessionWriter
 from monochord.sessions.file import size_limit
 
 WRITE_INTERVAL: Seconds = 0.1
-"""Time between writes: what a kill may lose."""
+"""Time between writes in s: the most that a kill can lose."""
 CLOCK_INTERVAL: Seconds = 1.0
 """Time between stored clock offsets."""
 HARMLESS = ("stop", "back", "sound")
-"""Kinds of events that are no flags."""
+"""Event kinds that are not flags."""
 STOP_TIMEOUT: Seconds = 5.0
 """Time that the threads may take to end."""
 NICE = -11
@@ -41,24 +41,24 @@ def record(
 ) -> RecordingSummary:
     """Record until the source ends, the time is over, the disk is full or the end is requested.
 
-    Source and instruments are read by threads of their own; this one writes, every 0.1 s, so that a kill
-    loses no more than that. Every problem becomes an event of the session.
+    Separate threads read the source and the instruments; this thread writes every 0.1 s, so that a kill loses
+    no more than that. Every problem becomes an event in the session.
 
     Parameters
     ----------
     job
         Source, instruments and file.
     show
-        Called after each write with the state of the recording and new notices; must return quickly.
+        Called after each write with the recording's state and new notices; must return quickly.
     stop
-        Requests the end from another thread; by default the signals named below do.
+        Requests the end from another thread; by default the signals below do.
 
     Returns
     -------
     RecordingSummary
-        The saved data. The file is complete and valid, also where `failure` reports a disk that filled up or
-        a device that went away for good. A first Control-C, SIGTERM or SIGHUP ends the loop and is not
-        raised, unless devices are being opened: then it is raised at once, and no file is left.
+        The saved data. The file is complete and valid, even where `failure` reports a full disk or a lost
+        device. A first Control-C, SIGTERM or SIGHUP ends the loop and is not raised, unless devices are still
+        being opened: then it is raised at once, and no file is left.
 
     Raises
     ------
@@ -124,7 +124,7 @@ def record(
 
 
 class Ending:
-    """Decides when a recording ends: `reason` is empty until then, and `failure` where nothing went wrong."""
+    """Decides when a recording ends: `reason` is empty until then, and `failure` is empty on success."""
 
     def __init__(self, job: RecordingJob) -> None:
         self.reason = self.failure = ""
@@ -134,7 +134,7 @@ class Ending:
 
     @property
     def overdue(self) -> bool:
-        """Whether the threads take too long to end."""
+        """Whether the threads are taking too long to end."""
         late = bool(self.reason) and time.monotonic() - self._since > STOP_TIMEOUT
         if late:
             self.failure = self.failure or "a device did not stop; its last data are not saved"
@@ -143,7 +143,7 @@ class Ending:
     def look(
         self, now: Progress, pumps: Pumps, *, requested: bool, disk_errors: Sequence[OSError], audio: Seconds
     ) -> list[Event]:
-        """Check for a reason to end, `audio` being the recorded duration; return notices about it."""
+        """Check for a reason to end and return notices about it; `audio` is the recorded duration."""
         notices = [
             Event(time=now.time, kind="failed", text=f"{name}: {_line(error)}", data={"stream": name})
             for name, error in list(pumps.failures.items())
@@ -170,26 +170,29 @@ class Ending:
         return notices
 
     def full(self, error: OSError | None) -> None:
-        """End the recording because the disk, or the file, is full."""
+        """End the recording because the disk is full or the file has reached its size limit."""
         if error and error.errno == errno.EFBIG:
             self.reason = self.reason or "the file is as large as files may be"
             limit = size_limit()
             size = "of its file system" if limit == sys.maxsize else f"of {1e-6 * limit:.1f} MB (ulimit -f)"
             given = (
-                f"file '{self._job.path}' (at the limit {size} on a file's size; what was recorded is saved)"
+                f"file '{self._job.path}' (at the limit {size} on file size; the recording so far is saved)"
             )
-            allowed, remedy = "a shorter recording", "raise the limit; FAT32 has 4 GB a file, others more"
+            allowed, remedy = (
+                "a shorter recording",
+                "raise the limit; FAT32 allows 4 GB per file, other file systems more",
+            )
         else:
             self.reason = self.reason or "the disk is full"
             why = error.strerror if error else f"less than {1e-6 * self._job.disk.stop:.0f} MB free"
-            given = f"disk of '{self._job.path}' ({why}; what was recorded is saved)"
+            given = f"disk of '{self._job.path}' ({why}; the recording so far is saved)"
             allowed, remedy = "a disk with free space", "free some space, or record elsewhere"
         self.failure = self.failure or str(InputError(given, allowed, remedy))
 
 
 @contextmanager
 def saved(writer: SessionWriter, ending: Ending) -> Generator[None]:
-    """Close the session in any case; a full disk ends the recording and is not raised."""
+    """Close the session in any case; a full disk ends the recording without raising."""
     try:
         try:
             yield
@@ -207,7 +210,7 @@ def _line(error: Exception) -> str:
 
 @contextmanager
 def raised_priority() -> Generator[None]:
-    """Raise the priority of this thread and those that it starts; without permission nothing changes."""
+    """Raise the priority of this thread and the threads it starts; does nothing without permission."""
     before = os.getpriority(os.PRIO_PROCESS, 0)  # Linux has one for each thread
     with suppress(OSError):
         os.setpriority(os.PRIO_PROCESS, 0, min(NICE, before))

@@ -1,4 +1,4 @@
-"""Threads that read source and instruments, so that none waits for another or for the disk."""
+"""Threads that read the source and the instruments, so that none waits for another or for the disk."""
 
 import threading
 import time
@@ -15,16 +15,16 @@ from monochord.core.units import Seconds
 POLL_INTERVAL: Seconds = 0.01
 """Time between polls of an instrument."""
 BLOCKED_WAIT: Seconds = 0.02
-"""A batch that waits longer than this for space is blocked by the disk."""
+"""A batch that waits longer than this for space is blocked by the disk, in s."""
 MAX_EARLY: Seconds = 0.05
 MAX_LATE: Seconds = 0.5
-"""Largest plausible deviations of a device's times from the possible times of its frames."""
+"""Largest plausible deviations of a device's block time from its possible times, in s."""
 
 T = TypeVar("T")
 
 
 class BoundedQueue(Generic[T]):
-    """A queue of `capacity` bytes, from many threads to one writer.
+    """A queue of `capacity` bytes from many threads to one writer.
 
     A thread waits while the queue is full; nothing is dropped. An empty queue accepts a batch of any size.
 
@@ -65,7 +65,7 @@ class BoundedQueue(Generic[T]):
             return items
 
     def close(self) -> None:
-        """Release waiting threads, and accept nothing any more."""
+        """Release waiting threads, and accept no more data."""
         with self._changed:
             self._closed = True
             self._changed.notify_all()
@@ -82,11 +82,10 @@ class Polled:
 class Pumps:
     """The running threads; their data are in `queue`.
 
-    `blocked` is the time in s for which a live source or instrument waited for space in the queue; data that
-    the devices' own buffers could not store meanwhile, they count as lost. `failures` are errors by the name
-    of the instrument, or ``audio`` for the source. `implausible_age` is the age in s of the latest block by
-    the source's own time, where that is impossible, and else 0: JACK's times can be wrong by seconds after a
-    client was killed.
+    `blocked` is the time in s that a live source or instrument waited for space in the queue; data that
+    exceed the devices' buffers meanwhile count as lost. `failures` holds errors by instrument name, or
+    ``audio`` for the source. `implausible_age` is the age in s of the latest block by the source's clock
+    where that is impossible, else 0: JACK's times can be wrong by seconds after a client was killed.
     """
 
     def __init__(self, stream: Stream, connections: Mapping[str, Connection], capacity: int) -> None:
@@ -138,7 +137,7 @@ class Pumps:
                 return
 
     def _implausible_age(self, block: Block) -> Seconds:
-        """Return the age of a block by its own time where that is impossible, else 0."""
+        """Return a block's age by the source's clock where that is impossible, else 0."""
         if block.adc_time is None:
             return 0.0
         age = time.monotonic() - block.adc_time
@@ -168,7 +167,7 @@ class Pumps:
 
 @contextmanager
 def pumping(stream: Stream, connections: Mapping[str, Connection], capacity: int) -> Generator[Pumps]:
-    """Read source and instruments until the context is left; what the queue then contains is discarded."""
+    """Read source and instruments until the context ends; data still in the queue are discarded."""
     pumps = Pumps(stream, connections, capacity)
     pumps.start()
     try:

@@ -1,4 +1,4 @@
-"""The settings of a recording, and the job that is built from them."""
+"""Recording settings, and the job built from them."""
 
 import json
 import math
@@ -25,7 +25,7 @@ from monochord.sessions import TUNING, Description, Event
 
 
 def kind_of(name: str, table: Mapping[str, Any]) -> str:
-    """Return the kind of the instrument of a named table: its ``name``, or else that of the table.
+    """Return the instrument kind of a named table: its ``name``, or else the table's name.
 
     >>> kind_of("pose_udp_2", {}), kind_of("left", {"name": "pose-udp"})
     ('pose_udp', 'pose_udp')
@@ -46,8 +46,8 @@ class Describer(Protocol):
 class About:
     """The subject of a recording, as stored in its session; the fields are those of `sessions.Description`.
 
-    `sensor` names a preset, or a TOML file in its format, such as that of a sensor as tuned. `simulated`
-    marks data that did not come from hardware; a source that knows its own string is a simulation anyway.
+    `sensor` names a preset or a TOML file in the same format, such as a tuned sensor's. `simulated` marks
+    data that did not come from hardware; a source that provides its string always counts as simulated.
     """
 
     object: str = ""
@@ -81,12 +81,12 @@ class About:
 
 
 def of_sensor(name: str) -> dict[str, Any]:
-    """Return the options of `Description` that tell of a sensor: a preset, or a file of one as tuned.
+    """Return the `Description` options for a sensor: a preset, or the file of a tuned sensor.
 
     Raises
     ------
     InputError
-        For an unknown sensor, or a file that is none.
+        If the sensor is unknown or the file is not a sensor.
     """
     sensor, tuning = load_sensor(name), sensor_tuning(name)
     more = {TUNING: json.dumps(to_tree(tuning), sort_keys=True)} if tuning else {}
@@ -95,9 +95,9 @@ def of_sensor(name: str) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DiskLimits(Checked):
-    """Limits on the free bytes of the disk: to `start`, and to continue (`stop`).
+    """Limits on free disk space in bytes: to `start`, and to continue (`stop`).
 
-    A warning is shown when the disk lasts less than `warn` seconds at the present rate.
+    A warning is shown when the disk will be full in less than `warn` seconds at the present rate.
     """
 
     start: NonNegative[float] = 100e6
@@ -107,16 +107,18 @@ class DiskLimits(Checked):
     def __post_init__(self) -> None:
         Checked.__post_init__(self)
         if self.stop > self.start:
-            raise InputError(f"disk start {self.start:g}, stop {self.stop:g}", "stop at most start, in bytes")
+            raise InputError(
+                f"disk start {self.start:g}, stop {self.stop:g}", "stop no larger than start, in bytes"
+            )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordingJob:
     """A recording, ready to start: its file, plug-ins, description, and end.
 
-    `instruments` are by name. `queue_bytes` is the capacity of the queue in memory for a slow disk. `events`
-    is called at each write, with the monotonic time, for further events of the session; `finished`,
-    likewise, decides whether to end before `seconds`.
+    `instruments` are by name. `queue_bytes` is the memory queue's capacity for a slow disk. `events` is
+    called at each write, with the monotonic time, for further session events; `finished` is called in the
+    same way and decides whether to end before `seconds`.
     """
 
     path: Path
@@ -132,10 +134,11 @@ class RecordingJob:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordingSettings(Checked):
-    """The settings of a recording: the source as a table with its name, instruments as tables by name.
+    """Settings of a recording: the source as a table with its name, instruments as tables by name.
 
-    The table of an instrument has the name of its kind, numbered from the second on: ``pose_udp``,
-    ``pose_udp_2``. One of any other name has the kind as ``name``, and its own name becomes the stream's.
+    An instrument's table is named after its kind, with a number from the second one on: ``pose_udp``,
+    ``pose_udp_2``. A table of any other name gives the kind as ``name``; its own name becomes the stream's
+    name.
 
     >>> tree = {"source": {"name": "wav", "path": "take.wav"}, "about": {"object": "plastic"}}
     >>> RecordingSettings.read(tree).job(Path("take.mcap")).about.object
@@ -150,11 +153,11 @@ class RecordingSettings(Checked):
 
     @classmethod
     def read(cls, tree: Tree) -> "RecordingSettings":
-        """Build from plain values, strictly."""
+        """Build from plain values; unknown keys raise."""
         return from_tree(cls, tree)
 
     def job(self, path: Path) -> RecordingJob:
-        """Build every plug-in; raises `InputError` for an unknown name, option or sensor, or no .mcap."""
+        """Build every plug-in; raises `InputError` for an unknown name, option or sensor, or suffix."""
         if path.suffix != ".mcap":
             raise InputError(f"file '{path}'", "a name that ends in .mcap")
         options = dict(self.source)
@@ -173,7 +176,7 @@ class RecordingSettings(Checked):
         )
 
     def _instruments(self) -> dict[str, Instrument]:
-        """Build the instruments; one with its own name has a stream of that name."""
+        """Build the instruments; one with a custom name has a stream of that name."""
         instruments: dict[str, Instrument] = {}
         for key, table in self.instruments.items():
             name, options = key.replace("-", "_"), dict(table)
@@ -183,7 +186,7 @@ class RecordingSettings(Checked):
                 raise InputError(f"two instruments called '{name}'", "different names", "rename one")
             if name in INSTRUMENTS.names() and name != kind:
                 given = f"instrument {kind} called '{name}'"
-                raise InputError(given, "a name that no kind of instrument has", "rename it")
+                raise InputError(given, "a name other than an instrument kind's", "rename it")
             is_named = re.sub(r"_\d+$", "", name) != kind
             stream = name if is_named else options.get("stream")
             if is_named and options.get("stream", name) != name:

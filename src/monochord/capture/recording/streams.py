@@ -1,4 +1,4 @@
-"""Unique names of the instruments' streams, so that two of a kind can be recorded together."""
+"""Unique stream names, so that two instruments of a kind can be recorded together."""
 
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager
@@ -9,24 +9,24 @@ from monochord.core.errors import InputError
 from monochord.core.types import POSE, WRENCH, Feed, InstrumentHealth, Readings
 
 COLUMNS = {"wrench": WRENCH, "pose": POSE}
-"""Columns of these streams, on which alignment and measured labels rely."""
+"""Required columns of these streams, used by alignment and measured labels."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NamedInstrument(Instrument):
-    """An `instrument` whose stream is called `stream` instead of its usual name."""
+    """An `instrument` whose stream is called `stream` instead of its default name."""
 
     instrument: Instrument
     stream: str
 
     @contextmanager
     def open(self) -> Generator[Connection]:
-        """Open the instrument; raises `InputError` where a stream of this name has other columns."""
+        """Open the instrument; raises `InputError` where a stream of this name must have other columns."""
         with self.instrument.open() as connection:
             columns = COLUMNS.get(self.stream, connection.feed.columns)
             if connection.feed.columns != columns:
                 given = f"stream '{self.stream}' of {', '.join(connection.feed.columns)}"
-                raise InputError(given, ", ".join(columns), "give it another name")
+                raise InputError(given, ", ".join(columns), "choose another stream name")
             yield _NamedConnection(connection, self.stream)
 
 
@@ -47,9 +47,9 @@ class _NamedConnection(Connection):
 
 
 def with_unique_streams(connections: Mapping[str, Connection]) -> dict[str, Connection]:
-    """Return the connections, each with a stream of its own.
+    """Return the connections, each with a unique stream name.
 
-    Of those whose stream was not named, the first keeps the usual name, and the others get a number:
+    Among instruments without a custom stream name, the first keeps the default, and the others get a number:
     ``pose``, ``pose_2``, ``pose_3``.
     """
     taken = {each.feed.stream for each in connections.values() if isinstance(each, _NamedConnection)}
@@ -65,7 +65,7 @@ def with_unique_streams(connections: Mapping[str, Connection]) -> dict[str, Conn
 
 
 def free_name(name: str, taken: "Mapping[str, object] | set[str]") -> str:
-    """Return the name if it is free, else with the smallest free number from 2 on.
+    """Return the name if it is free, else the name with the smallest free number from 2 on.
 
     >>> free_name("pose", {"pose", "pose_2"})
     'pose_3'

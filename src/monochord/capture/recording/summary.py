@@ -13,7 +13,7 @@ from monochord.core.units import Samples, Seconds, decibels
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FeedSummary:
-    """One instrument: saved readings and its own counters; `rate` is over the whole recording."""
+    """One instrument: its saved readings and counters; `rate` is over the whole recording."""
 
     stream: str
     readings: int
@@ -39,18 +39,18 @@ class FeedSummary:
 
 
 REQUESTED = "stopped by request"
-"""Reason of a requested end."""
+"""Reason given for a requested end."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordingSummary:
     """A finished recording; its file is complete and valid.
 
-    `frames` were saved and `dropped` lost in `gaps`, with `xruns` and `reconnects` as the source counts them.
-    `peak` is the highest of each microphone as a share of full scale, `clipped` and `not_numbers` count its
-    samples. `instruments` are by name. `flags` counts the events by kind. `size` is the file's in bytes,
-    `stopped` the reason of the end, and `failure` the error that caused it, empty if there was none. Where a
-    disk filled up, the file may contain a tenth of a second more than is counted here.
+    `frames` were saved and `dropped` lost in `gaps`; `xruns` and `reconnects` are the source's counts. `peak`
+    is each microphone's highest level in full scale; `clipped` and `not_numbers` count its samples.
+    `instruments` are by name. `flags` counts the events by kind. `size` is the file's size in bytes,
+    `stopped` the reason for the end, and `failure` the error that caused it, empty for none. Where a disk
+    filled up, the file may contain a tenth of a second more than counted here.
     """
 
     path: Path
@@ -78,7 +78,7 @@ class RecordingSummary:
     def of(
         cls, path: Path, now: Progress, *, flags: Mapping[str, int], size: int, stopped: str, failure: str
     ) -> "RecordingSummary":
-        """Return the summary of a recording from its last state."""
+        """Return the summary of a recording from its final state."""
         return cls(
             path=path,
             seconds=now.elapsed,
@@ -98,7 +98,7 @@ class RecordingSummary:
         )
 
     def lines(self) -> list[str]:
-        """Return the summary as lines of text."""
+        """Return the summary as text lines."""
         peaks = " / ".join(f"{decibels(peak):.1f}" for peak in self.peak)
         audio = {
             "frames": self.frames,

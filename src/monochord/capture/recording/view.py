@@ -1,4 +1,4 @@
-"""The view of a running recording, in a thread of its own: a stopped terminal does not stop the recording."""
+"""The view of a running recording, in a separate thread: a blocked terminal does not stop the recording."""
 
 import math
 import threading
@@ -18,11 +18,11 @@ from monochord.core.units import Seconds, decibels
 from monochord.sessions import Event
 
 DRAW_INTERVAL: Seconds = 0.125
-"""Shortest time between two drawings."""
+"""Shortest time between two drawings, in s."""
 LINE_INTERVAL: Seconds = 5.0
-"""Time between two lines where nothing can be drawn."""
+"""Time between two lines of plain output, in s."""
 MAX_NOTICES = 3
-"""Number of the newest notices in a drawing."""
+"""Number of the newest notices shown."""
 MAX_WIDTH = 110
 LABEL, DIM, WARN, GOOD = "grey62", "grey42", "bold orange1", "green"
 METER_FLOOR = -60.0  # decibels at the left end of a level meter
@@ -30,11 +30,11 @@ EIGHTHS = " ▏▎▍▌▋▊▉"
 SHOWN = ("fz", "x", "y", "z")  # columns of a reading that are shown; else its first three
 LOW_RATE = 0.9  # share of the nominal rate below which the rate is marked
 STOP_TIMEOUT: Seconds = 1.0
-"""Time that the end of a recording waits for a terminal that accepts no output."""
+"""How long the end of a recording waits for a blocked terminal, in s."""
 
 
 class RecordingView:
-    """Receives the states of a recording, and draws the latest on `console`."""
+    """Receives the states of a recording, and draws the latest one on `console`."""
 
     def __init__(self, path: Path, console: Console) -> None:
         self._path, self._console = path, console
@@ -59,7 +59,7 @@ class RecordingView:
         self._thread.start()
 
     def stop(self) -> None:
-        """Draw the latest state and end; a terminal that accepts no output is abandoned."""
+        """Draw the latest state and end; a blocked terminal is abandoned."""
         self._stopped.set()
         self._thread.join(STOP_TIMEOUT)
 
@@ -175,7 +175,7 @@ def _meter(number: int, level: Level, columns: int) -> Text:
 
 
 def _place(share: float) -> float:
-    """Return the place of a level between the floor and full scale, 0 to 1."""
+    """Return a level's place between the floor and full scale, 0 to 1."""
     return min(max(1.0 - decibels(share) / METER_FLOOR, 0.0), 1.0) if share > 0.0 else 0.0
 
 

@@ -1,4 +1,4 @@
-"""Decides which changes of a recording become events: those that a reader of the session needs to know."""
+"""Turns changes of a recording into events: those that a reader of the session needs to know."""
 
 from collections.abc import Iterator, Mapping
 
@@ -9,13 +9,13 @@ from monochord.core.units import Seconds
 from monochord.sessions import Event
 
 EVENT_INTERVAL: Seconds = 1.0
-"""Shortest time between events of one kind and stream; what happens between is counted together."""
+"""Shortest time between events of one kind and stream, in s; changes in between are counted together."""
 MIN_BLOCKED: Seconds = 0.25
-"""Waiting for the disk is reported from this time on."""
+"""Waiting time for the disk from which it is reported, in s."""
 
 
 class Watch:
-    """Compares each state of a recording with the one before, and reports what got worse or recovered."""
+    """Compares each state of a recording with the previous one, and reports problems and recoveries."""
 
     def __init__(self, disk_warning: Seconds) -> None:
         self._disk_warning = disk_warning
@@ -27,7 +27,7 @@ class Watch:
         self._disk_low = self._implausible = False
 
     def look(self, now: Progress, *, last: bool = False) -> list[Event]:
-        """Return the new notices; with `last`, also those that are still being counted together."""
+        """Return the new notices; with `last`, also pending counts."""
         notices = [
             *self._audio(now, last=last),
             *(notice for feed in now.feeds for notice in self._feed(feed, now.time, last=last)),
@@ -82,7 +82,7 @@ class Watch:
             yield _about("audio", now.time, "nan", text, samples=count)
 
     def _sound(self, now: Progress) -> Iterator[Event]:
-        """Yield a notice where a microphone falls silent, and where it picks up sound again."""
+        """Yield a notice where a microphone falls silent, and where it recovers."""
         before, self._quiet = self._quiet, {k + 1 for k, level in enumerate(now.levels) if level.is_silent}
         for kind, numbers, more in (
             ("silence", self._quiet - before, f"; {SILENCE_REMEDY}"),
@@ -122,7 +122,7 @@ class Watch:
             yield Event(time=now.time, kind="disk_slow", text=text, data={"seconds": seconds})
 
     def _silence(self, name: str, silent: Seconds, time: Seconds) -> Event | None:
-        """Return a notice where a stream falls silent or comes back."""
+        """Return a notice where a stream falls silent or recovers."""
         since = self._silent.get(name)
         if silent and since is None:
             self._silent[name] = time - silent
@@ -134,7 +134,7 @@ class Watch:
         return None
 
     def _rise(self, kind: str, name: str, total: float, time: Seconds, *, last: bool) -> float:
-        """Return the growth of a count since its last event, 0 if it is too soon for another."""
+        """Return the increase of a count since its last event, 0 if another event would be too soon."""
         if not last and time < self._next.get((kind, name), -1.0):
             return 0.0
         rise = self._since(kind, name, total)

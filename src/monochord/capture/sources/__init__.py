@@ -1,4 +1,4 @@
-"""Where audio comes from: one file a kind of source, found by its name."""
+"""Audio sources: one module per kind, found by name."""
 
 from monochord.capture.sources.base import Source
 from monochord.core.registry import Registry

@@ -1,4 +1,4 @@
-"""Noise that is added to a simulated sound while it plays, on and on."""
+"""Looped noise added to simulated sound during playback."""
 
 import math
 import threading
@@ -10,15 +10,15 @@ from monochord.core.units import Samples
 from monochord.dsp.noise import NOISES, noise_loop
 
 ADAPTATION = 0.01
-"""Share of a block's power in the running one, by which the level of the noise follows the sound."""
+"""Weight of a block's power in the running mean that sets the noise level."""
 
 
 class AddedNoise:
-    """Noise of any kind that `monochord.dsp.noise` has, at a ratio to the sound's own loudness.
+    """Noise of a kind in `monochord.dsp.noise`, at a given ratio to the sound's loudness.
 
-    The loudness is that over some seconds. Of each kind four seconds are made, in a thread of its own, since
-    some take as long as half a second: until then nothing is added. They are repeated without a jump, alike
-    loud in all channels.
+    The loudness is averaged over some seconds. Four seconds of each kind are generated in a separate thread,
+    since some kinds take half a second: until then no noise is added. The loop repeats without a jump,
+    equally loud in all channels.
     """
 
     def __init__(self, sample_rate: int, seed: int) -> None:
@@ -28,9 +28,9 @@ class AddedNoise:
         self._gain = 0.0
 
     def added(self, sound: Audio, start: Samples, kind: str, ratio: float) -> Audio:
-        """Return a sound (channels, n) that begins at a frame with a kind of noise, `ratio` dB below it.
+        """Return a sound (channels, n) that begins at frame `start`, with noise `ratio` dB below it.
 
-        Its level changes steadily over a block, and so not by a jump between two.
+        The noise level changes linearly over a block, without a jump between blocks.
         """
         power = float(np.mean(np.square(sound, dtype=np.float64)))
         self._power += (power - self._power) * (ADAPTATION if self._power else 1.0)
@@ -44,7 +44,7 @@ class AddedNoise:
         return (sound + noise).astype(np.float32)
 
     def _loop(self, kind: str, channels: int) -> Audio | None:
-        """Return the loop of a kind, None while it is being made."""
+        """Return the loop of a kind, None while it is being generated."""
         if kind not in self._loops:
             self._loops[kind] = None
             name = f"noise-{kind}"

@@ -1,4 +1,4 @@
-"""Sound in an array, for programs: it has no name on the command line."""
+"""Sound in an array, for use from Python; not available on the command line."""
 
 from collections.abc import Generator
 from contextlib import contextmanager
@@ -16,9 +16,9 @@ from monochord.core.types import Audio, Signal
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ArraySource(Source):
-    """Samples (channels, n) or (n,) of one or two channels in full scale, as fast as they are read.
+    """Samples (channels, n) or (n,) of one or two channels in full scale, delivered as fast as they are read.
 
-    `sample_rate` is in Hz; a block has `block` frames, the last one what is left.
+    `sample_rate` is in Hz; a block has `block` frames, the last one possibly fewer.
     """
 
     samples: Audio
@@ -27,13 +27,13 @@ class ArraySource(Source):
 
     @contextmanager
     def open(self) -> Generator["_ArrayStream"]:
-        """Begin at the first frame; raises `InputError` for another shape, type or rate."""
+        """Open at the first frame; raises `InputError` for an invalid shape, type or rate."""
         refuse_other_rates(self.sample_rate, "sound", "resample it")
         if self.sample_rate != round(self.sample_rate):
             raise InputError(f"sound at {self.sample_rate} Hz", "a whole number of Hz")
         given = np.atleast_1d(np.asarray(self.samples))
         if given.dtype.kind in "iub":
-            remedy = "divide by 32768 what has 16 bits"
+            remedy = "divide 16-bit samples by 32768"
             raise InputError(f"sound of type {given.dtype}", "float in full scale, -1 to 1", remedy)
         samples = sound(given[None] if given.ndim == 1 else given)
         if samples.shape[0] > 2:

@@ -1,4 +1,4 @@
-"""Opens a wav or flac file for reading, or says in one line why it cannot be used."""
+"""Opens a wav or flac file for reading, or explains in one line why it cannot be used."""
 
 import os
 from dataclasses import dataclass
@@ -16,29 +16,29 @@ FORMATS = ("WAV", "WAVEX", "RF64", "FLAC")
 MAX_CHANNELS = 2
 UNKNOWN_LENGTH = 0xFFFFFFFF  # what a program that writes to a pipe, or RF64, puts for a length
 
-READ_ANYWAY = "read what is there: locate --allow-truncated, live --set source.allow_truncated=true"
+READ_ANYWAY = "read the rest: locate --allow-truncated, live --set source.allow_truncated=true"
 ENDLESS = 2**63 - 1  # frames, as libsndfile puts it, of a flac stream that does not say how many
 
 
-def open_audio(path: Path, *, allow_truncated: bool, most: int = MAX_CHANNELS) -> soundfile.SoundFile:
-    """Return the open file, seen to be whole, of `most` channels at most and a rate in the allowed range.
+def open_audio(path: Path, *, allow_truncated: bool, max_channels: int = MAX_CHANNELS) -> soundfile.SoundFile:
+    """Open a complete file with at most `max_channels` channels and a rate in the allowed range.
 
     Raises
     ------
     InputError
-        If the file is missing, empty, not wav or flac, truncated (unless allowed), or of another shape.
+        If the file is missing, empty, not wav or flac, truncated (unless allowed), or has too many channels.
     """
     if path.is_dir():
         raise InputError(f"folder {path}", "a wav or flac file", "name one of its files")
     refuse_endless(path)
     if not path.exists():
         remedy = similar_name(path) or "check its name"
-        raise InputError(f"file {path} (not there)", "an existing wav or flac file", remedy)
+        raise InputError(f"file {path} (does not exist)", "an existing wav or flac file", remedy)
     if not path.stat().st_size:
         raise InputError(f"file {path} (empty)", "a wav or flac file with sound in it")
     file = _open(path, allow_truncated=allow_truncated)
     try:
-        _refuse(file, path, most)
+        _refuse(file, path, max_channels)
         if not allow_truncated:
             _refuse_truncated(file, path)
     except BaseException:
@@ -59,7 +59,7 @@ def _open(path: Path, *, allow_truncated: bool) -> soundfile.SoundFile:
             if samples is None or not _is_unfinished(file, samples):
                 return soundfile.SoundFile(name)
             if not allow_truncated:
-                given = f"file {path} (its recorder ended before it wrote how long it is)"
+                given = f"file {path} (its recorder ended before it wrote the length)"
                 raise InputError(given, "a whole file", READ_ANYWAY)
             content: Any = _finished(file, samples)  # which soundfile takes, as it has what a file has
             return soundfile.SoundFile(content)
@@ -69,11 +69,11 @@ def _open(path: Path, *, allow_truncated: bool) -> soundfile.SoundFile:
         raise InputError(f"file {path} ({error.strerror})", "a readable wav or flac file") from error
 
 
-def _refuse(file: soundfile.SoundFile, path: Path, most: int) -> None:
+def _refuse(file: soundfile.SoundFile, path: Path, max_channels: int) -> None:
     if file.format not in FORMATS:
         raise InputError(f"file {path} of format {file.format}", "wav or flac", "convert it")
-    if file.channels > most:
-        allowed = "1 or 2" if most == MAX_CHANNELS else f"{most} at most"
+    if file.channels > max_channels:
+        allowed = "1 or 2" if max_channels == MAX_CHANNELS else f"{max_channels} at most"
         raise InputError(f"file {path} with {file.channels} channels", allowed, "keep the pickups' channels")
     refuse_other_rates(file.samplerate, f"file {path}", "resample it first")
     if not file.frames:
@@ -83,7 +83,7 @@ def _refuse(file: soundfile.SoundFile, path: Path, most: int) -> None:
 def _refuse_truncated(file: soundfile.SoundFile, path: Path) -> None:
     if file.frames == ENDLESS:
         raise InputError(
-            f"file {path} (does not say how long it is)",
+            f"file {path} (does not state its length)",
             "a file that states its length",
             f"convert it, or {READ_ANYWAY}",
         )
@@ -91,7 +91,7 @@ def _refuse_truncated(file: soundfile.SoundFile, path: Path) -> None:
         whole = _last_frame_reads(file)
     else:
         with path.open("rb") as raw:
-            whole = _holds_what_it_promises(raw)
+            whole = _is_complete(raw)
     if not whole:
         raise InputError(f"file {path} (truncated)", "a whole file", f"copy it again, or {READ_ANYWAY}")
 
@@ -108,13 +108,13 @@ def _last_frame_reads(file: soundfile.SoundFile) -> bool:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Samples:
-    """Where the samples of a RIFF file begin, and how many bytes of them it promises.
+    """Where the samples of a RIFF file begin, and their size in bytes by its header.
 
-    `order` is that of its numbers, `wide` the place of the 64-bit lengths of an RF64 file, else 0.
+    `order` is the byte order of its numbers; `wide` is the offset of an RF64 file's 64-bit lengths, else 0.
     """
 
     begin: int
-    promised: int
+    stated: int
     order: Literal["big", "little"]
     wide: int
 
@@ -134,7 +134,7 @@ def _samples_in(file: BinaryIO) -> _Samples | None:
             if length == UNKNOWN_LENGTH and wide:
                 file.seek(wide + 8)
                 length = int.from_bytes(file.read(8), order)
-            return _Samples(begin=begin, promised=length, order=order, wide=wide)
+            return _Samples(begin=begin, stated=length, order=order, wide=wide)
         file.seek(begin + length + length % 2)
     return None
 
@@ -144,9 +144,9 @@ def _size(file: BinaryIO) -> int:
 
 
 def _is_unfinished(file: BinaryIO, samples: _Samples) -> bool:
-    """Return whether a file promises no samples, and what follows is not chunks to its end either."""
+    """Return whether a file's header states no samples, yet the data after it are not valid chunks."""
     size, at = _size(file), samples.begin
-    if samples.promised:
+    if samples.stated:
         return False
     while at < size:
         file.seek(at)
@@ -159,7 +159,7 @@ def _is_unfinished(file: BinaryIO, samples: _Samples) -> bool:
 
 
 def _finished(file: BinaryIO, samples: _Samples) -> mmap:
-    """Return the bytes of a file with its lengths corrected. The file itself is not changed."""
+    """Return the file's bytes with corrected lengths. The file itself is not changed."""
     content = mmap(file.fileno(), 0, access=ACCESS_COPY)
     size = len(content)
     room = size - samples.begin
@@ -173,10 +173,10 @@ def _finished(file: BinaryIO, samples: _Samples) -> mmap:
     return content
 
 
-def _holds_what_it_promises(file: BinaryIO) -> bool:
-    """Return whether a RIFF file reaches to the end of its samples."""
+def _is_complete(file: BinaryIO) -> bool:
+    """Return whether a RIFF file has all the samples that its header states."""
     samples = _samples_in(file)
     if samples is None:
         return False
-    unknown = samples.promised == UNKNOWN_LENGTH  # a program that writes to a pipe puts it
-    return unknown or samples.begin + samples.promised <= _size(file)
+    unknown = samples.stated == UNKNOWN_LENGTH  # a program that writes to a pipe puts it
+    return unknown or samples.begin + samples.stated <= _size(file)

@@ -1,4 +1,4 @@
-"""An object that a person leads over a simulated string while it sounds."""
+"""A simulated object moved by a person over a simulated string during playback."""
 
 import threading
 from collections.abc import Mapping, Sequence
@@ -16,23 +16,23 @@ from monochord.physics.twin.world import plausible_touch
 
 FORCES: tuple[Newtons, Newtons] = (0.05, 2.5)
 HEIGHT: Metres = 1.5e-3
-"""Where an approach begins and a release ends, above the string at rest: more than the string swings."""
+"""Height above the string at rest where an approach begins and a release ends: above the string's swing."""
 APPROACH: MetresPerSecond = 0.1
-"""Speed of approach and release."""
+"""Speed of approach and release, in m/s."""
 PRESS: Seconds = 0.04
-"""Time in which the force of a press builds up, and falls again."""
+"""Rise and fall time of the force, in s."""
 FOLLOW: Seconds = 0.06
-"""Time in which the object reaches a new place or force: it low-passes a hand's steps of 20 to 30 ms."""
+"""Time to reach a new position or force, in s: it smooths a person's steps of 20 to 30 ms."""
 PAUSE: Seconds = 0.03
-"""Least time between two changes of its motion, each of which costs some 3 ms."""
+"""Shortest time between two motion changes, in s; each costs some 3 ms of computing."""
 MAX_SPEED: MetresPerSecond = 0.5
 MAX_ACROSS: MetresPerSecond = 0.1
 STEP: Metres = 1e-4
 FORCE_STEP: Newtons = 0.02
 ACROSS_STEP: MetresPerSecond = 1e-3
-"""Smaller changes than these of place, force and speed across are the tremor of a hand."""
+"""Smaller changes of position, force and sliding speed are hand tremor and are ignored."""
 AUTOMATIC, MANUAL = "automatic", "by hand"
-"""Who touches the string."""
+"""Whether touches are automatic or by hand."""
 NOISES: Mapping[str, tuple[str, float] | None] = {
     "none": None,
     **{
@@ -41,20 +41,20 @@ NOISES: Mapping[str, tuple[str, float] | None] = {
         for ratio in (30, 20, 10)
     },
 }
-"""Noise that is added: its kind, of `monochord.dsp.noise.NOISES`, and the ratio of the sound to it in dB."""
+"""Noise choices: a kind from `monochord.dsp.noise.NOISES`, and the signal-to-noise ratio in dB."""
 TUNINGS: Mapping[str, float] = {"-3 %": -0.03, "-1 %": -0.01, "as built": 0.0, "+1 %": 0.01, "+3 %": 0.03}
-"""Changes of the untouched string's pitch."""
+"""Relative changes of the open string's pitch."""
 
 
 class Hand(Controls):
-    """What a person wants of a simulated string: the newest request alone counts.
+    """A person's requests to a simulated string; only the newest request counts.
 
     Parameters
     ----------
     positions
-        Where the string can be touched, in m.
+        Range of touch positions, in m.
     materials
-        Of the objects to choose from; the first is taken at first.
+        Materials to choose from; the first is the default.
     """
 
     def __init__(self, positions: tuple[Metres, Metres], materials: Sequence[str]) -> None:
@@ -72,23 +72,23 @@ class Hand(Controls):
 
     @property
     def positions(self) -> tuple[Metres, Metres]:
-        """Where it can be touched."""
+        """Range of touch positions, in m."""
         return self._positions
 
     @property
     def forces(self) -> tuple[Newtons, Newtons]:
-        """How hard."""
+        """Range of touch forces, in N."""
         return FORCES
 
     @property
     def settings(self) -> tuple[Setting, ...]:
-        """Who touches the string, with what, in what noise, and how it is tuned."""
+        """Current settings: who touches the string, the material, the noise, and the tuning."""
         with self._lock:
             values = self._values
             return tuple(Setting(name=n, choices=c, value=values[n]) for n, c in self._choices.items())
 
     def touch(self, contact: Contact) -> None:
-        """Touch the string, or lead the object there; touches of its own end."""
+        """Touch the string, or move the object there; automatic touches end."""
         position = float(np.clip(contact.position, *self._positions))
         force = float(np.clip(contact.force, *FORCES))
         across = float(np.clip(contact.slip_velocity, -MAX_ACROSS, MAX_ACROSS))
@@ -118,21 +118,21 @@ class Hand(Controls):
 
     @property
     def manual(self) -> bool:
-        """Whether the person touches the string, and nothing else does."""
+        """Whether the person alone touches the string."""
         return self._values["touches"] == MANUAL
 
     @property
     def noise(self) -> tuple[str, float] | None:
-        """Kind of the noise that is to be added, and the ratio of the sound to it in dB; None for none."""
+        """Kind of the added noise and the signal-to-noise ratio in dB; None for no noise."""
         return NOISES[self._values["noise"]]
 
     @property
     def retuning(self) -> float:
-        """Relative change of the untouched string's pitch."""
+        """Relative change of the open string's pitch."""
         return TUNINGS[self._values["tuning"]]
 
     def target(self) -> tuple[int, Contact, str] | None:
-        """Return the number of the press, where it is to be, and the material; None for no touch."""
+        """Return the touch number, its target and the material; None for no touch."""
         with self._lock:
             if self._contact is None:
                 return None
@@ -140,7 +140,7 @@ class Hand(Controls):
 
 
 class Led:
-    """The object that follows a `Hand`; `seed` draws its mount and surface in a plausible world."""
+    """The object that follows a `Hand`; `seed` draws its mount and surface in a realistic world."""
 
     def __init__(self, hand: Hand, seed: int | None) -> None:
         self._hand, self._seed = hand, seed
@@ -150,11 +150,11 @@ class Led:
         self._changed: Seconds = 0.0
 
     def take_over(self, touches: tuple[Touch, ...]) -> None:
-        """Take what touches the string now as its own object, to be lifted off."""
+        """Take over the object that touches the string now, so that it can be lifted off."""
         self._touch, self._number, self._lifting = next(iter(touches), None), None, False
 
     def touches(self, time: Seconds) -> tuple[Touch, ...] | None:
-        """Return what touches the string from this time on; None for no change."""
+        """Return the touches from this time on; None for no change."""
         target, touch = self._hand.target(), self._touch
         if touch is None:
             return None if target is None else self._bring(time, *target)
@@ -194,7 +194,7 @@ class Led:
         return Key(time=now.time, position=position, force=contact.force, across=contact.slip_velocity)
 
     def _go_on(self, time: Seconds, *keys: Key) -> tuple[Touch, ...]:
-        """Have the object go on by these keys, whatever it was about to do."""
+        """Let the object follow these keyframes instead of its planned motion."""
         assert self._touch is not None
         past = tuple(key for key in self._touch.motion if key.time < time)[-1:]
         self._touch, self._changed = replace(self._touch, motion=(*past, *keys)), time
@@ -202,7 +202,7 @@ class Led:
 
 
 def _at(motion: Sequence[Key], time: Seconds) -> Key:
-    """Return where a motion has come to at a time."""
+    """Return the state of a motion at a time."""
     times = [key.time for key in motion]
     names = ("position", "force", "clearance", "across")
     now = {name: float(np.interp(time, times, [getattr(key, name) for key in motion])) for name in names}
@@ -210,7 +210,7 @@ def _at(motion: Sequence[Key], time: Seconds) -> Key:
 
 
 def _off(now: Key) -> list[Key]:
-    """Return the rest of a motion that ends above the string."""
+    """Return the remaining motion, which ends above the string."""
     free = replace(now, time=now.time + PRESS, force=0.0, across=0.0)
     start = free if now.clearance == 0.0 else now
     rise = max(HEIGHT - now.clearance, 0.0) / APPROACH

@@ -1,4 +1,4 @@
-"""An open JACK capture, which survives a server or ports that go away and come back."""
+"""An open JACK capture that survives a server or ports going away and coming back."""
 
 import re
 import time
@@ -55,7 +55,7 @@ class JackStream(RingStream):
 
     @property
     def health(self) -> StreamHealth:
-        """Counters so far, and the offsets of the machine's clocks and JACK's to the monotonic clock."""
+        """Counters so far, and the offsets of the machine's and JACK's clocks from the monotonic clock."""
         return self._timeline.health(
             xruns=self._ring.arena.count(at.XRUNS),
             reconnects=self._reconnects,
@@ -77,14 +77,14 @@ class JackStream(RingStream):
             self._ring.arena.wait(RETRY if self._waiting else IDLE)
 
     def _away(self) -> str:
-        """Return why no sound comes, where none does."""
+        """Return why no sound arrives; empty while it does."""
         if self._client is None:
             return "the JACK server is not running"
         if self._waiting:
             return f"JACK ports '{libjack.shown(self._port_pattern)}' are not there"
         if self._unplugged:
             return f"{' and '.join(self._unplugged)} not connected in JACK"
-        return "the JACK server stands still"
+        return "the JACK server has stalled"
 
     def _leave(self) -> None:
         if self._client:
@@ -92,7 +92,7 @@ class JackStream(RingStream):
             self._client, self._away_since = None, time.monotonic()
 
     def _enter(self, client: JackClient) -> list[str]:
-        """Register the inputs on a server and begin to capture; return their names."""
+        """Register the inputs on a server and start capturing; return the inputs' names."""
         from monochord.capture.jack import callbacks  # noqa: PLC0415  (compiled by now)
 
         self._waiting = False
@@ -102,7 +102,7 @@ class JackStream(RingStream):
         return inputs
 
     def _connect(self, client: JackClient) -> None:
-        """Connect the inputs; raises `DeviceError` where the ports are not there."""
+        """Connect the inputs; raises `DeviceError` where the ports do not exist."""
         self._ports_seen = self._ring.arena.count(at.PORTS_CHANGED)
         if self._port_pattern == "none":
             return
@@ -116,7 +116,7 @@ class JackStream(RingStream):
         self._measure_clock(client)
 
     def _tend_ports(self, client: JackClient) -> None:
-        """Connect again after ports came or went, if ours were among them."""
+        """Reconnect after ports appeared or disappeared, if this stream uses them."""
         changed = self._ring.arena.count(at.PORTS_CHANGED)
         if self._port_pattern == "none" or not (self._waiting or changed != self._ports_seen):
             return
@@ -129,9 +129,9 @@ class JackStream(RingStream):
             self._waiting = not self._reconnected(client)
 
     def _not_connected(self, client: JackClient) -> list[str]:
-        """Return the names of our ports that nothing is connected to.
+        """Return the names of this stream's unconnected inputs.
 
-        Whoever pulls a plug in a patch bay means it: it is said, and not plugged in again.
+        A user who disconnects an input in a patch bay does so on purpose: it is reported, not reconnected.
         """
         if self._port_pattern == "none":
             return []
@@ -147,7 +147,7 @@ class JackStream(RingStream):
         return True
 
     def _return(self) -> None:
-        """Try once to come back to a server that went away."""
+        """Try once to reconnect to a server that went away."""
         try:
             client = JackClient(*self._names)
         except DeviceError:
@@ -169,7 +169,9 @@ class JackStream(RingStream):
     def _refuse_other_rate(self, rate: int) -> None:
         before = self._signal.sample_rate
         if rate != before:
-            line = f"JACK server came back at {rate} Hz: expected {before} Hz, as before; open it anew"
+            line = (
+                f"JACK server came back at {rate} Hz: expected {before} Hz as at the start; reopen the source"
+            )
             raise DeviceError(line)
 
     def _adc_time(self, period: Period) -> Seconds | None:
@@ -185,9 +187,9 @@ class JackStream(RingStream):
 
 
 def _parts(ports: str, names: list[str]) -> list[str]:
-    """Return the names and regular expressions that `ports` lists, separated by commas.
+    """Return the names and regular expressions in the comma-separated `ports`.
 
-    A full name that is there may have commas itself: the longest one counts.
+    A full name may contain commas; the longest existing name is used.
 
     >>> _parts("USB (hw:1,0):out_1, in.*", ["USB (hw:1,0):out_1", "USB (hw:1,0):out_10"])
     ['USB (hw:1,0):out_1', 'in.*']
@@ -205,9 +207,9 @@ def _parts(ports: str, names: list[str]) -> list[str]:
 
 
 def _choose_ports(client: JackClient, parts: list[str], channels: int) -> list[str]:
-    """Return the full names of the first `channels` output ports that `parts` describe.
+    """Return the full names of the first `channels` output ports that match `parts`.
 
-    A part is a full name, or a regular expression that matches part of one; none at all means the physical
+    A part is a full name, or a regular expression that matches part of one; no parts means the physical
     ports.
 
     Raises
@@ -232,7 +234,7 @@ def _choose_ports(client: JackClient, parts: list[str], channels: int) -> list[s
 
 
 def _matching(names: list[str], part: str) -> list[str]:
-    """Return the names that a part describes; a full name, which may have brackets, is no expression."""
+    """Return the names that a part matches; a full name, which may contain brackets, is not an expression."""
     same = [name for name in names if part in (name, libjack.shown(name))]
     if same:
         return same

@@ -1,4 +1,4 @@
-"""What was true of the latest frames of a simulated stream."""
+"""True labels of the latest frames of a simulated stream."""
 
 from collections.abc import Mapping
 
@@ -9,13 +9,13 @@ from monochord.core.types import Floats, Truth
 from monochord.core.units import Samples, Seconds
 
 LABEL_SECONDS: Seconds = 61.0
-"""For how long labels are stored: a second more than the longest window."""
+"""How long labels are stored, in s: one second more than the longest window."""
 LABEL_STEP: Samples = 32
-"""Frames from one stored label to the next, 0.7 ms: the labels themselves are averages over 5 ms."""
+"""Frames between stored labels, 0.7 ms; each label is averaged over 5 ms."""
 
 
 class LabelMemory:
-    """Labels of the latest `seconds` of a stream by name, at one in `LABEL_STEP` frames.
+    """Labels of the latest `seconds` of a stream by name, one every `LABEL_STEP` frames.
 
     `sample_rate` is in Hz.
     """
@@ -28,7 +28,7 @@ class LabelMemory:
         self._start: Samples = 0  # index of the next frame
 
     def add(self, columns: Mapping[str, Floats], count: Samples) -> None:
-        """Store the labels (count,) of the frames that follow those before; 0 where a name is missing."""
+        """Store the labels (count,) of the next frames; 0 where a name is missing."""
         at = np.arange(-self._start % LABEL_STEP, count, LABEL_STEP)
         column = (self._start + at) // LABEL_STEP % self._rows.shape[1]
         self._rows[:, column] = 0.0

@@ -1,4 +1,4 @@
-"""An open source that is made or read here: as fast as it can be, or at the pace of a clock."""
+"""An open file or simulation: as fast as possible, or at the pace of a clock."""
 
 import math
 import threading
@@ -12,10 +12,10 @@ from monochord.core.units import Samples, Seconds
 
 
 class PacedStream(Stream):
-    """Blocks of `block` frames at `speed` times real time, each when its last frame is due.
+    """Blocks of `block` frames at `speed` times real time, each delivered when its last frame is due.
 
-    A speed of 0 keeps no pace. The stream ends at frame `end`, or before that where a subclass, which reads
-    or makes the frames, has no more.
+    Speed 0 delivers as fast as possible. The stream ends at frame `end`, or earlier where the subclass, which
+    reads or generates the frames, has no more.
     """
 
     def __init__(self, signal: Signal, *, block: Samples, speed: float, end: float = math.inf) -> None:
@@ -29,14 +29,14 @@ class PacedStream(Stream):
 
     @abstractmethod
     def _read(self, frames: Samples) -> Audio:
-        """Return the next frames, (channels, n), fewer where the source ends and none after that."""
+        """Return the next frames, (channels, n): fewer at the end of the source, none after it."""
 
     def _lost(self) -> Samples:
-        """Return how many frames are missing at the next block's place; only a recording misses any."""
+        """Return how many frames are missing before the next block; nonzero only in a recording."""
         return 0
 
     def _leave(self) -> None:
-        """Give back what was opened; a stream that opened nothing may leave this out."""
+        """Release what was opened; optional for a subclass."""
 
     @property
     def signal(self) -> Signal:
@@ -45,7 +45,7 @@ class PacedStream(Stream):
 
     @property
     def pending(self) -> Samples:
-        """Frames in whole blocks that are due by the clock; zero where no pace is kept."""
+        """Frames in complete blocks that are due by the clock; zero at speed 0."""
         if not self._speed or self._began is None:
             return 0
         due = (time.monotonic() - self._began) * self._signal.sample_rate * self._speed
@@ -53,27 +53,27 @@ class PacedStream(Stream):
 
     @property
     def paced(self) -> bool:
-        """Whether a pace is kept."""
+        """Whether the speed is limited."""
         return self._speed > 0.0
 
     @property
     def health(self) -> StreamHealth:
-        """Frames so far, and what a recording misses of them."""
+        """Frames delivered so far, and frames missing from a recording."""
         return StreamHealth(frames=self._start - self._dropped, dropped=self._dropped, gaps=self._gaps)
 
     def __iter__(self) -> Iterator[Block]:
-        """Yield blocks at the pace that was asked for."""
+        """Yield blocks at the requested speed."""
         if self._began is None:
             self._began = time.monotonic()
         while (block := self._next()) is not None:
             yield block
 
     def close(self) -> None:
-        """End the iteration, from whatever thread."""
+        """End the iteration; may be called from any thread."""
         self._closed.set()
 
     def release(self) -> None:
-        """Close, wait until the reader has left, and give back what was opened."""
+        """Close, wait until the reader has left, and release what was opened."""
         self.close()
         with self._reading:
             self._leave()
@@ -95,7 +95,7 @@ class PacedStream(Stream):
             return None if self._closed.is_set() else block
 
     def _await(self, stop: Samples) -> Seconds | None:
-        """Wait until frame `stop` is due; return the time of the block's first frame, where that is real."""
+        """Wait until frame `stop` is due; return the time of the block's first frame, where real."""
         speed, rate, began = self._speed, self._signal.sample_rate, self._began
         if not speed or began is None:
             return None

@@ -1,4 +1,4 @@
-"""An open device: a callback fills a ring, and each period in it becomes a block on the stream's clock."""
+"""An open device: a callback fills a ring, and each period becomes a block on the stream's clock."""
 
 import threading
 import time
@@ -13,15 +13,15 @@ from monochord.core.types import Block, Signal, StreamHealth
 from monochord.core.units import Samples, Seconds
 
 ABSENCE: Seconds = 1.0
-"""Time without sound from which a device counts as away."""
+"""Time without sound after which a device counts as away, in s."""
 LAG: Seconds = 0.2
-"""How far behind the clock frames of a device that is away are counted as lost: newer ones may yet come."""
+"""How far behind the clock lost frames of an absent device are counted, in s: newer ones may still arrive."""
 
 
 class RingStream(Stream):
-    """Blocks out of a ring that a device fills; one thread iterates at a time.
+    """Blocks from a ring that a device fills; one thread iterates at a time.
 
-    A subclass knows the device: when its periods were at the converter, and what to do while none comes.
+    A subclass handles the device: the converter time of its periods, and what to do while none arrive.
     """
 
     def __init__(self, signal: Signal, ring: Ring) -> None:
@@ -32,14 +32,14 @@ class RingStream(Stream):
 
     @abstractmethod
     def _adc_time(self, period: Period) -> Seconds | None:
-        """Return the monotonic time of a period's first frame at the converter, None where it is unknown."""
+        """Return the monotonic time of a period's first frame at the converter, None where unknown."""
 
     @abstractmethod
     def _idle(self) -> None:
-        """Look after the device, or wait a little, while the ring is empty; raise if it is gone for good."""
+        """Check the device or wait briefly while the ring is empty; raise if the device is lost for good."""
 
     def _leave(self) -> None:
-        """Close the device; a subclass whose device is closed elsewhere does not override this."""
+        """Close the device; optional where the device is closed elsewhere."""
 
     @property
     def signal(self) -> Signal:
@@ -53,21 +53,21 @@ class RingStream(Stream):
 
     @property
     def paced(self) -> bool:
-        """True: the device does not wait."""
+        """True: the device sets the pace."""
         return True
 
     def __iter__(self) -> Iterator[Block]:
-        """Yield one block a period; waits for a device that is away."""
+        """Yield one block per period; waits for an absent device."""
         while (block := self._next()) is not None:
             yield block
 
     def in_time(self) -> Iterator[Block]:
-        """Yield one block a period, and for a device that is away what was lost by now."""
+        """Yield one block per period and, for an absent device, the frames lost so far."""
         while (block := self._next(in_time=True)) is not None:
             yield block
 
     def close(self) -> None:
-        """End the iteration, from whatever thread or signal handler."""
+        """End the iteration; may be called from any thread or signal handler."""
         self._closed.set()
         self._ring.arena.wake()
 
@@ -91,15 +91,15 @@ class RingStream(Stream):
 
 
 class Timeline:
-    """Places periods on the stream's sample clock, at `sample_rate` frames a second, and counts what is lost.
+    """Places periods on the stream's clock of `sample_rate` frames per second, and counts lost frames.
 
-    While one device runs, its frame counter is the truth; after `interrupt`, when another counter begins,
-    the gap is what the monotonic clock says.
+    While one device runs, its frame counter is used; after `interrupt`, when another counter begins, the
+    monotonic clock gives the gap.
 
     Attributes
     ----------
     away
-        Whether frames were counted as lost since the last period, because none came for long.
+        Whether frames have been counted as lost since the last period, because none arrived for too long.
     """
 
     def __init__(self, sample_rate: int) -> None:
@@ -122,9 +122,9 @@ class Timeline:
         period
             Samples of one callback; its `frame_time` counts modulo 2^32.
         adc_time
-            Monotonic time of the period's first frame at the converter, None where it is unknown.
+            Monotonic time of the period's first frame at the converter, None where unknown.
         now
-            Present monotonic time, used where `adc_time` is unknown: the last frame was converted just now.
+            Current monotonic time, used as the last frame's time where `adc_time` is unknown.
         """
         frames = period.samples.shape[1]
         began = now - frames / self._rate if adc_time is None else adc_time
@@ -145,7 +145,7 @@ class Timeline:
         )
 
     def lose(self, channels: int, now: Seconds) -> Block | None:
-        """Return what was lost by now as a block without samples, where no period has come for long."""
+        """Return the frames lost so far as a block without samples, once no period arrives for too long."""
         if self._time is None or now - self._time < (ABSENCE if not self.away else 2 * LAG):
             return None
         lost = int((now - LAG - self._time) * self._rate)
@@ -161,7 +161,7 @@ class Timeline:
     def health(
         self, *, xruns: int, reconnects: int, clock_offsets: dict[str, Seconds], away: str = ""
     ) -> StreamHealth:
-        """Return the counters so far with those of the device; `away` is what is said where that is away."""
+        """Return the counters so far with the device's; `away` is the message shown for an absent device."""
         return StreamHealth(
             frames=self._frames,
             dropped=self._dropped,

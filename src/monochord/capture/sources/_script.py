@@ -1,4 +1,4 @@
-"""Scripts of touches for the simulated sources: given by the user, or drawn at random without end."""
+"""Scripted touches for the simulated sources: given by the user, or drawn at random without end."""
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
@@ -14,9 +14,9 @@ from monochord.physics.twin import Touch
 from monochord.physics.twin.trajectory import TRAVEL_HEIGHT, Trajectory, Waypoint, trajectory
 
 SLIDE_RAMP: Seconds = 0.02
-"""Time that a slide takes to reach its speed."""
+"""Time for a slide to reach its speed, in s."""
 EDGE = 0.02
-"""Share of the string's length at each end where nothing can touch it."""
+"""Share of the string's length at each end that cannot be touched."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,27 +26,27 @@ class ScriptedTouch:
     Parameters
     ----------
     start
-        Time at which its surface reaches the string at rest, in s; the approach comes before.
+        Time at which the object reaches the string at rest, in s; the approach comes before.
     position, force
         Position in m and normal force in N.
     seconds
-        Time from `start` to the beginning of the release; without end by default.
+        Time from `start` to the release, in s; without end by default.
     material
-        A preset's name or file; the source's first one if empty.
+        A preset's name or a TOML file; the source's first material if empty.
     still
-        Time from `start` until it begins to move, in s.
+        Time from `start` until the object begins to move, in s.
     moving
-        For how long it moves, in s.
+        Duration of the motion, in s.
     across, along
-        Speed in m/s across the string and, towards its end, along it; either sign.
+        Signed speeds in m/s across the string and along it, positive towards its far end.
     rolls
-        Whether it rolls where it moves along the string, or slides.
+        Whether the object rolls along the string instead of sliding.
     then
-        Force in N that it changes to while it moves; by default it keeps its force.
+        Force in N reached during the motion; by default the force is constant.
     approach
         Speed of approach and release in m/s.
     press
-        Time in s in which the force rises to its value, and falls again.
+        Rise and fall time of the force, in s.
     """
 
     start: Seconds = 0.5
@@ -65,21 +65,21 @@ class ScriptedTouch:
 
     @property
     def begin(self) -> Seconds:
-        """Time at which the approach begins, in s."""
+        """Start time of the approach, in s."""
         return self.start - TRAVEL_HEIGHT / self.approach
 
     @property
     def end(self) -> Seconds:
-        """Time at which the object is clear of the string again, in s."""
+        """Time at which the object has left the string, in s."""
         return self.start + self.seconds + self.press + TRAVEL_HEIGHT / self.approach
 
     @property
     def moves(self) -> bool:
-        """Whether it does anything but press while it touches."""
+        """Whether the object moves or changes its force during the touch."""
         return self.across != 0.0 or self.along != 0.0 or self.then is not None
 
     def refuse_impossible(self, length: Metres) -> None:
-        """Raise `InputError` for a touch that a string of `length` cannot have."""
+        """Raise `InputError` for a touch that is impossible on a string of `length`."""
         where = f"touch at {self.start:g} s"
         for name, low, high, unit in (
             ("start", 0.0, math.inf, "s"),
@@ -150,7 +150,7 @@ _CLAMP_FIELDS = {"start", "position", "force", "seconds"}
 
 
 def refuse_unlike_clamps(touches: Iterable[ScriptedTouch]) -> None:
-    """Raise `InputError` for touches that a split string cannot make: it can only be clamped."""
+    """Raise `InputError` for touches that a split string cannot render: it supports clamping only."""
     for touch in touches:
         for field in fields(touch):
             if field.name not in _CLAMP_FIELDS and getattr(touch, field.name) != field.default:
@@ -169,9 +169,9 @@ def draw_touches(
 ) -> Iterator[ScriptedTouch]:
     """Yield touches without end: each with its own position, force, approach and release, then a pause.
 
-    A share `slips` of them moves while it presses, half of these across the string, the others along it,
-    sliding or rolling, at 2 to 30 mm/s; of the rest every second changes to another force. Touches last
-    0.7 to 1.3 times `hold`, pauses 0.4 to 1.0 times.
+    A share `slips` of the touches moves while pressing: half of these across the string, the others along it,
+    sliding or rolling, at 2 to 30 mm/s. Half of the remaining touches change their force. Touches last 0.7 to
+    1.3 times `hold`, pauses 0.4 to 1.0 times.
     """
     random = np.random.default_rng([seed, 2])
     end = 0.0
@@ -208,8 +208,8 @@ def draw_clamps(
 ) -> Iterator[ScriptedTouch]:
     """Yield touches without end, the first after about one `hold`.
 
-    A touch is followed by another elsewhere or by a release, by chance alike; a release by a touch. Each
-    lasts 0.7 to 1.3 times `hold`.
+    A touch is followed, with equal probability, by a touch elsewhere or by a release; a release by a touch.
+    Each lasts 0.7 to 1.3 times `hold`.
     """
     random = np.random.default_rng(seed)
     start, touching, before = 0.0, False, None
@@ -226,7 +226,7 @@ def draw_clamps(
 def twin_changes(
     touches: Iterable[ScriptedTouch], string: StringParams, default_material: str, sample_rate: int
 ) -> Iterator[tuple[Samples, tuple[Touch, ...]]]:
-    """Yield, for the index of each frame at which an object comes or goes, the touches from there on."""
+    """Yield the frame index of each arrival or departure of an object, with the touches from then on."""
     for touch in touches:
         yield max(0, math.floor(touch.begin * sample_rate)), (touch.touch(string, default_material),)
         if math.isinf(touch.end):
@@ -237,7 +237,7 @@ def twin_changes(
 def clamp_changes(
     touches: Iterable[ScriptedTouch], sample_rate: int
 ) -> Iterator[tuple[Samples, Contact | None]]:
-    """Yield each change as the index of its first sample and the contact, None for a release.
+    """Yield each change as its first sample index and the contact, None for a release.
 
     A touch ends where the next begins, or after its `seconds` if that is earlier.
     """

@@ -18,20 +18,20 @@ IDLE: Seconds = 0.5  # between looks at the device while no audio comes
 
 
 class CallbackTimes(Protocol):
-    """What PortAudio says of a block's time, in seconds on its own clock; zeros where it does not know."""
+    """PortAudio's times of a block, in seconds on its own clock; zeros where unknown."""
 
     currentTime: Seconds  # noqa: N815
     inputBufferAdcTime: Seconds  # noqa: N815
 
 
 class CallbackFlags(Protocol):
-    """What PortAudio says went wrong before a block."""
+    """PortAudio's error flags of a block."""
 
     input_overflow: bool
 
 
 class SoundcardStream(RingStream):
-    """Blocks of a sound card; `capture` is the callback that it must be given."""
+    """Blocks of a sound card; pass `capture` to PortAudio as the callback."""
 
     def __init__(self, sample_rate: int, channels: int) -> None:
         ring = Ring(channels, round(RING * sample_rate), shortest=1)
@@ -43,7 +43,7 @@ class SoundcardStream(RingStream):
 
     @property
     def health(self) -> StreamHealth:
-        """Counters so far; `xruns` are the overflows that PortAudio reported."""
+        """Counters so far; `xruns` counts the overflows that PortAudio reported."""
         away = "the sound card is silent"
         return self._timeline.health(
             xruns=self._overflows, reconnects=0, clock_offsets=clock_offsets(), away=away
@@ -52,8 +52,8 @@ class SoundcardStream(RingStream):
     def capture(self, frames: np.ndarray, count: int, times: CallbackTimes, status: CallbackFlags) -> None:
         """Copy one block, (count, channels), into the ring: PortAudio's callback.
 
-        PortAudio says that frames were lost but not how many: their number is what the converter's times
-        tell, and one block at least. Without times the arrival of the block stands in for them.
+        PortAudio reports that frames were lost but not how many: the converter's times give their number, at
+        least one block. Without these times, the block's time of arrival is used.
         """
         now, rate = time.monotonic(), self._signal.sample_rate
         known = times.inputBufferAdcTime > 0.0
@@ -69,7 +69,7 @@ class SoundcardStream(RingStream):
         self._next_time = began + count / rate
 
     def watch(self, active: Callable[[], bool]) -> None:
-        """Set the function that reports whether the device still runs."""
+        """Set the function that reports whether the device is still running."""
         self._active = active
 
     def _adc_time(self, period: Period) -> Seconds | None:

@@ -1,4 +1,4 @@
-"""A virtual sensor that a program touches, for programs: it has no name on the command line."""
+"""A virtual sensor touched from Python; not available on the command line."""
 
 import math
 from collections.abc import Generator
@@ -21,9 +21,9 @@ LABELS = ("contact", "contacts", "position", "force", "slip", "slip_velocity", "
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class VirtualSensorSource(Source):
-    """A virtual sensor, whose time runs by a block of `block` frames each time that one is read.
+    """A virtual sensor whose time advances by `block` frames whenever a block is read.
 
-    It ends after `seconds`. What the program lets pass by `VirtualSensor.advance` itself is a gap.
+    It ends after `seconds`. Time skipped by the program with `VirtualSensor.advance` is a gap.
     """
 
     sensor: VirtualSensor
@@ -32,7 +32,7 @@ class VirtualSensorSource(Source):
 
     @contextmanager
     def open(self) -> Generator["_SensorStream"]:
-        """Begin at the present time of the sensor, which is frame 0."""
+        """Open at the sensor's present time, which is frame 0."""
         stream = _SensorStream(self)
         try:
             yield stream
@@ -50,7 +50,7 @@ class _SensorStream(PacedStream):
         self._labels = LabelMemory(LABELS, rate)
 
     def truth(self, start: Samples, stop: Samples) -> Truth:
-        """Return the labels of the frames [start, stop); of several objects, the one that presses hardest."""
+        """Return the labels of frames [start, stop); of several objects, that with the largest force."""
         return self._labels.over(start, stop)
 
     def _lost(self) -> Samples:

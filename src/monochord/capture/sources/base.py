@@ -11,14 +11,14 @@ from monochord.core.types import Block, Contact, Signal, StreamHealth, Truth
 from monochord.core.units import Metres, Newtons, Samples
 
 MAX_CHANNELS = 64
-"""Most channels of a source: two microphones for each of 32 strings."""
+"""Largest number of channels: two microphones for each of 32 strings."""
 MIN_RATE, MAX_RATE = 16_000, 96_000
-"""Sample rates in Hz: a string's partials need 16 kHz, and 96 kHz is ample."""
+"""Range of sample rates in Hz: a string's partials need 16 kHz, and 96 kHz is ample."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Setting:
-    """Something of a source that may be changed while it runs: its name, what it may be, and what it is."""
+    """A source's setting that can change at run time: name, choices, current value."""
 
     name: str
     choices: tuple[str, ...]
@@ -26,31 +26,31 @@ class Setting:
 
 
 class Controls(ABC):
-    """A way in to a running source, from whatever thread: to touch its string and to change its settings.
+    """Controls of a running source, usable from any thread: touch its string and change its settings.
 
-    A simulated string offers it, a real one does not. Positions are from pickup 1.
+    Simulated strings have controls, real ones do not. Positions are measured from pickup 1.
     """
 
     @property
     @abstractmethod
     def positions(self) -> tuple[Metres, Metres]:
-        """Where it can be touched."""
+        """Range of touch positions, in m."""
 
     @property
     @abstractmethod
     def forces(self) -> tuple[Newtons, Newtons]:
-        """How hard."""
+        """Range of touch forces, in N."""
 
     @property
     @abstractmethod
     def settings(self) -> tuple[Setting, ...]:
-        """Current values of the settings that can be changed."""
+        """Current settings that can be changed."""
 
     @abstractmethod
     def touch(self, contact: Contact) -> None:
-        """Touch the string, or lead the object that touches it there; out of range is moved into it.
+        """Touch the string, or move the touching object there; values out of range are clipped.
 
-        `slip_velocity` is the speed at which the object is drawn across the string.
+        `slip_velocity` is the object's speed across the string in m/s.
         """
 
     @abstractmethod
@@ -59,15 +59,15 @@ class Controls(ABC):
 
     @abstractmethod
     def change(self, name: str, value: str) -> None:
-        """Change a setting; raises `InputError` for an unknown one, or what it may not be."""
+        """Change a setting; raises `InputError` for an unknown setting or value."""
 
 
 class Stream(ABC):
     """An open source. Iterating yields blocks in order until the source ends.
 
-    Frame indices never go back: ``block.start == previous end + block.dropped``. Lost frames are counted
-    in `health` and marked on the next block; a stream never makes up samples. `close` (or leaving the
-    context) may be called from another thread and ends the iteration.
+    Frame indices never go back: ``block.start == previous end + block.dropped``. Lost frames are counted in
+    `health` and marked on the next block; a stream never invents samples. `close` (or leaving the context)
+    may be called from another thread and ends the iteration.
     """
 
     @property
@@ -80,20 +80,20 @@ class Stream(ABC):
         """Yield blocks; waits where the device is slower than the reader."""
 
     def in_time(self) -> Iterator[Block]:
-        """Yield blocks, and where a device is away, what is lost meanwhile as blocks without samples."""
+        """Yield blocks; while a device is absent, yield the lost frames as blocks without samples."""
         return iter(self)
 
     def close(self) -> None:  # noqa: B027
-        """End the iteration, from whatever thread; a stream that never waits need not override it."""
+        """End the iteration, from any thread; a stream that never waits need not override it."""
 
     @property
     def pending(self) -> Samples:
-        """Frames captured and not yet yielded: how far the reader is behind. Zero for a file."""
+        """Frames captured but not yet yielded: the reader's backlog. Zero for a file."""
         return 0
 
     @property
     def paced(self) -> bool:
-        """Whether a clock sets the pace, so that a late reader loses windows; else the reader does."""
+        """Whether a clock sets the pace, so that a late reader loses windows."""
         return False
 
     @property
@@ -103,19 +103,19 @@ class Stream(ABC):
 
     @property
     def controls(self) -> Controls | None:
-        """A way in to a simulated string while it sounds; None where there is none."""
+        """Controls of a simulated string; None where there are none."""
         return None
 
     def truth(self, start: Samples, stop: Samples) -> Truth:  # noqa: ARG002
-        """Return the true labels over [start, stop), empty where there are none (real hardware)."""
+        """Return the true labels over [start, stop); empty on real hardware."""
         return {}
 
 
 class Source(Checked, ABC):
-    """Options of a source, as a frozen keyword-only dataclass whose first field is what to open.
+    """Options of a source, as a frozen keyword-only dataclass whose first field is the input.
 
-    The command line's INPUT argument fills that first field. A source's `open` raises `InputError` for
-    options or a file that cannot be used, and `DeviceError` for a device or server that is not there.
+    The command line's INPUT argument sets that first field. `open` raises `InputError` for invalid options or
+    an unusable file, and `DeviceError` for a missing device or server.
     """
 
     @abstractmethod
@@ -124,9 +124,9 @@ class Source(Checked, ABC):
 
 
 def refuse_other_channels(channels: int) -> None:
-    """Raise `InputError` for no channel, or more than `MAX_CHANNELS`."""
+    """Raise `InputError` for no channels, or more than `MAX_CHANNELS`."""
     if not 1 <= channels <= MAX_CHANNELS:
-        raise InputError(f"{channels} channels", f"1 or 2, or up to {MAX_CHANNELS} of several strings")
+        raise InputError(f"{channels} channels", f"1 or 2, or up to {MAX_CHANNELS} for several strings")
 
 
 def refuse_other_rates(sample_rate: float, what: str, remedy: str) -> None:

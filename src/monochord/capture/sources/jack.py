@@ -1,4 +1,4 @@
-"""Capture from a JACK (or PipeWire) server: every frame accounted for, whatever Python is doing."""
+"""Capture from a JACK (or PipeWire) server: every frame is accounted for, however busy Python is."""
 
 from collections.abc import Generator
 from contextlib import contextmanager
@@ -20,26 +20,25 @@ class Jack(Source):
     """Ports of a running JACK server, captured by a compiled callback into a ring.
 
     A period (the server's unit, one block here) is captured when all `channels` inputs are connected. Frames
-    that were lost, or passed while a port or the server was away, are measured by JACK's clocks and reported
-    as the next block's `dropped`. No server is ever started.
+    that are lost, or pass while a port or the server is absent, are measured by JACK's clocks and reported as
+    the next block's `dropped`. This source never starts a server.
 
     Parameters
     ----------
     ports
-        Ports to capture: full names of output ports, as ``monochord list devices`` shows them, or regular
-        expressions for them, as in ``player:.*`` (as many as there are channels, in the order found),
-        separated by commas; empty for the physical capture ports; ``none`` to wait until something else
-        connects this client's inputs.
+        Ports to capture, separated by commas: full names of output ports, as shown by ``monochord list
+        devices``, or regular expressions such as ``player:.*`` (the first matches, one per channel). Empty
+        selects the physical capture ports; ``none`` waits until another program connects the inputs.
     client_name
         This client's name on the server.
     server
         Name of the server; empty for ``$JACK_DEFAULT_SERVER`` or else ``default``.
     channels
-        Inputs to capture: 1 or 2, or up to 64 of several strings.
+        Inputs to capture: 1 or 2, or up to 64 for several strings.
     ring_seconds
-        How long the reader may be busy before frames are lost, in seconds.
+        How long the reader may pause before frames are lost, in seconds.
     reconnect
-        Whether to wait for a server or port that went away; otherwise the stream ends there.
+        Whether to wait for a lost server or port; otherwise the stream ends.
     patience_seconds
         How long to wait for the server to come back, in seconds.
     """
@@ -54,7 +53,7 @@ class Jack(Source):
 
     @contextmanager
     def open(self) -> Generator["JackStream"]:
-        """Connect to the server; raises `DeviceError` if there is none, or not such ports."""
+        """Connect to the server; raises `DeviceError` if the server or a port is missing."""
         refuse_other_channels(self.channels)
         if not self.client_name:
             raise InputError("client_name ''", "a name")

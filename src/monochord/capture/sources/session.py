@@ -1,4 +1,4 @@
-"""A recorded session, played again."""
+"""Plays back a recorded session."""
 
 from collections.abc import Generator
 from contextlib import contextmanager
@@ -22,24 +22,23 @@ MAX_CHANNELS = 2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SessionSource(Source):
-    """A session (.mcap): its audio with the gaps that it has, and its labels as truth.
+    """A session (.mcap): its audio with the recorded gaps, and its labels as truth.
 
-    Frames have the indices that they had when they were recorded, so that windows and estimates are the same
-    as they were live. A session that was cut off is played up to its damage.
+    Frames keep their recorded indices, so that windows and estimates equal the live ones. A session that was
+    cut off plays up to its damage.
 
     Parameters
     ----------
     path
-        The file.
+        The session file.
     block
-        Frames a block; one before a gap holds what is left.
+        Frames per block; a block before a gap may be shorter.
     speed
-        Pace against real time: 1 yields each block when its last frame would have been captured, 20 twenty
-        times as fast, 0 as fast as the file can be read.
+        Playback speed: 1 is real time, 20 is twenty times as fast, 0 as fast as the file can be read.
     aligned
-        Whether labels are on the clock of the force sensor, where there is one, as the twin's and those of a
-        measurement are: the microphones' delay, estimated from taps, is then subtracted. It costs the time
-        to detect the taps; without it labels are taken to be on the microphones' clock.
+        Whether labels are on the force sensor's clock, where there is one: this holds for the twin's and for
+        measured labels. The microphones' delay, estimated from taps, is then subtracted, which takes time to
+        detect the taps. Otherwise labels are on the microphones' clock.
     """
 
     path: Path
@@ -49,7 +48,7 @@ class SessionSource(Source):
 
     @contextmanager
     def open(self) -> Generator["_SessionStream"]:
-        """Open the file; raises `InputError` where it or an option cannot be used."""
+        """Open the file; raises `InputError` where the file or an option cannot be used."""
         session = read_session(Path(self.path))
         channels, what = session.description.channels, f"session {self.path}"
         if channels > MAX_CHANNELS:
@@ -83,7 +82,7 @@ class _SessionStream(PacedStream):
     def truth(self, start: Samples, stop: Samples) -> Truth:
         """Return the labels of the window of frames [start, stop), by the rules of `monochord.core.labels`.
 
-        Nothing is known while the drivers are off for the taps.
+        Labels are unknown while the drivers are off for the taps.
         """
         rate, origin = self._line
         begin, end = self._alignment.correct(AUDIO, origin + np.array([start, stop]) / rate).tolist()
@@ -95,6 +94,6 @@ class _SessionStream(PacedStream):
         return self._gaps_after.get(self._start, self._start) - self._start
 
     def _read(self, frames: Samples) -> Audio:
-        """Return the next frames, at most to the next gap."""
+        """Return the next frames, up to the next gap."""
         end = self._gap_starts[np.searchsorted(self._gap_starts, self._start, side="right")]
         return self._samples[:, self._start : min(self._start + frames, int(end))]

@@ -12,25 +12,25 @@ from monochord.core.ranges import Count
 if TYPE_CHECKING:
     from monochord.capture.sources._soundcard_stream import SoundcardStream
 
-NO_CARD = "plug one in, or use the source jack or wav"
+NO_CARD = "connect one, or use the source jack or wav"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Soundcard(Source):
     """A sound card's input.
 
-    PortAudio's callback is Python here: it copies into a ring of two seconds and does nothing else, yet it
-    waits for the interpreter's lock, so a busy program loses frames (and says so). Where every frame
-    counts, use the source ``jack``.
+    PortAudio's callback runs in Python: it only copies into a ring of two seconds, yet it waits for the
+    interpreter lock, so a busy program loses frames (and reports them). Where every frame counts, use the
+    source ``jack``.
 
     Parameters
     ----------
     device
-        Name or part of it, or number, of the input device; empty for the default.
+        Name, part of the name, or number of the input device; empty for the default.
     sample_rate
         Frames a second.
     channels
-        Inputs to capture: 1 or 2, or up to 64 of several strings.
+        Inputs to capture: 1 or 2, or up to 64 for several strings.
     block
         Frames a block.
     """
@@ -42,7 +42,7 @@ class Soundcard(Source):
 
     @contextmanager
     def open(self) -> Generator["SoundcardStream"]:
-        """Open the device and start it; raises `DeviceError` if there is no PortAudio or no such input."""
+        """Open and start the device; raises `DeviceError` where PortAudio or the input is missing."""
         refuse_other_rates(self.sample_rate, "sound card", "set sample_rate=44100")
         refuse_other_channels(self.channels)
         # Imported here: both fail, or take long, where this source is not used.

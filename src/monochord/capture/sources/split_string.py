@@ -1,4 +1,4 @@
-"""The split-string simulation in place of the two contact microphones, with its true labels."""
+"""The split-string simulation as an audio source with true labels."""
 
 import math
 from collections import deque
@@ -28,45 +28,44 @@ from monochord.physics.strings import load_string
 from monochord.physics.theory import mixing_matrix, open_frequency
 
 LABEL_STEP: Samples = 32
-"""Frames from one label to the next."""
+"""Frames between labels."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SplitStringSource(Source):
-    """A driven string that is touched now and then, simulated: `monochord.physics.split_string`.
+    """A simulated driven string with occasional touches: `monochord.physics.split_string`.
 
     Parameters
     ----------
     preset
-        The string, by its name or as a TOML file.
+        The string: a preset's name or a TOML file.
     speed
-        Pace against real time: 1 yields each block when its last frame would have been captured, 0 as fast as
-        the reader takes it.
+        Playback speed: 1 is real time, 0 as fast as the reader accepts it.
     duration
         Length in seconds; 0 without end.
     script
-        Touches in the order of their starts, such as ``[{start = 1.0, position = 0.2, force = 0.5, seconds =
+        Touches in order of start time, such as ``[{start = 1.0, position = 0.2, force = 0.5, seconds =
         2.0}]``; one without ``seconds`` lasts until the next. Empty: touches drawn at random.
     seed
         Random seed of the touches and of the noise; equal seeds give equal sounds.
     hold
-        Mean time in seconds that a random touch, or none, lasts.
+        Mean duration of a random touch or pause, in seconds.
     forces
-        Least and greatest normal force of a random touch in N.
+        Range of a random touch's normal force, in N.
     places
-        Where random touches fall, as fractions of the length.
+        Range of random touch positions, as fractions of the length.
     settle
-        For how many seconds after a change of touch the truth counts as unsettled.
+        How long after a change of touch the truth counts as unsettled, in seconds.
     level
-        Approximate velocity in m/s that the drivers sustain at a pickup, for any string; samples are
+        Approximate velocity that the drivers sustain at a pickup, in m/s, for any string; samples are
         velocities in m/s.
     strike
-        Strength of the pluck at each change of touch, in multiples of `level`. After a weak strike the
-        harmonics that sound depend on those before: see the drivers' feedback.
+        Strength of the pluck at each change of touch, in multiples of `level`. After a weak strike, the
+        sounding harmonics depend on the previous ones: see the drivers' feedback.
     noise
-        Standard deviation of the microphones' own white noise, as a sample value.
+        Standard deviation of the microphones' white noise, in sample units.
     block
-        Frames a block; the last one holds what is left.
+        Frames per block; the last block may be shorter.
     sample_rate
         In Hz.
     """
@@ -88,7 +87,7 @@ class SplitStringSource(Source):
 
     @contextmanager
     def open(self) -> Generator["_SimulatedStream"]:
-        """Begin with the untouched string; raises `InputError` for a preset or option that cannot be used."""
+        """Open with the untouched string; raises `InputError` for an invalid preset or option."""
         string = load_string(self.preset).string
         self._refuse_impossible(string)
         stream = _SimulatedStream(self, string)
@@ -103,14 +102,14 @@ class SplitStringSource(Source):
             scripted.refuse_impossible(string.length)
         refuse_unlike_clamps(self.script)
         if list(self.script) != sorted(self.script, key=lambda scripted: scripted.start):
-            raise InputError("script out of order", "touches by their start, the earliest first")
+            raise InputError("script out of order", "touches in order of start time")
 
 
 def _setup(string: StringParams, level: MetresPerSecond) -> SplitString:
     """Return the untouched string with a drive and a first pluck of about the given level.
 
-    At resonance the drive makes up for the loss: one driver on half the string, or two on the whole, at a
-    quarter of the segment, sustain 2 A / (d L) at a pickup there.
+    At resonance the drive balances the loss: one driver on half the string, or two on the whole, at a quarter
+    of the segment, sustain 2 A / (d L) at a pickup there.
     """
     return SplitString(
         string=string,
@@ -163,7 +162,7 @@ class _SimulatedStream(PacedStream):
         return one_window_labels(LabelTrack(time=frame / rate, columns=columns), start / rate, stop / rate)
 
     def _read(self, frames: Samples) -> Audio:
-        """Return the next frames, with touches that change at their own sample and not at a block's."""
+        """Return the next frames; touches change at their exact sample, not at a block's edge."""
         parts: list[np.ndarray] = []
         while frames:
             now = self._ringing.start

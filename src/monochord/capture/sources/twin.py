@@ -1,4 +1,4 @@
-"""The twin in place of the sensor: a driven string that is pressed and slid over, with its true labels."""
+"""The twin as an audio source: a driven string, pressed and slid over, with true labels."""
 
 import math
 from collections.abc import Generator, Iterable, Iterator
@@ -31,7 +31,7 @@ from monochord.physics.twin.world import World, plausible_touch, sensor_of
 
 LABELS = ("contact", "position", "force", "slip", "slip_across", "slip_along", "settled")
 CHUNK: Samples = 2048
-"""Frames that are simulated at once, if a block is not longer."""
+"""Frames simulated at once, unless a block is longer."""
 PLUCK_HEIGHT = 5e-4
 """Height of the first pluck, as a share of the length."""
 
@@ -40,53 +40,52 @@ PLUCK_HEIGHT = 5e-4
 class TwinSource(Source):
     """The virtual sensor in real time: `monochord.physics.twin`, simulated in every sample.
 
-    Its `truth` of a window is labelled by the rules of datasets (`monochord.core.labels`): ``contact`` and
-    ``slip``, 0 or 1 and left out where neither is certain; ``transition``; where the string is touched the
-    means of ``position`` in m, ``force`` in N (with ``force_std``), of the sliding speed ``slip_velocity`` in
-    m/s and of its signed parts ``slip_across`` and ``slip_along``; and ``settled``, the share of the window
-    in which the sound has come to rest.
+    Its `truth` of a window follows the labelling rules of datasets (`monochord.core.labels`): ``contact`` and
+    ``slip``, 0 or 1, left out where uncertain; ``transition``; during contact, the means of ``position`` in
+    m, ``force`` in N (with ``force_std``), sliding speed ``slip_velocity`` in m/s and its signed parts
+    ``slip_across`` and ``slip_along``; and ``settled``, the share of the window in which the sound is steady.
 
     Parameters
     ----------
     sensor
-        A preset's name or a TOML file of your own.
+        A preset's name or a TOML file.
     build
-        Seed of another sensor of the same design, within its tolerances; by default the design itself. The
-        signal's string is the design's either way, which is all that an estimator can know.
+        Seed of a sensor built to the same design within its tolerances; by default the nominal design. The
+        signal's string is the nominal design either way, since an estimator knows nothing else.
     day
-        Seed of the same sensor on another day; by default the day it was tuned.
+        Seed of the same sensor's drift on another day; by default the day it was tuned.
     world
         "ideal", or "plausible": what a real build brings besides, such as ends and objects that give way,
         other contact laws, a wrong tuning, distortion and hum, drawn by `build` (0 if there is none), `day`
         and `seed`.
     script
-        Touches in the order of their starts, such as ``[{start = 1.0, position = 0.08, force = 0.5,
-        seconds = 2.0, across = 0.01}]``; without ``seconds`` the touch stays. Empty: touches drawn at random.
+        Touches in order of start time, such as ``[{start = 1.0, position = 0.08, force = 0.5, seconds = 2.0,
+        across = 0.01}]``; without ``seconds`` the touch stays. Empty: touches drawn at random.
     seed
-        Random seed of the touches, of surfaces and of the converters' noise; equal seeds give equal sounds.
+        Random seed of touches, surfaces and converter noise; equal seeds give equal sounds.
     hold
-        Mean time in seconds that a random touch lasts.
+        Mean duration of a random touch, in seconds.
     forces
-        Least and greatest normal force of a random touch in N.
+        Range of a random touch's normal force, in N.
     places
-        Where random touches fall, as shares of the sensing range.
+        Range of random touch positions, as shares of the sensing range.
     slips
         Share of the random touches that move while they press.
     materials
-        Materials of random touches; the first is a script's default. Names or files.
+        Materials of random touches (names or files); the first is a script's default.
     tension_law
         How force raises tension: "geometric", the stretch of the deflected string, or "linear".
     noise
-        A wav or flac file that sounds around the sensor, repeated without end; none if empty.
+        A wav or flac file with ambient noise, repeated without end; none if empty.
     snr
         Ratio of the untouched string's sound to that noise, in dB.
     speed
-        Pace against real time: 1 yields each block when its last frame would have been captured, 0 as fast as
-        the reader takes it.
+        Playback speed: 1 is real time, 0 as fast as the reader accepts it.
     duration
         Length in seconds; 0 without end.
     block
-        Frames a block, by default the usual hop, so that each completes a window; the last may be shorter.
+        Frames per block, by default the usual hop, so that each block completes a window; the last may be
+        shorter.
     sample_rate
         In Hz.
     """
@@ -112,7 +111,7 @@ class TwinSource(Source):
 
     @contextmanager
     def open(self) -> Generator["_TwinStream"]:
-        """Begin with the untouched, plucked string; raises `InputError` for an option that cannot be used."""
+        """Open with the untouched, plucked string; raises `InputError` for an invalid option."""
         design = load_sensor(self.sensor)
         self._refuse_impossible(design)
         sensor = sensor_of(design, self.world, build=self.build, day=self.day)
@@ -123,7 +122,7 @@ class TwinSource(Source):
             stream.release()
 
     def touches(self, design: Sensor) -> Iterable[ScriptedTouch]:
-        """Return the touches of a sensor of this design: the script, or those drawn."""
+        """Return the touches of a sensor of this design: scripted or random."""
         low, high = design.range
         return self.script or draw_touches(
             seed=self.seed,
@@ -135,7 +134,7 @@ class TwinSource(Source):
         )
 
     def ambient_noise(self, sensor: Sensor) -> Outside | None:
-        """Return the noise around the sensor, at its ratio to the sensor's own sound."""
+        """Return the ambient noise, scaled to its ratio to the sensor's sound."""
         if not self.noise:
             return None
         with open_audio(Path(self.noise), allow_truncated=False) as file:
@@ -153,9 +152,7 @@ class TwinSource(Source):
             touch.refuse_impossible(design.string.length)
         for before, after in zip(self.script, self.script[1:], strict=False):
             if not before.end <= after.begin:
-                given = (
-                    f"a touch from {after.begin:.3g} s, before the last one has ended ({before.end:.3g} s)"
-                )
+                given = f"a touch from {after.begin:.3g} s, before the previous one ends ({before.end:.3g} s)"
                 raise InputError(given, "touches one after another", "set seconds")
 
 
@@ -194,13 +191,13 @@ class _TwinStream(PacedStream):
 
     @property
     def controls(self) -> Controls | None:
-        """The string under a hand, where it sounds at the pace of a clock."""
+        """Controls of the string, at a finite speed."""
         return self._hand if self.paced else None
 
     def _read(self, frames: Samples) -> Audio:
-        """Return the next frames; they are simulated ahead in chunks, which costs fewer calls.
+        """Return the next frames, simulated ahead in chunks to save calls.
 
-        A hand on the string is followed in every block.
+        With a hand on the string, each block is simulated separately.
         """
         while self._ahead.shape[1] < frames:
             chunk = frames if self._hand.manual else max(frames, CHUNK)
@@ -209,7 +206,7 @@ class _TwinStream(PacedStream):
         return np.ascontiguousarray(samples)
 
     def _simulate(self, frames: Samples) -> Audio:
-        """Simulate until an object comes or goes, `frames` at most, and store the labels."""
+        """Simulate `frames`, or up to an object's arrival or departure, and store the labels."""
         if self._hand.retuning != self._retuned:
             self._retune()
         if self._hand.manual != self._by_hand:
@@ -234,7 +231,7 @@ class _TwinStream(PacedStream):
         return take.microphones if noise is None else self._noise.added(take.microphones, start, *noise)
 
     def _hand_over(self) -> None:
-        """Begin or end the touches of a hand; the others go on where their time has come by then."""
+        """Begin or end touches by hand; due automatic touches continue otherwise."""
         self._by_hand = self._hand.manual
         if self._by_hand:
             self._led.take_over(self._twin.scene.touches)
@@ -244,7 +241,7 @@ class _TwinStream(PacedStream):
             self._change = next(self._changes, None)
 
     def _retune(self) -> None:
-        """Tune the string otherwise, and pluck it anew: its modes are no longer what they were."""
+        """Retune the string and pluck it again, since its modes have changed."""
         self._retuned = self._hand.retuning
         string, before = self._built.string, self._twin
         retuned = replace(string, tension=string.tension * (1.0 + self._retuned) ** 2)
@@ -259,13 +256,13 @@ class _TwinStream(PacedStream):
 def _with_effects(
     changes: Iterator[tuple[Samples, tuple[Touch, ...]]], seed: int
 ) -> Iterator[tuple[Samples, tuple[Touch, ...]]]:
-    """Yield the same touches with the mounts and surfaces of the world `plausible`."""
+    """Yield the same touches with the mounts and surfaces of the realistic world."""
     for start, touches in changes:
         yield start, tuple(plausible_touch(touch, seed) for touch in touches)
 
 
 def label_columns(labels: Labels) -> dict[str, Floats]:
-    """Return the labels of every frame by name, those of a touch only where there is one."""
+    """Return each label for every frame, by name; touch labels only during contact."""
     columns: dict[str, Floats] = {"settled": labels.settled}
     if labels.contact.shape[0]:
         columns |= {

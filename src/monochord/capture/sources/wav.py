@@ -1,4 +1,4 @@
-"""A recording on disk, read block by block, as fast as possible or at the pace of a clock."""
+"""An audio file, read block by block, as fast as possible or at the pace of a clock."""
 
 import math
 import os
@@ -22,23 +22,22 @@ from monochord.core.units import Samples
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wav(Source):
-    """A wav or flac file of one or two channels, or of those of several strings, at 16 to 96 kHz.
+    """A wav or flac file of one or two channels (more for several strings), at 16 to 96 kHz.
 
     Parameters
     ----------
     path
-        The file.
+        The audio file.
     block
-        Frames a block; the last one holds what is left.
+        Frames per block; the last block may be shorter.
     speed
-        Pace against real time: 1 gives each block when its last frame is due, 20 twenty times
-        as fast, 0 as fast as the file can be read.
+        Playback speed: 1 is real time, 20 is twenty times as fast, 0 as fast as the file can be read.
     repeat
-        How many times to play the file, the sample index growing on; 0 without end.
+        How many times to play the file, with a continuous sample index; 0 without end.
     allow_truncated
-        Whether to read what is there of a file that was cut short, to the last whole block.
+        Whether to read a truncated file, up to its last complete block.
     channels
-        Most channels that the file may have.
+        Largest number of channels accepted.
     """
 
     path: Path
@@ -50,9 +49,9 @@ class Wav(Source):
 
     @contextmanager
     def open(self) -> Generator["_FileStream"]:
-        """Open the file; raises `InputError` where it or an option cannot be used."""
+        """Open the file; raises `InputError` where the file or an option cannot be used."""
         refuse_other_channels(self.channels)
-        file = open_audio(Path(self.path), allow_truncated=self.allow_truncated, most=self.channels)
+        file = open_audio(Path(self.path), allow_truncated=self.allow_truncated, max_channels=self.channels)
         stream = _FileStream(file, self)
         try:
             yield stream
@@ -72,7 +71,7 @@ class _FileStream(PacedStream):
         self._file.close()
 
     def _read(self, frames: Samples) -> Audio:
-        """Return the next frames, running on from the file's end to its beginning."""
+        """Return the next frames, continuing from the file's end to its beginning."""
         parts = [self._read_here(frames)]
         while (missing := frames - sum(map(len, parts))) and self._round != self._options.repeat:
             self._round += 1

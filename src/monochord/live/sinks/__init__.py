@@ -1,4 +1,4 @@
-"""Where predictions go: one file a kind of sink, found by its name."""
+"""Sinks, which take the live predictions: one module per kind, found by name."""
 
 from monochord.core.registry import Registry
 from monochord.live.sinks.base import Sink

@@ -1,4 +1,4 @@
-"""Notes on the sensor's health in words: for the terminal's frame, and as news for a log."""
+"""The sensor's health notes as text: in the terminal's frame, and as log lines."""
 
 import textwrap
 from collections.abc import Mapping
@@ -11,20 +11,22 @@ from monochord.live.health import Level, Note
 from monochord.live.sinks.base import Update
 
 LABELS: Mapping[Level, str] = {"error": "error", "warning": "warning", "info": "note"}
-"""What a note is called by its level, the worst first."""
+"""Label of a note by level, worst first."""
 STYLES: Mapping[Level, str] = {"error": "bold red", "warning": "bold orange1", "info": "bold cyan"}
-BRIEF: Seconds = 0.5
-"""An info that lasts for less, such as that a new touch settles, is not shown."""
+MIN_INFO_TIME: Seconds = 0.5
+"""An info note shorter than this, such as a settling touch, is not shown; in s."""
 INDENT = 11
-"""Columns before the words."""
+"""Columns before the text."""
 MIN_WIDTH = 8
-"""Columns of words, however narrow the terminal."""
+"""Smallest text width in columns, however narrow the terminal."""
 
 
 def current(update: Update) -> list[Note]:
-    """Return the notes of an update, the worst first, then the oldest, without an info that is `BRIEF`."""
+    """Return an update's notes, worst first, then oldest, without infos shorter than `MIN_INFO_TIME`."""
     now, order = update.prediction.time, list(LABELS)
-    shown = [note for note in update.notes if note.level != "info" or now - note.since >= BRIEF - 1e-9]
+    shown = [
+        note for note in update.notes if note.level != "info" or now - note.since >= MIN_INFO_TIME - 1e-9
+    ]
     return sorted(shown, key=lambda note: order.index(note.level))
 
 
@@ -59,20 +61,20 @@ def clipped(note: Note, name: str, columns: int) -> Text:
 
 
 def news(before: Mapping[str, Note], update: Update) -> tuple[Mapping[str, Note], list[str]]:
-    """Return the notes that there are now, by key, and a line for each that has ended or is new.
+    """Return the current notes by key, and a line for each new or ended note.
 
     Parameters
     ----------
     before
-        What this returned for the update before; empty at first.
+        The notes returned for the previous update; empty at first.
     update
-        The update now.
+        The present update.
 
     Returns
     -------
     tuple[Mapping[str, Note], list[str]]
-        One that only changes its sentence, as where something is counted, is no news; one that changes its
-        level is.
+        The notes and the lines. A note whose sentence alone changes, such as a counter, gives no line; a
+        change of level does.
     """
     if not update.notes and not before:
         return before, []

@@ -1,4 +1,4 @@
-"""An update as one flat table of plain values, and the time of day that goes with it."""
+"""An update as one flat table of plain values, with its wall-clock time."""
 
 import math
 import time
@@ -12,13 +12,13 @@ NANO = 1_000_000_000
 
 
 def record(update: Update, *, everything: bool) -> dict[str, Any]:
-    """Return position and frequency, and with `everything` the rest of what is known of a window.
+    """Return position and frequency of a window, and with `everything` all other values.
 
-    That is the other estimates, truth, latency, counters, and what is followed over time: ``open_frequency``
-    in Hz with its ``_std`` and its ``_deviation``, the share by which it lies above the known one,
-    ``tracked_NAME`` with its ``_std``, ``decided_NAME`` true or false, ``events`` of this window as objects,
-    and the stable keys of ``notes``. The name of one of several strings comes first. What is no finite number
-    is None, as JSON has neither NaN nor infinity.
+    These are the other estimates, truth, latency, counters, and the values over time: ``open_frequency`` in
+    Hz with its ``_std`` and its ``_deviation`` relative to the nominal frequency, ``tracked_NAME`` with its
+    ``_std``, ``decided_NAME`` true or false, ``events`` of this window as objects, and the stable keys of
+    ``notes``. With several strings, the string's name comes first. NaN and infinity become None, since JSON
+    has neither.
     """
     values = {"string": update.string} if update.string else {}
     values |= _position(update.prediction)
@@ -30,8 +30,8 @@ def record(update: Update, *, everything: bool) -> dict[str, Any]:
 def unix_nanoseconds(update: Update) -> int:
     """Return when the window's last frame was at the converter, in ns since the Unix epoch.
 
-    Where the source does not know, it is when that frame was at hand. The system's clock is read here, so
-    that a clock that is set, or slewed by NTP, is followed.
+    Where the source does not know, it is when that frame became available. The system clock is read at each
+    call, so that steps and NTP corrections take effect.
     """
     monotonic = update.at_hand if update.adc_time is None else update.adc_time + update.window.duration
     ahead = time.time_ns() - time.monotonic_ns()

@@ -1,4 +1,4 @@
-"""The drawn string: between its ends, bent where it is touched, swinging as loud as it sounds."""
+"""The drawn string: fixed at its ends, bent at the touch, swinging according to loudness."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -13,15 +13,15 @@ from monochord.core.units import Metres, Newtons
 ROWS = 5
 REST = 6.0  # dots from the top to the string at rest
 SWING = 5.0  # dots of the largest swing
-TOUCH, TRUTH, STRING, BLUR, QUIET = "bold bright_cyan", "yellow", "bold white", "grey50", "grey42"
+TOUCH, TRUTH, STRING, BLUR, FRAME = "bold bright_cyan", "yellow", "bold white", "grey50", "grey42"
 DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])
 """Bits of a Braille character by row and column."""
 
 
 class Canvas:
-    """Curves of Braille dots, two across and four down in every character cell.
+    """Curves in Braille dots, two columns and four rows in each character cell.
 
-    Curves are drawn over each other in styles; a cell takes the style of the curve drawn last in it.
+    Later curves are drawn over earlier ones; a cell takes the style of its last curve.
     """
 
     def __init__(self, columns: int, rows: int) -> None:
@@ -33,13 +33,13 @@ class Canvas:
 
     @property
     def width(self) -> int:
-        """Dots across."""
+        """Width in dots."""
         return 2 * self.columns
 
     def curve(self, heights: Floats, style: str, first: int = 0) -> None:
-        """Draw a curve from dot column `first` on, given its height from the top in dots, one a column.
+        """Draw a curve from dot column `first` on, from its height below the top in dots for each column.
 
-        Neighbouring points are joined, so that a steep curve has no holes.
+        Neighbouring points are joined, so that a steep curve has no gaps.
         """
         self._styles.append(style)
         y = np.clip(np.rint(heights), 0, 4 * self.rows - 1).astype(np.intp)
@@ -52,7 +52,7 @@ class Canvas:
         self._style[_cells(drawn).any(axis=(2, 3))] = len(self._styles) - 1
 
     def sign(self, column: int, row: int, character: str, style: str) -> None:
-        """Put a character over whatever dots its cell has."""
+        """Put a character over a cell's dots."""
         self._styles.append(style)
         self._style[row, column] = len(self._styles) - 1
         self._signs[row, column] = ord(character)
@@ -90,16 +90,16 @@ def draw(
 ) -> list[Text]:
     """Return the picture as lines of `columns` cells.
 
-    `touch` is position and standard error, `levels` the loudness of the two segments from 0 to 1; without
-    a touch only the largest counts. `caption` stands at the true position `truth`, or at the left end.
-    `ends` are the names of the string's ends.
+    `touch` is position and standard error, `levels` the loudness of the two segments from 0 to 1; without a
+    touch only the larger counts. `caption` stands at the true position `truth`, or at the left end. `ends`
+    names the string's ends.
     """
     canvas = Canvas(columns - 2, ROWS)
     if touch is None:
         _segment(canvas, 0, canvas.width, np.full(canvas.width, REST), max(levels))
     else:
         _touched(canvas, float(np.clip(touch[0] / length, 0.0, 1.0)), force, levels)
-    lines = [Text.assemble(("▐", QUIET), line, ("▌", QUIET)) for line in canvas.lines()]
+    lines = [Text.assemble(("▐", FRAME), line, ("▌", FRAME)) for line in canvas.lines()]
     above = _spread(columns, length, touch)
     return [above, *lines, _true(columns, length, truth, caption), *_ruler(columns, length, ends)]
 
@@ -124,7 +124,7 @@ def _segment(canvas: Canvas, left: int, right: int, rest: Floats, level: float) 
 
 
 def _spread(columns: int, length: Metres, touch: tuple[Metres, Metres] | None) -> Text:
-    """Return the line above the string: two standard errors to each side of the touch."""
+    """Return the line above the string: two standard errors on each side of the touch."""
     if touch is None:
         return Text(" " * columns)
     column = _column(columns, length, touch[0])
@@ -134,7 +134,7 @@ def _spread(columns: int, length: Metres, touch: tuple[Metres, Metres] | None) -
 
 
 def _true(columns: int, length: Metres, truth: Metres | None, caption: str) -> Text:
-    """Return the line below the string: the true position, and what the touch does there."""
+    """Return the line below the string: the true position, and the touch's true state."""
     if truth is None:
         return Text(f" {caption}"[:columns].ljust(columns), TRUTH)
     column = _column(columns, length, truth)
@@ -159,7 +159,7 @@ def _ruler(columns: int, length: Metres, ends: tuple[str, str]) -> list[Text]:
         left = column - len(str(millimetres)) // 2
         if left > len(left_end) + 1 and left + len(text) < columns - len(right_end) - 1:
             numbers[left : left + len(text)] = text
-    return [Text("".join(line), QUIET), Text("".join(numbers), QUIET)]
+    return [Text("".join(line), FRAME), Text("".join(numbers), FRAME)]
 
 
 def _column(columns: int, length: Metres, position: Metres) -> int:

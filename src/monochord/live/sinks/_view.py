@@ -22,27 +22,27 @@ from monochord.live.sinks.base import Update
 
 LABEL, DIM, WARN, BAND = "grey62", "grey42", "bold orange1", "cyan"
 MAX_FORCE: Newtons = 2.0
-"""Force at the right end of its scale; what is above lies at that end."""
+"""Force at the right end of its scale, in N; larger values are drawn at that end."""
 WORDS = {"contact": ("untouched", "touched"), "slip": ("rests", "slides")}
-"""What no and yes mean of a probability."""
+"""Words for a probability near 0 and near 1."""
 ESTIMATED, TRUE, BOTH = "●", "◆", "◉"
 NAMED_COLUMNS = 72
-"""Columns from which the ends of a scale are named."""
+"""Smallest width in columns at which the ends of a scale are named."""
 FLOOR = -60.0  # decibels at the left end of a level meter
 EIGHTHS = " ▏▎▍▌▋▊▉"
 ORDER = ("contact", "position", "force", "slip", "frequency")  # what a person looks for first
-NO_TROUBLE = ("no contact", "not estimated")
-"""Reasons for an abstention that are no trouble."""
+NORMAL_REASONS = ("no contact", "not estimated")
+"""Abstention reasons that are not problems."""
 TRACK_COLUMN = 37
 """Columns before a track."""
 MIN_TRACK = 8
-"""Cells of a track that can still be read."""
+"""Smallest readable width of a track, in cells."""
 MAX_EVENTS = 3
-"""Events in a plain line; there is one a second, however often a touch begins and ends."""
+"""Number of events in a plain line, which is printed once a second however many there are."""
 
 
 class Rank(IntEnum):
-    """What goes before what on a terminal that is too low for all of it."""
+    """Priority of each part on a terminal that is too low for all of them."""
 
     EXTRA = 0
     TRACKED = 1
@@ -65,7 +65,7 @@ NOTE_RANKS = {"error": Rank.ERROR, "warning": Rank.WARNING, "info": Rank.INFO}
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """Lines of a frame that stay or go together; of a note the first may stay alone."""
+    """Lines of a frame that are shown or left out together; of a note the first line may stay alone."""
 
     rank: Rank
     lines: Sequence[Text]
@@ -84,7 +84,7 @@ def frame(
 ) -> list[Text]:
     """Return the picture of one update as lines, `columns` wide and fewer than `rows`.
 
-    `length` is that of the drawn string, `ends` are the names of its ends, and `last` is the last event.
+    `length` is that of the drawn string, `ends` names its ends, and `last` is the last event.
     """
     truth = update.truth
     sound_levels = [levels(channel) for channel in update.window.samples]
@@ -129,7 +129,7 @@ def frame(
 def several(updates: Iterable[Update], latency: Percentiles, columns: int, rows: int) -> list[Text]:
     """Return a line for each of several strings, and one for its worst note, fewer than `rows`.
 
-    Where there is no room for both, an error is shown in place of the estimates.
+    Where both do not fit, an error replaces the estimates.
     """
     parts = list[Part]()
     for update in updates:
@@ -143,7 +143,7 @@ def several(updates: Iterable[Update], latency: Percentiles, columns: int, rows:
 
 
 def fitted(parts: Sequence[Part], rows: int) -> list[Text]:
-    """Return the lines of the parts that fit into `rows`, the highest rank first, of equals the first.
+    """Return the lines of the parts that fit into `rows`, highest rank first, then in order.
 
     >>> parts = [Part(Rank.TITLE, [Text("a")]), Part(Rank.BLANK, [Text()]), Part(Rank.ERROR, [Text("b")])]
     >>> [line.plain for line in fitted(parts, 2)]
@@ -161,7 +161,10 @@ def fitted(parts: Sequence[Part], rows: int) -> list[Text]:
 
 
 def plain(update: Update, latency: Percentiles, events: Sequence[Event] = ()) -> str:
-    """Return one line without any drawing, for a log or a pipe; `events` are those since the line before."""
+    """Return one line without any drawing, for a log or a pipe.
+
+    `events` are those since the previous line.
+    """
     health = update.health
     estimates = ", ".join(_in_words(name, e) for name, e in _ordered(update.prediction.estimates.items()))
     rms = " / ".join(f"{levels(channel)[0]:.0f}" for channel in update.window.samples)
@@ -176,7 +179,7 @@ def plain(update: Update, latency: Percentiles, events: Sequence[Event] = ()) ->
 
 
 def event_in_words(event: Event) -> str:
-    """Return an event as a person reads it.
+    """Return an event as text.
 
     >>> event_in_words(Event(name="contact", on=True, time=12.34, delay=0.03, confidence=0.98))
     'touched at 12.34 s, decided 30 ms later, 98 %'
@@ -186,7 +189,7 @@ def event_in_words(event: Event) -> str:
 
 
 def _events_in_words(events: Sequence[Event]) -> str:
-    """Return the newest events as the end of a plain line, and how many there were where not all are said."""
+    """Return the newest events as the end of a plain line, with their total where some are left out."""
     if not events:
         return ""
     more = f"{len(events)} events, the last: " if len(events) > MAX_EVENTS else ""
@@ -199,14 +202,14 @@ def _change(event: Event) -> str:
 
 
 def levels(channel: Audio) -> tuple[float, float]:
-    """Return the level of a channel, root mean square and peak, in dB below full scale; NaN stays NaN."""
+    """Return a channel's level, root mean square and peak, in dB below full scale; NaN stays NaN."""
     with np.errstate(all="ignore"):
         wide = channel.astype(np.float64)
         return decibels(float(np.sqrt(np.mean(wide**2)))), decibels(float(np.max(np.abs(wide))))
 
 
 def quantity(value: float, unit: str) -> str:
-    """Return a value as a person reads it: lengths in millimetres.
+    """Return a value with its unit as text; lengths are in millimetres.
 
     >>> quantity(0.22748, "m")
     '227.5 mm'
@@ -249,7 +252,7 @@ def _estimates(update: Update, length: Metres, columns: int) -> Iterator[Text]:
         line = Text.assemble((f"  {name.replace('_', ' '):<12}", LABEL))
         if not estimate.valid:
             line.append(f"{'--':>10}", DIM)
-            line.append(f"  {estimate.reason}", WARN if estimate.reason not in NO_TROUBLE else DIM)
+            line.append(f"  {estimate.reason}", WARN if estimate.reason not in NORMAL_REASONS else DIM)
         elif name in WORDS:
             word, share = probability_in_words(name, estimate.value)
             line.append(f"{word:>10}", "bold").append(f"  {share:<11}", LABEL)
@@ -264,7 +267,7 @@ def _estimates(update: Update, length: Metres, columns: int) -> Iterator[Text]:
 def _with_track(
     line: Text, name: str, estimate: Estimate, truth: Truth, length: Metres, columns: int
 ) -> Text:
-    """Return a row with its track, and the truth in figures, where there are any."""
+    """Return a row with its track and the true value, where there are any."""
     true, scale = true_value(name, truth), scale_of(name, length)
     words = ""
     if true is not None:
@@ -283,7 +286,7 @@ def _with_track(
 
 
 def _caption(truth: Truth) -> str:
-    """Return what is true of the touch beside where it is; empty where nothing is known."""
+    """Return the true state of the touch besides its position; empty where unknown."""
     if not truth:
         return ""
     words = ["truth" if truth.get("contact", 1.0) else "truth: untouched"]
@@ -296,7 +299,7 @@ def _caption(truth: Truth) -> str:
 
 
 def _truth_in_words(truth: Truth) -> str:
-    """Return all that is true, for a line without a drawing."""
+    """Return all true values, for a line without a drawing."""
     first, *rest = _caption(truth).split(", ")
     units = {"position": "m", "force": "N"}
     values = [f"{name} {quantity(truth[name], unit)}" for name, unit in units.items() if name in truth]
@@ -317,7 +320,7 @@ def _meter(number: int, rms: float, peak: float, columns: int) -> Text:
 
 
 def _tracked(update: Update) -> Text:
-    """Return what is decided and tracked over time."""
+    """Return the decided and tracked values."""
     decided = [WORDS[name][on] for name, on in update.decided.items() if name == "contact"]
     values = [
         f"{quantity(each.value, each.unit)} ± {quantity(each.std, each.unit)}"
@@ -350,7 +353,7 @@ def _health(update: Update) -> Text:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scale:
-    """What a quantity's track goes from and to, in the unit of the estimate, and how its ends are called."""
+    """The range of a quantity's track, in the estimate's unit, and the labels of its ends."""
 
     low: float
     high: float
@@ -379,7 +382,7 @@ def scale_of(name: str, length: Metres) -> Scale | None:
 
 
 def probability_in_words(name: str, probability: float) -> tuple[str, str]:
-    """Return the likelier answer, and how likely it is.
+    """Return the more likely answer and its probability.
 
     >>> probability_in_words("slip", 0.03)
     ('rests', '97 %')
@@ -396,7 +399,7 @@ def _percent(share: float) -> str:
 
 
 def track(scale: Scale, estimate: Estimate, truth: float | None, width: int) -> Text:
-    """Return the track: estimate, one standard error to each side, and the truth where it is known."""
+    """Return the track: the estimate, one standard error on each side, and the truth where known."""
     cells, styles = ["─"] * width, [DIM] * width
     if estimate.valid and math.isfinite(estimate.std):
         first = scale.at(estimate.value - estimate.std, width)
@@ -415,7 +418,7 @@ def track(scale: Scale, estimate: Estimate, truth: float | None, width: int) -> 
 
 
 def true_value(name: str, truth: Truth) -> float | None:
-    """Return the true value of a quantity; None if it is unknown or nothing touches the string."""
+    """Return the true value of a quantity; None where unknown or without contact."""
     if name != "contact" and not truth.get("contact", 1.0):
         return None
     value = truth.get(name, math.nan)
@@ -423,9 +426,9 @@ def true_value(name: str, truth: Truth) -> float | None:
 
 
 def legend(truth: Truth) -> Text:
-    """Return what the marks of a track mean."""
+    """Return the meaning of a track's marks."""
     line = Text.assemble(("  ", ""), (ESTIMATED, TOUCH), (" estimate  ", DIM), ("━", BAND))
-    line.append(" one standard error to each side", DIM)
+    line.append(" one standard error on each side", DIM)
     if truth:
         line.append("  ").append(TRUE, TRUTH).append(" truth  ", DIM)
         line.append(BOTH, TOUCH).append(" both", DIM)

@@ -1,7 +1,7 @@
 """The contract of a sink: frozen options, opened for a run into a writer of predictions.
 
-What the live loop must know of a sink beforehand, the sink declares: whether its output is data on standard
-output, and whether each of several strings has one of its own. Nobody looks at its fields.
+A sink declares everything that the live loop needs to know in advance: whether its output is data on standard
+output, and whether each of several strings has its own instance. The loop does not look at its fields.
 """
 
 import warnings
@@ -31,28 +31,29 @@ from monochord.live.health import Note
 from monochord.perception.estimators.base import Condition
 
 BACKLOG = 256
-"""Windows that wait for most sinks: 2.5 s at the usual hop, and 9 MB of sound, which all sinks share."""
+"""Default backlog in windows: 2.5 s at the usual hop, with 9 MB of sound shared by all sinks."""
 NEWEST = 10
-"""Windows that wait for a sink whose reader acts on the newest: 0.1 s, as many as ROS 2 keeps of a topic."""
-NOTHING_DECIDED: Mapping[str, bool] = MappingProxyType({})
+"""Backlog in windows of a sink whose reader needs the newest one: 0.1 s, ROS 2's usual topic depth.
+"""
+NO_DECISIONS: Mapping[str, bool] = MappingProxyType({})
 NO_STRINGS: Mapping[str, Signal] = MappingProxyType({})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Update(NamedEstimates):
-    """What is known of a string at a window: `mc.listen` yields it, and a sink takes it.
+    """All values of a string at one window: `mc.listen` yields it, and a sink takes it.
 
-    Each estimate is an attribute: ``update.position``, ``update.force``; ``update.tracked.position`` is the
-    estimate over time, which also holds what was learned earlier of the same touch. `decided` says whether
-    there is ``contact`` and ``slip``, without flicker; a name is missing where nothing is decided yet.
-    `events` are those of this window, and `notes` what a person should know of the sensor now.
+    Each estimate is an attribute: ``update.position``, ``update.force``. ``update.tracked.position`` is the
+    estimate over time, which includes earlier windows of the same touch. `decided` holds ``contact`` and
+    ``slip`` without flicker; a name is missing while undecided. `events` are those of this window, and
+    `notes` the present messages about the sensor.
 
-    `prediction` is the estimator's answer to `window` alone, and `condition` what the estimator knows of the
-    string by then, None where it does not watch it. `truth` is empty for real hardware; `skipped` counts
-    windows left out so far because the reader was late, and `health` what the source lost. `adc_time` is the
-    monotonic-clock time of the window's first frame at the converter, where the source knows it, and
-    `at_hand` that at which the last one was at hand. `string` is the name of the string, of a run that has
-    several; empty for one alone. Sinks in several threads share an update.
+    `prediction` is the estimator's result for `window` alone, and `condition` the estimator's knowledge of
+    the string, None where it does not watch it. `truth` is empty for real hardware; `skipped` counts the
+    windows skipped so far because the reader was late, and `health` the source's losses. `adc_time` is the
+    monotonic time of the window's first frame at the converter, where the source knows it, and `at_hand` the
+    time at which its last frame became available. `string` is the string's name in a run with several; empty
+    for one. Sinks in several threads share an update.
     """
 
     prediction: Prediction
@@ -61,7 +62,7 @@ class Update(NamedEstimates):
     truth: Truth
     skipped: int
     tracked: Tracked = field(default_factory=Tracked)
-    decided: Mapping[str, bool] = field(default_factory=lambda: NOTHING_DECIDED)
+    decided: Mapping[str, bool] = field(default_factory=lambda: NO_DECISIONS)
     events: tuple[Event, ...] = ()
     notes: tuple[Note, ...] = ()
     condition: Condition | None = None
@@ -81,23 +82,23 @@ class Update(NamedEstimates):
 
     @property
     def latency(self) -> Seconds:
-        """Time from the window's last sample being at hand to its estimates."""
+        """Time from the window's last sample being available to its estimates, in s."""
         return self.prediction.latency
 
     @property
     def estimates(self) -> Estimates:
-        """The estimates of this window by name; an open set."""
+        """The window's estimates by name; further names may occur."""
         return self.prediction.estimates
 
     def _named(self) -> Estimates:
         return self.prediction.estimates
 
     def __str__(self) -> str:
-        """Return time and estimates as a person reads them."""
+        """Return time and estimates as text."""
         return f"{self.time:.2f} s: " + "; ".join(f"{name} {each}" for name, each in self.estimates.items())
 
     def __getitem__(self, name: str) -> Estimate:
-        """Return an estimate by name; deprecated, as ``update.position`` is the same."""
+        """Return an estimate by name; deprecated, use ``update.position``."""
         said = f"update['{name}'] is deprecated: use update.{name}"
         warnings.warn(said, DeprecationWarning, stacklevel=2)
         return self.prediction[name]
@@ -107,12 +108,11 @@ class Update(NamedEstimates):
 class Run:
     """The run that a sink is opened for.
 
-    `signal` is what the source says of its audio, with the string; of several strings, that of the first or
-    of the sink's own. `string` is the name of the string that the sink is for, empty for one alone or for all
-    of `strings`, whose signals these are by name. `length` is that of the string, in m, where the estimator
-    was given one, and `model` the folder or name of a trained model that answers, empty for none. `controls`
-    are there where the string can be touched. `is_output_taken` says that standard output carries the data of
-    another sink.
+    `signal` is the source's audio format with the string; with several strings, that of the first or of this
+    sink's string. `string` is the name of the sink's string; empty for a single string, or for a sink of all
+    `strings`, which holds their signals by name. `length` is the string's length in m, where the estimator
+    was given one, and `model` the trained model's folder or name, empty for none. `controls` is set where the
+    string can be touched. `is_output_taken` is true where another sink writes data to standard output.
     """
 
     signal: Signal
@@ -125,7 +125,7 @@ class Run:
 
 
 class NotDeliveredError(Exception):
-    """Raised by a writer that could not deliver a window; the window is counted, and the sink goes on."""
+    """Raised by a writer that could not deliver a window; the loss is counted, and the sink continues."""
 
 
 class Writer(ABC):
@@ -133,10 +133,10 @@ class Writer(ABC):
 
     @abstractmethod
     def write(self, update: Update) -> None:
-        """Take one prediction; a slow writer loses the oldest that wait for it, and delays nobody else.
+        """Write one prediction; a slow writer loses the oldest ones waiting for it, and delays no other.
 
-        Calls come one at a time, from a thread of the sink's own or from the live loop. A writer that raises
-        is closed, and gets no more; `NotDeliveredError` only counts the window as left out.
+        Calls come one at a time, from the sink's thread or the live loop. A writer that raises is closed;
+        `NotDeliveredError` only counts the window as left out.
         """
 
 
@@ -145,38 +145,41 @@ class Sink(Checked, ABC):
 
     @abstractmethod
     def open(self, run: Run) -> AbstractContextManager[Writer]:
-        """Open the sink for a run; leaving the context, perhaps in another thread, closes it."""
+        """Open the sink for a run; leaving the context, possibly in another thread, closes it."""
 
     @contextmanager
     def ahead(self) -> Generator["Sink"]:
-        """Begin what should not wait for the source, and yield the sink that is then opened."""
+        """Start anything that should not wait for the source, and yield the sink to open."""
         yield self
 
     @property
     def backlog(self) -> int:
-        """Windows that wait for it at most, where a clock paces the source; then the oldest is left out."""
+        """Most windows that wait for the sink while a clock paces the source.
+
+        Beyond, the oldest is dropped.
+        """
         return BACKLOG
 
     @property
     def fills_standard_output(self) -> bool:
-        """Whether its output is data on standard output, beside which nothing else may be printed there."""
+        """Whether the sink writes data to standard output, where nothing else may then be printed."""
         return False
 
     @property
     def is_for_each_string(self) -> bool:
-        """Whether each of several strings has one of its own; otherwise one takes the updates of all."""
+        """Whether each of several strings has its own instance; otherwise one instance takes all updates."""
         return False
 
 
 class Listener(Sink, Writer):
-    """A sink that is its own writer, for one run: it stores or counts what passes.
+    """A sink that is its own writer, for one run: it stores or counts the updates.
 
-    It is part of the program that runs the loop: called in the loop, and what it raises ends the run.
+    It belongs to the program that runs the loop: it is called in the loop, and its exceptions end the run.
     """
 
     @contextmanager
     def open(self, run: Run) -> Generator[Writer]:  # noqa: ARG002
-        """Return itself: there is nothing to open."""
+        """Return itself; nothing needs opening."""
         yield self
 
 

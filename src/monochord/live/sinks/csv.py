@@ -1,4 +1,4 @@
-"""A table: one row a window, as a spreadsheet or pandas reads it."""
+"""A table with one row per window, for a spreadsheet or pandas."""
 
 import csv
 import json
@@ -13,29 +13,29 @@ from monochord.live.sinks._record import NANO, record, unix_nanoseconds
 from monochord.live.sinks.base import Run, Sink, Update, Writer
 
 TRUE = ("true_contact", "true_slip", "true_position", "true_force")
-"""What a simulated source knows, not all of it in every window."""
+"""Columns of a simulated source's truth, some of them empty in some windows."""
 TRACKED = (
     "tracked_position", "tracked_position_std", "tracked_force", "tracked_force_std", "decided_contact",
     "decided_slip",
 )  # fmt: skip
-"""What is followed over time, not all of it from the first window on."""
+"""Columns of values over time, some of them empty in the first windows."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Csv(Sink):
-    """Write one row of comma-separated values a window.
+    """Write one row of comma-separated values per window.
 
     The first line names the columns: ``time``, the window's start in seconds since the stream began;
-    ``stamp``, when its last sample was at the converter (at hand, where the source does not know) in seconds
-    since the Unix epoch, to the nanosecond; then what `jsonl` writes, a reason ``NAME_why_not`` for each
-    estimate, and the window's ``events`` as JSON. What is not known is an empty cell. A value that the first
-    window did not have a column for stands in the last column, ``more``, as JSON. Every row is with the
-    system at once: a program that is killed loses none that it wrote.
+    ``stamp``, when its last sample was at the converter (or became available, where the source does not know)
+    in seconds since the Unix epoch, to the nanosecond; then the values of `jsonl`, a reason ``NAME_why_not``
+    for each estimate, and the window's ``events`` as JSON. An unknown value is an empty cell. A value without
+    a column in the first window goes into the last column, ``more``, as JSON. Every row reaches the system at
+    once: a killed program loses none of its rows.
 
     Parameters
     ----------
     path
-        The file to write; one that is there is replaced.
+        The file to write; an existing file is replaced.
     """
 
     path: str = "live.csv"
@@ -46,7 +46,7 @@ class Csv(Sink):
         try:
             file = Path(self.path).open("w", encoding="utf-8", newline="", buffering=1)  # noqa: SIM115
         except OSError as error:
-            raise InputError(f"file {self.path} ({error.strerror})", "a path that can be written") from error
+            raise InputError(f"file {self.path} ({error.strerror})", "a writable path") from error
         with file:
             yield _Rows(file)
 

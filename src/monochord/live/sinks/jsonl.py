@@ -1,4 +1,4 @@
-"""JSON lines: one object a window, to a file or to standard output."""
+"""JSON lines: one object per window, to a file or to standard output."""
 
 import json
 import os
@@ -19,19 +19,18 @@ class Jsonl(Sink):
     """Write one JSON object per window.
 
     Every object has ``time`` (start of the window, in seconds since the stream began), ``frequency``,
-    ``position``, ``position_std``, ``valid`` and ``why_not``, the last two of the position. A number that
-    is not known is null. Of several strings, the name of the window's comes first, as ``string``.
+    ``position``, ``position_std``, ``valid`` and ``why_not``; the last two belong to the position. An unknown
+    number is null. With several strings, ``string`` comes first, the name of the window's string.
 
     Parameters
     ----------
     path
         The file to write; ``-`` is standard output.
     everything
-        Whether to add the other estimates with their ``_std``, what the source knows to be true as
-        ``true_NAME``, the latency, the stream's counters, and what is followed over time: ``open_frequency``
-        of the string in Hz, with ``_std`` and ``_deviation``, the share by which it lies above the known one;
-        ``tracked_NAME`` with ``_std``, ``decided_NAME``, ``events``, and ``notes`` on the sensor's health by
-        their keys.
+        Whether to add the other estimates with their ``_std``, the source's truth as ``true_NAME``, the
+        latency, the stream's counters, and the values over time: the string's ``open_frequency`` in Hz, with
+        ``_std`` and ``_deviation``, its relative deviation from the nominal frequency; ``tracked_NAME`` with
+        ``_std``, ``decided_NAME``, ``events``, and the keys of the health ``notes``.
     """
 
     path: str = "-"
@@ -52,16 +51,16 @@ class Jsonl(Sink):
         try:
             file = Path(self.path).open("w", encoding="utf-8")  # noqa: SIM115
         except OSError as error:
-            raise InputError(f"file {self.path} ({error.strerror})", "a path that can be written") from error
+            raise InputError(f"file {self.path} ({error.strerror})", "a writable path") from error
         with file:
             yield _Lines(file, everything=self.everything, flush=False)
 
 
 @contextmanager
 def _standard_output() -> Generator[TextIO]:
-    """Yield a file of its own for standard output, where that has a number.
+    """Yield a separate file for standard output, where it has a descriptor.
 
-    A reader that stalls then holds up this file alone, and not what ends the program.
+    A reader that stalls then blocks only this file, not the end of the program.
     """
     sys.stdout.flush()
     try:

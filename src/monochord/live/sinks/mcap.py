@@ -18,35 +18,35 @@ from monochord.live.sinks.base import Run, Sink, Update, Writer
 from monochord.sessions import ESTIMATES, Description, SessionClock, SessionWriter
 
 WRITE_INTERVAL: Seconds = 0.25
-"""Time between writes: what a kill may lose."""
+"""Time between writes in s: the most that a kill can lose."""
 LATER = (
     "tracked_position", "tracked_position_std", "tracked_force", "tracked_force_std", "decided_contact",
     "decided_slip",
 )  # fmt: skip
-"""Columns that the first windows do not fill yet."""
+"""Columns that the first windows do not yet fill."""
 TRUE = ("true_contact", "true_slip", "true_position", "true_force")
-"""What a simulated source knows, not all of it in every window."""
+"""Columns of a simulated source's truth, some of them empty in some windows."""
 MIN_LOST: Samples = 32
-"""Frames of silence, exactly zero at every microphone, that make a gap in a window that has one."""
+"""Frames of exact silence at every microphone that count as a gap, in a window that has one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mcap(Sink):
-    """Record a session while it is estimated: what ``monochord sessions`` and `mc.read_session` read.
+    """Record a live session with its estimates, readable by ``monochord sessions`` and `mc.read_session`.
 
     The stream ``estimates`` has a reading for each window, at the time of its last sample: each estimate with
-    its ``_std``, NaN where it abstains, what is followed over time, the truth of a simulated source as
-    ``true_NAME``, and ``latency`` in s. Events are the begins and ends of touches and of sliding, notes on
-    the sensor's health as they come and go, and each abstention with its reason when that changes. The sound
-    is that of the windows, each frame once; frames that no window brought, lost by the device or because the
-    sink was left behind, are a gap. A kill loses a quarter of a second; where the disk is full, the file is
-    completed with what there is.
+    its ``_std``, NaN where it abstains; the values over time; the truth of a simulated source as
+    ``true_NAME``; and ``latency`` in s. Events are the beginnings and ends of contact and slip, health notes
+    as they appear and clear, and each change of an abstention's reason. The sound is that of the windows,
+    each frame once; frames missing from all windows, because the device lost them or the sink fell behind,
+    are a gap. A kill loses a quarter of a second; on a full disk, the file is completed with its current
+    content.
 
     Parameters
     ----------
     path
-        A new file, ``NAME.mcap``; empty for ``live_DATE_TIME.mcap`` in this folder. Of several strings, each
-        has a file, ``NAME_STRING.mcap``.
+        A new file, ``NAME.mcap``; empty for ``live_DATE_TIME.mcap`` in the current folder. With several
+        strings, each has a file, ``NAME_STRING.mcap``.
 
     Examples
     --------
@@ -61,12 +61,12 @@ class Mcap(Sink):
 
     @property
     def is_for_each_string(self) -> bool:
-        """Each string is recorded into a file of its own."""
+        """True: each string is recorded into a separate file."""
         return True
 
     @contextmanager
     def open(self, run: Run) -> Generator[Writer]:
-        """Create the file; raises `InputError` where it exists or cannot be made."""
+        """Create the file; raises `InputError` where it exists or cannot be created."""
         path = Path(self.path) if self.path else dated_path("live", ".mcap")
         path = path.with_stem(f"{path.stem}_{run.string}") if run.string else path
         session = _Session(path, run.signal)
@@ -125,7 +125,7 @@ class _Session(Writer):
         )
 
     def _begin(self, update: Update, values: dict[str, float]) -> None:
-        """Begin the file again, now that the columns and the time of the stream's first frame are known."""
+        """Start the file again, once the columns and the time of the stream's first frame are known."""
         truth = TRUE if update.truth else ()
         self._columns = tuple(dict.fromkeys((*values, *LATER, *truth)))
         self._known = set(self._columns)
@@ -149,7 +149,7 @@ class _Session(Writer):
         return self._writer.clock.origin + window.start / window.sample_rate + window.duration
 
     def _audio(self, update: Update) -> None:
-        """Write the frames that no window before brought."""
+        """Write the frames that no earlier window had."""
         window = update.window
         begin = max(self._end, window.start)
         fresh = window.samples[:, begin - window.start :]
@@ -203,7 +203,7 @@ class _Session(Writer):
 
 
 def _values(update: Update) -> dict[str, float]:
-    """Return all numbers of an update by name, NaN where one is not known."""
+    """Return all numbers of an update by name, NaN where unknown."""
     skipped = ("string", "time", "valid", "why_not", "dropped", "gaps", "xruns", "skipped", "events", "notes")
     return {
         name: math.nan if value is None else float(value)
@@ -222,9 +222,9 @@ def _finite(values: dict[str, float]) -> dict[str, float]:
 
 
 def _kept(samples: Audio) -> list[tuple[int, int]]:
-    """Return the runs of frames, first and one after the last, between those that were lost.
+    """Return the runs of frames, first and one after the last, between the lost ones.
 
-    Of a window with a gap: lost frames are zeros at every microphone, many at once or at its edge.
+    In a window with a gap, lost frames are zeros at every microphone, in long runs or at the window's edge.
 
     >>> _kept(np.array([[0, 0, 3, 0, 5, 0]], np.float32))
     [(2, 5)]

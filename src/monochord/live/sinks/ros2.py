@@ -1,4 +1,4 @@
-"""ROS 2 topics over DDS, without ROS."""
+"""ROS 2 topics over DDS, without a ROS installation."""
 
 import json
 import time
@@ -16,10 +16,10 @@ from monochord.live.sinks.base import NEWEST, NotDeliveredError, Run, Sink, Upda
 if TYPE_CHECKING:
     from monochord.capture.dds.participant import Participant
 
-DIAGNOSIS: Seconds = 1.0
-"""Time from one diagnosis to the next."""
+DIAGNOSTICS_INTERVAL: Seconds = 1.0
+"""Time between diagnostics messages, in s."""
 LEVELS = {"info": 0, "warning": 1, "error": 2}
-"""Level of a diagnosis by that of a note: OK, WARN, ERROR."""
+"""Diagnostic level of a note: OK, WARN, ERROR."""
 TOPICS = {
     "touch": "PointStamped",
     "wrench": "WrenchStamped",
@@ -33,38 +33,36 @@ TOPICS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ros2(Sink):
-    """Publish topics of ROS 2, one message a window; needs the extra ``ros``, but no ROS.
+    """Publish ROS 2 topics, one message per window; needs the extra ``ros``, but no ROS installation.
 
     Below the namespace: ``contact`` and ``slip``, ``std_msgs/Bool``; ``touch``,
     ``geometry_msgs/PointStamped``, whose x is the position from pickup 1 along the string in m; ``wrench``,
-    ``geometry_msgs/WrenchStamped``, whose force z is the normal force on what touches in N, 0 where nothing
-    does; and ``estimates``, ``monochord_msgs/Touch``, all of it with standard errors, validity and reasons. A
-    standard topic is silent for a window of which the sensor does not know that quantity. ``events``,
-    ``monochord_msgs/Event``, has a message when a touch or its sliding begins or ends, whose stamp is that
-    onset's, and whose data are the delay of the decision in s and its confidence. Once a second
-    ``/diagnostics``, ``diagnostic_msgs/DiagnosticArray``, has the notes on the sensor's health, latencies and
-    counters.
+    ``geometry_msgs/WrenchStamped``, whose force z is the normal force on the object in N, 0 without contact;
+    and ``estimates``, ``monochord_msgs/Touch``, with all estimates, standard errors, validity and reasons. A
+    standard topic is silent for a window without an estimate of its quantity. ``events``,
+    ``monochord_msgs/Event``, has a message when contact or slip begins or ends, stamped with the onset; its
+    data hold the decision's delay in s and its confidence. Once a second, ``/diagnostics``,
+    ``diagnostic_msgs/DiagnosticArray``, has the health notes, latencies and counters.
 
-    The stamp of every other header is the time at which the window's last sample was at the converter (at
-    hand, where the source does not know), on the system's clock. Publishing is reliable and keeps the last 10
-    messages; a subscriber that stalls or goes away delays nothing. No node appears in ``ros2 node list``, the
-    topics do in ``ros2 topic list``.
+    The stamp of every other header is the time at which the window's last sample was at the converter (or
+    became available, where the source does not know), on the system clock. Publishing is reliable and keeps
+    the last 10 messages; a stalled or lost subscriber delays nothing. The topics appear in ``ros2 topic
+    list``, but no node appears in ``ros2 node list``.
 
     Parameters
     ----------
     namespace
-        What stands before the topics' names; of several strings, each one's name follows.
+        Prefix of the topics; with several strings, each string's name follows it.
     frame
-        Frame of points and wrenches: x along the string from pickup 1, z off the string, as it is pressed. Of
-        several strings, each one's name stands before it, as in ``left_string``.
+        Frame of points and wrenches: x along the string from pickup 1, z away from the string towards the
+        object. With several strings, each string's name precedes it, as in ``left_string``.
     domain
         DDS domain; None for ``$ROS_DOMAIN_ID``, or else 0.
     interface
         Network interface; ``lo`` is this machine alone, empty lets the library choose. Anyone on that network
         can read the topics.
     tracked
-        Whether the standard topics have what is followed over time, where that is known; else they are of
-        each window alone.
+        Whether the standard topics carry the tracked values where known; else those of each window alone.
 
     Examples
     --------
@@ -81,12 +79,12 @@ class Ros2(Sink):
 
     @property
     def backlog(self) -> int:
-        """0.1 s of windows: who controls a robot wants the newest, and not all."""
+        """0.1 s of windows: a robot controller needs the newest ones."""
         return NEWEST
 
     @property
     def is_for_each_string(self) -> bool:
-        """Each string has topics below its name, and a frame of its own."""
+        """True: each string has a separate namespace and frame."""
         return True
 
     @contextmanager
@@ -128,8 +126,8 @@ class _Topics(Writer):
                 message = self._event(event, update, stamp)
                 self._writers["events"].write(message, ros.nanoseconds(message.header.stamp))
             if time.monotonic() >= self._next:
-                self._next = time.monotonic() + DIAGNOSIS
-                self._diagnostics.write(self._diagnosis(update, stamp), stamp)
+                self._next = time.monotonic() + DIAGNOSTICS_INTERVAL
+                self._diagnostics.write(self._diagnostics_message(update, stamp), stamp)
         except DDSException as error:  # a subscriber that takes none for too long
             raise NotDeliveredError from error
 
@@ -157,7 +155,7 @@ class _Topics(Writer):
         return messages
 
     def _event(self, event: Event, update: Update, stamp: int) -> Any:
-        """Return the message of an event, stamped by how long before the window's end its onset was."""
+        """Return an event's message, stamped with its onset."""
         from monochord.capture.dds import messages as ros  # noqa: PLC0415
 
         before = update.prediction.time + update.window.duration - event.time
@@ -168,7 +166,7 @@ class _Topics(Writer):
             data=json.dumps({"delay": event.delay, "confidence": event.confidence}),
         )
 
-    def _diagnosis(self, update: Update, stamp: int) -> Any:
+    def _diagnostics_message(self, update: Update, stamp: int) -> Any:
         from monochord.capture.dds import messages as ros  # noqa: PLC0415
 
         ordered, health = sorted(self._latencies), update.health
@@ -229,13 +227,13 @@ def _plain(estimate: Estimate) -> Any:
 
 
 def _newest(update: Update, name: str, *, tracked: bool) -> Estimate:
-    """Return what is followed over time, or else the estimate of the window."""
+    """Return the tracked estimate, or else the window's."""
     followed = update.tracked.get(name) if tracked else None
     return followed if followed and followed.valid else update.prediction.estimate(name)
 
 
 def _decision(update: Update, name: str, *, tracked: bool) -> bool | None:
-    """Return what is decided over time, or else what is more likely for the window; None where unknown."""
+    """Return the decision over time, or else the window's more likely value; None where unknown."""
     decided = update.decided.get(name) if tracked else None
     probability = update.prediction.estimate(name)
     if decided is not None or not probability.valid:

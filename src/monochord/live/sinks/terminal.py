@@ -1,4 +1,4 @@
-"""The live view in a terminal, or one plain line a second where there is none."""
+"""The live view in a terminal, or one plain line a second without one."""
 
 import sys
 import time
@@ -24,26 +24,25 @@ DEFAULT_LENGTH: Metres = 0.65  # to draw a string of unknown length
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Terminal(Sink):
-    """Draw the string with the touch on it, the estimates, levels, latency and the stream's health.
+    """Draw the string with the touch, the estimates, levels, latency and the stream's health.
 
-    Below stand the last event and the notes on the sensor's health, the worst first, each with what to do. A
-    low terminal leaves out the least important; an error is the last to go. Several strings have a line each,
-    and one for the worst note.
+    Below are the last event and the health notes with remedies, worst first. A low terminal leaves out the
+    least important parts; errors go last. With several strings, each has a line, plus one for its worst note.
 
-    Without a terminal a plain line is printed every second, with the events since the one before, and a line
-    at once where a note begins or ends.
+    Without a terminal, a plain line is printed every second, with the events since the previous one, and a
+    line at once where a note appears or clears.
 
     Parameters
     ----------
     length
-        Length of the drawn string in metres, from nut to bridge; 0 takes the signal's string, or 0.65 m.
+        Length of the drawn string in metres, from nut to bridge; 0 for the signal's string, else 0.65 m.
     interval
-        Shortest time between two pictures in seconds. A picture that takes long to draw makes it longer:
-        drawing is allowed one eighth of the loop's time.
+        Shortest time between pictures, in seconds. It grows for slow drawing, which may take one eighth of
+        the loop's time.
     plain
-        Whether to print one plain line a second, as without a terminal.
+        Whether to print one plain line a second, even in a terminal.
     stderr
-        Whether to draw on standard error, which leaves standard output to data.
+        Whether to draw on standard error and leave standard output to data.
     """
 
     length: Metres = 0.0
@@ -106,7 +105,7 @@ class _Picture(Writer):
         self._next = begin + max(self._interval, 8.0 * (end - begin))
 
     def close(self) -> None:
-        """Draw what came since the last picture."""
+        """Draw the last update, if newer than the picture."""
         if self._waiting is not None:
             self._draw(self._waiting)
 
@@ -126,7 +125,7 @@ class _Picture(Writer):
 
 
 class _Lines(Writer):
-    """Prints one line a second of each string, and the last one; notes as they begin and end."""
+    """Prints one line a second for each string, and a final one; notes as they appear and clear."""
 
     def __init__(self, console: Console) -> None:
         self._console = console
@@ -147,14 +146,14 @@ class _Lines(Writer):
             self._events.setdefault(name, []).extend(update.events)
         if now >= self._next.get(name, 0.0):
             self._next[name] = now + 1.0
-            self._print_moment(self._waiting.pop(name))
+            self._print_update(self._waiting.pop(name))
 
     def close(self) -> None:
         """Print the newest update of each string, unless it was printed."""
         for update in self._waiting.values():
-            self._print_moment(update)
+            self._print_update(update)
 
-    def _print_moment(self, update: Update) -> None:
+    def _print_update(self, update: Update) -> None:
         events = self._events.pop(update.string, [])
         self._print(_view.plain(update, self._latency.percentiles(), events))
 

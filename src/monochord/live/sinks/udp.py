@@ -1,4 +1,4 @@
-"""JSON datagrams: one a window, to another program here or on the network."""
+"""JSON datagrams: one per window, to another program on this machine or the network."""
 
 import json
 import socket
@@ -13,25 +13,25 @@ from monochord.live.sinks._record import NANO, record, unix_nanoseconds
 from monochord.live.sinks.base import NEWEST, NotDeliveredError, Run, Sink, Update, Writer
 
 RESOLVING: Seconds = 5.0
-"""How long the receiver's name may take to be found, before the first window."""
+"""Timeout for resolving the receiver's name before the first window, in s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Udp(Sink):
-    """Send one JSON object a window as a UDP datagram of some 600 to 1400 bytes.
+    """Send one JSON object per window as a UDP datagram of some 600 to 1400 bytes.
 
-    Every object has ``sequence``, which counts datagrams from 0 so that a receiver notices what was lost;
-    ``stamp``, when the window's last sample was at the converter (at hand, where the source does not know) in
-    seconds since the Unix epoch; then what `jsonl` writes, the estimates followed over time, ``events`` and
-    ``notes`` on the sensor's health among it. Nobody need receive it: a datagram that nobody takes is gone,
-    and one that the system does not send, as with a network that is down, is counted as left out.
+    Every object has ``sequence``, a datagram count from 0 that shows losses to the receiver; ``stamp``, when
+    the window's last sample was at the converter (or became available, where the source does not know) in
+    seconds since the Unix epoch; then the values of `jsonl`, including tracked estimates, ``events`` and
+    health ``notes``. Without a receiver, datagrams are lost silently; a datagram that the system cannot send,
+    as when the network is down, counts as left out.
 
     Parameters
     ----------
     to
         Address of the receiver, ``HOST:PORT``, or ``PORT`` on this machine. Datagrams are not encrypted.
     everything
-        Whether to send all of that; else count, stamp, position and frequency alone, some 250 bytes.
+        Whether to send all values; else only sequence, stamp, position and frequency, some 250 bytes.
 
     Examples
     --------
@@ -48,12 +48,15 @@ class Udp(Sink):
 
     @property
     def backlog(self) -> int:
-        """0.1 s of windows: who controls a robot wants the newest, and not all."""
+        """0.1 s of windows: a robot controller needs the newest ones."""
         return NEWEST
 
     @contextmanager
     def open(self, run: Run) -> Generator[Writer]:  # noqa: ARG002
-        """Find the receiver; raises `InputError` for no address, `DeviceError` for an unknown host."""
+        """Resolve the receiver.
+
+        Raises `InputError` for an invalid address, `DeviceError` for an unknown host.
+        """
         host, _, port = self.to.rpartition(":")
         if not is_port(port):
             raise InputError(f"address '{self.to}'", "HOST:PORT, or PORT of this machine")

@@ -1,4 +1,4 @@
-"""A page in the browser, where a simulated string is touched, too."""
+"""A browser page of the run, in which a simulated string can be touched."""
 
 import os
 import secrets
@@ -21,41 +21,41 @@ if TYPE_CHECKING:
     from monochord.live.web.server import Server
 
 RESOLVING = 5.0
-"""Seconds that the name of an own address may take to be found."""
+"""Timeout for resolving a local address, in s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Web(Sink):
-    """Serve a page that shows the run in any number of browsers, without anything from the internet.
+    """Serve a page that shows the run in any number of browsers, without internet access.
 
-    It shows the string with the touch on it, estimates with their standard errors, the spectra of both
-    microphones, levels, history, latency and notes on the sensor's health. A simulated string is touched
-    there with mouse or finger, and the truth stands beside the estimates. A session is recorded from there,
-    and tuning and calibration are guided. A page sees 30 updates a second at most, the newest; a slow one
-    sees fewer and delays nobody.
+    It shows the string with the touch, estimates with standard errors, both microphones' spectra, levels,
+    history, latency and health notes. A simulated string can be touched by mouse or finger, and the truth
+    stands beside the estimates. The page also starts a recording, and guides tuning and calibration. A page
+    gets at most 30 updates a second, always the newest; a slow page gets fewer and delays no other.
 
     Parameters
     ----------
     at
-        Port, or ``HOST:PORT``, of this machine: 127.0.0.1 by default, which no other machine reaches. Port 0
-        is the first free one from 8420 on.
+        Port, or ``HOST:PORT``, of this machine: by default on 127.0.0.1, which other machines cannot reach.
+        Port 0 selects the first free port from 8420 on.
     token
-        What an address must carry to be let in; empty, one is made where other machines reach the page.
+        Token required in the page's address; if empty, one is generated where other machines can reach the
+        page.
     folder
-        Where recordings, tunings and calibrations of the page go; this folder by default.
+        Folder for the page's recordings, tunings and calibrations; the current folder by default.
     length
-        Length of the drawn string in metres; 0 takes the signal's string, or 0.65 m.
+        Length of the drawn string in metres; 0 for the signal's string, else 0.65 m.
     browser
-        Whether to open the page in a browser, where there is a display.
+        Whether to open the page in a browser, if there is a display.
     stderr
-        Whether to print the address on standard error, which leaves standard output to data.
+        Whether to print the address on standard error and leave standard output to data.
     string
-        Of several strings, the one that a page shows until another is chosen there; empty for the first.
+        With several strings, the string a page shows at first; empty for the first string.
     allow_host
-        Other names by which browsers call the page, such as a full DNS name, or that of a proxy or of a
-        container's host: a list, each NAME or NAME:PORT. An address must carry a token then, too.
+        Other host names of the page, such as a full DNS name, a proxy's or a container host's name: a list of
+        NAME or NAME:PORT. A token is then required too.
     model
-        The trained model that a calibration adapts: by default the one that answers, if any does.
+        The trained model that a calibration adapts; by default the running model, if any.
     """
 
     at: str = "127.0.0.1:0"
@@ -70,7 +70,7 @@ class Web(Sink):
 
     @contextmanager
     def ahead(self) -> Generator[Sink]:
-        """Serve the page and print its address; raises `DeviceError` for an address that is taken."""
+        """Serve the page and print its address; raises `DeviceError` where the address is taken."""
         with self.served(to_stderr=self.stderr) as server:
             yield _Page(options=self, server=server)
 
@@ -82,7 +82,7 @@ class Web(Sink):
 
     @contextmanager
     def served(self, *, to_stderr: bool) -> Generator["Server"]:
-        """Run the server, whose address is printed."""
+        """Run the server and print its address."""
         with self._server() as server:
             opened = self.browser and _has_display() and webbrowser.open(server.address)
             hint = "" if opened or not self.browser else "  (open it in a browser)"
@@ -106,7 +106,7 @@ class Web(Sink):
 
 @dataclass(frozen=True, kw_only=True)
 class _Page(Sink):
-    """The page of a run, on a server that runs already or on one of its own."""
+    """The page of a run, on a running server or a new one."""
 
     options: Web
     server: "Server | None" = None
@@ -135,7 +135,7 @@ class _Page(Sink):
 
 
 class _Views(Writer):
-    """Shows each update where those of its string are shown."""
+    """Passes each update to the views of its string."""
 
     def __init__(self, views: Mapping[str, Writer]) -> None:
         self._views = views
@@ -145,6 +145,6 @@ class _Views(Writer):
 
 
 def _has_display() -> bool:
-    """Return whether a browser that is opened here is seen by who sits at the terminal."""
+    """Return whether a browser opened here is visible to the user at the terminal."""
     remote = any(name in os.environ for name in ("SSH_CONNECTION", "SSH_TTY"))
     return sys.stdout.isatty() and not remote and any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY")))

@@ -1,1 +1,1 @@
-"""The page: a server that shows a live run in browsers, and passes their touches on to a simulated string."""
+"""The page: a server that shows a live run in browsers, and passes touches to a simulated string."""

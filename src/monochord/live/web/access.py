@@ -1,8 +1,8 @@
-"""Who may see the page: the addresses by which it is called, a token, and what a browser may do with it.
+"""Access control of the page: host names, a token, and browser restrictions.
 
-A page of anybody's may make a browser send requests to this machine. Three things keep it out: the name by
-which the server is called must be this machine's (a name of somebody else's that resolves to 127.0.0.1 is
-DNS rebinding), the page that opens a WebSocket must be our own, and beyond this machine a token is needed.
+A foreign web page can make a browser send requests to this machine. Three checks block it: the host name in a
+request must be this machine's (a foreign name that resolves to 127.0.0.1 is DNS rebinding); a WebSocket must
+be opened by this server's page; and from other machines a token is required.
 """
 
 import asyncio
@@ -28,15 +28,15 @@ App: TypeAlias = Callable[[Scope, Receive, Send], Awaitable[None]]
 Headers: TypeAlias = list[tuple[bytes, bytes]]
 
 COOKIE = "monochord"
-"""Name of the cookie that programs send; a browser's ends with the port."""
+"""Cookie name for programs; a browser's cookie name ends with the port."""
 FREE = 10
-"""Wrong tokens of an address that cost it nothing."""
+"""Number of wrong tokens from an address without a delay."""
 INTERVAL: Seconds = 0.1
-"""Time from one token of an address to the next, once it was wrong more often."""
+"""Delay between tokens from an address after that many wrong ones, in s."""
 MAX_ATTEMPTS = 64
-"""Requests that wait until their token is looked at."""
+"""Most requests that wait for their token to be checked."""
 MAX_SOURCES = 1024
-"""Addresses that are remembered; more are forgotten once they have waited."""
+"""Most addresses remembered; more are forgotten after their delay."""
 NAME = re.compile(r"[a-z0-9][a-z0-9_-]*(\.[a-z0-9][a-z0-9_-]*)*")
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
@@ -54,7 +54,7 @@ HEADERS: Headers = [
 
 
 def is_loopback(host: str) -> bool:
-    """Return whether a host is reached from this machine alone.
+    """Return whether a host address is reachable from this machine only.
 
     >>> is_loopback("127.0.0.1"), is_loopback("localhost"), is_loopback("0.0.0.0")
     (True, True, False)
@@ -66,12 +66,12 @@ def is_loopback(host: str) -> bool:
 
 
 def page_name(text: str) -> str:
-    """Return a name by which the page is called, NAME or NAME:PORT, as a browser writes it.
+    """Return a host name of the page, NAME or NAME:PORT, as a browser writes it.
 
     Raises
     ------
     InputError
-        If it is neither the name nor the address of a host.
+        If it is neither a host name nor an address.
 
     >>> page_name("Lab.Example.org."), page_name("lab:8443"), page_name("lab:443")
     ('lab.example.org', 'lab:8443', 'lab')
@@ -92,7 +92,7 @@ def page_name(text: str) -> str:
 
 @dataclass(slots=True)
 class _Source:
-    """What an address has tried: when its wrong tokens are made up for, and whose turn it is."""
+    """An address's attempts: when its delay ends, and its waiting requests."""
 
     due: Seconds = 0.0
     turn: asyncio.Lock = field(default_factory=asyncio.Lock)
@@ -103,15 +103,15 @@ class _Source:
 
 
 class Attempts:
-    """Looks at tokens, and slows down who tries many.
+    """Checks tokens, and slows down an address that tries many.
 
-    The first `FREE` wrong ones of an address cost it nothing. From then on its tokens, right or wrong, are
-    looked at in the order in which they came, one every `INTERVAL`. Other addresses wait for nothing.
+    The first `FREE` wrong tokens from an address have no delay. After that its tokens, right or wrong, are
+    checked in order, one every `INTERVAL`. Other addresses are not delayed.
 
     Parameters
     ----------
     is_right
-        Whether a text is the token.
+        Returns whether a text is the token.
     """
 
     def __init__(self, is_right: Callable[[str], bool]) -> None:
@@ -120,7 +120,7 @@ class Attempts:
         self._waiting = 0
 
     async def right(self, address: str, text: str, gone: Callable[[], bool] = lambda: False) -> bool | None:
-        """Return whether a text is the token, False where its sender is gone, and None where too many wait.
+        """Return whether a text is the token; False where its sender is gone, None where too many wait.
 
         >>> asyncio.run(Attempts("mine".__eq__).right("192.168.1.5", "yours"))
         False
@@ -151,12 +151,12 @@ class Attempts:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Guard:
-    """What is let through to the page: see the module.
+    """Decides which requests may reach the page; see the module.
 
-    `host` and `port` are what is listened at, `names` are other names by which the page is called, as
-    `page_name` returns them, and `token` is what a caller must know, nothing where it is empty. A link with
-    ``?token=...`` is answered with a cookie and without the token in the address. The cookie also holds
-    `key`, which nobody can guess: who was let in once never waits behind those who try tokens.
+    `host` and `port` are the listening address, `names` further host names as `page_name` returns them, and
+    `token` is the required token, empty for none. The server answers a link with ``?token=...`` by setting a
+    cookie and redirecting to the address without the token. The cookie also holds an unguessable `key`, so
+    that an admitted browser never waits behind others' token attempts.
     """
 
     host: str
@@ -165,11 +165,11 @@ class Guard:
     names: tuple[str, ...] = ()
     key: str = field(default_factory=secrets.token_urlsafe)
 
-    def known_host(self, header: str) -> bool:
-        """Return whether a Host header names this machine; any port, as a tunnel may end at another.
+    def names_this_machine(self, header: str) -> bool:
+        """Return whether a Host header names this machine; any port, since a tunnel may end at another one.
 
         >>> guard = Guard(host="127.0.0.1", names=("lab.example.org",))
-        >>> [guard.known_host(header) for header in ("localhost:9000", "lab.example.org", "evil.org")]
+        >>> [guard.names_this_machine(header) for header in ("localhost:9000", "lab.example.org", "evil.org")]
         [True, True, False]
         """
         name = _name(header)
@@ -183,7 +183,9 @@ class Guard:
         return _is_address(name) or name in (own, own.partition(".")[0], f"{own.partition('.')[0]}.local")
 
     def same_origin(self, origin: str | None, host: str) -> bool:
-        """Return whether a request comes from a page of this server; programs but browsers say nothing.
+        """Return whether a request comes from this server's page.
+
+        Programs other than browsers send no origin.
 
         >>> Guard(host="127.0.0.1").same_origin("http://localhost:1", "localhost:1")
         True
@@ -194,17 +196,17 @@ class Guard:
         return origin is None or origin.lower() in own
 
     def knows_token(self, text: str) -> bool:
-        """Return whether a text is the token, in a time that does not depend on where it differs."""
+        """Return whether a text is the token, in constant time."""
         return not self.token or hmac.compare_digest(text.encode(), self.token.encode())
 
     def around(self, app: App) -> App:
-        """Return an application that answers what is let through by `app`, and else refuses."""
+        """Return an application that passes admitted requests to `app` and refuses others."""
         from starlette.requests import HTTPConnection  # noqa: PLC0415  (loads a web server)
 
         attempts, is_told = Attempts(self.knows_token), False
 
         async def guarded(scope: Scope, receive: Receive, send: Send) -> None:
-            """Answer a request, or refuse it."""
+            """Pass a request on, or refuse it."""
             nonlocal is_told
             request = HTTPConnection(scope)
             if refusal := self._refusal(request.headers):
@@ -238,10 +240,10 @@ class Guard:
         return guarded
 
     def _refusal(self, headers: Mapping[str, str]) -> tuple[int, str] | None:
-        """Return status and reason where a request's names are refused, None where they are known."""
+        """Return status and reason where a request's host or origin is refused, None where accepted."""
         host, origin = headers.get("host", ""), headers.get("origin")
         for name in (host, headers.get("x-forwarded-host", host).partition(",")[0].strip()):
-            if not self.known_host(name):
+            if not self.names_this_machine(name):
                 return 421, f"This server is called by another name. {_advice(_name(name) or '')}"
         if not self.same_origin(origin, host):
             name = (origin or "").partition("://")[2]
@@ -249,7 +251,7 @@ class Guard:
         return None
 
     def _cookie_name(self, host: str) -> str:
-        """Return the cookie's name: a host's cookies are those of all its ports, with a page at each."""
+        """Return the cookie's name: cookies of a host are shared by all its ports, each with its own page."""
         try:
             port = urlsplit(f"//{host}").port
         except ValueError:
@@ -284,7 +286,10 @@ def _is_address(name: str) -> bool:
 
 
 def _network(address: str) -> str:
-    """Return the address of who tries tokens, of IPv6 the network, in which one machine has any address."""
+    """Return the address that tries tokens.
+
+    For IPv6 the network, since one machine can have any address in it.
+    """
     try:
         ip = ipaddress.ip_address(address.partition("%")[0])
     except ValueError:

@@ -1,9 +1,9 @@
-"""The connections to the page: those that ask nothing are few, have a deadline, and keep nobody out.
+"""The page's connections: idle ones are limited in number and time, and block no one.
 
-A connection waits for a request from when it is taken, and again after each answer. One that waits too long
-is closed, however slowly it drips; where too many wait, a new one takes the place of the one that has waited
-longest. A browser sends its request at once, and so gets its answer whoever else is connected. The WebSocket
-of an open page is no part of this: it is one request, which is answered for as long as it lasts.
+A connection waits for a request from when it is accepted, and again after each answer. One that waits too
+long is closed, however slowly it sends; where too many wait, a new connection replaces the longest waiting
+one. A browser sends its request at once, and so gets its answer however many connect. The WebSocket of an
+open page does not count: it is one long request.
 """
 
 import asyncio
@@ -19,36 +19,36 @@ from monochord.core.units import Seconds
 from monochord.live.web.access import App, Receive, Scope, Send
 
 MAX_WAITING = 64
-"""Connections that wait for their request at once."""
+"""Most connections waiting for their request."""
 DEADLINE: Seconds = 10.0
-"""How long a connection may take until its request is complete."""
+"""Time for a connection to complete its request, in s."""
 MIN_AGE: Seconds = 0.1
-"""How long a connection keeps its place at least, which bounds the work that a flood of them makes."""
+"""Shortest time a connection keeps its place, in s, which bounds the work that a flood causes."""
 ANSWER: Seconds = 30.0
-"""How long an answer may take until it is read, but for a WebSocket."""
+"""Time for an answer to be read, in s; not for a WebSocket."""
 REFUSAL: Seconds = 0.004
-"""How long no connection is taken for each request that is refused, so that they cost a bounded share."""
+"""Pause in accepting connections after each refused request, in s, so that refusals cost a bounded share."""
 RETRY: Seconds = 0.2
-"""Pause where the system gives no connection out."""
+"""Pause where the system refuses new connections, in s."""
 
 Protocol: TypeAlias = Callable[[dict[str, Any]], asyncio.BaseProtocol]
 
 
-def share_of_descriptors(part: int, most: int) -> int:
-    """Return one part in `part` of the files that this process may open, or `most` where that is less.
+def share_of_descriptors(part: int, limit: int) -> int:
+    """Return 1/`part` of the file descriptors that this process may open, at most `limit`.
 
     >>> share_of_descriptors(1, 2)
     2
     """
-    limit, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
-    return most if limit == resource.RLIM_INFINITY else max(1, min(most, limit // part))
+    allowed, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    return limit if allowed == resource.RLIM_INFINITY else max(1, min(limit, allowed // part))
 
 
 @dataclass(eq=False, slots=True)
 class Connection:
-    """A connection, which an application finds in the state of its scope.
+    """A connection, available to an application in its scope's state.
 
-    The application sets `is_let_in` where it does not refuse the request.
+    The application sets `is_let_in` once it accepts the request.
     """
 
     transport: asyncio.Transport | None = None
@@ -58,46 +58,46 @@ class Connection:
 
     @property
     def gone(self) -> bool:
-        """Whether it is closed, by whichever side."""
+        """Whether either side has closed the connection."""
         return self.transport is not None and self.transport.is_closing()
 
     @property
     def done(self) -> bool:
-        """Whether it is closed and nothing is left to be sent."""
+        """Whether the connection is closed with nothing left to send."""
         return self.gone and not self.sends
 
     @property
     def sends(self) -> bool:
-        """Whether some of an answer is still to be sent."""
+        """Whether part of an answer is still unsent."""
         return self.transport is not None and self.transport.get_write_buffer_size() > 0
 
 
 @dataclass(eq=False)
 class Connections:
-    """Takes connections from a listening socket and hands them to protocols; see the module.
+    """Accepts connections from a listening socket and passes them to protocols; see the module.
 
     Parameters
     ----------
     listening
-        The socket.
+        The listening socket.
     protocol
-        Makes the protocol of a connection from the state of its scopes.
+        Creates a connection's protocol from the state of its scopes.
     """
 
     listening: socket.socket
     protocol: Protocol
     closed: int = field(default=0, init=False)
-    """How many were closed because their request did not come in time."""
+    """Number of connections closed because their request did not arrive in time."""
     errors: int = field(default=0, init=False)
-    """How often the system gave no connection out."""
+    """Number of times the system refused a new connection."""
 
     def __post_init__(self) -> None:
         self._waiting: dict[Connection, None] = {}  # the one that waits longest first
         self._resume: Seconds = 0.0
-        self._most = share_of_descriptors(16, MAX_WAITING)
+        self._max_waiting = share_of_descriptors(16, MAX_WAITING)
 
     async def take(self) -> None:
-        """Take connections until cancelled."""
+        """Accept connections until cancelled."""
         loop = asyncio.get_running_loop()
         self.listening.setblocking(False)
         while True:
@@ -119,7 +119,7 @@ class Connections:
                 self._forget(connection)
 
     def around(self, app: App) -> App:
-        """Return an application that answers as `app`; a connection is not waiting meanwhile."""
+        """Return `app` wrapped so that its connection does not count as waiting during a request."""
 
         async def served(scope: Scope, receive: Receive, send: Send) -> None:
             """Answer a request."""
@@ -159,7 +159,7 @@ class Connections:
 
     async def _make_room(self) -> None:
         loop = asyncio.get_running_loop()
-        while len(self._waiting) >= self._most:
+        while len(self._waiting) >= self._max_waiting:
             if ended := next((each for each in self._waiting if each.done), None):
                 self._forget(ended)
                 continue
@@ -171,9 +171,9 @@ class Connections:
                 await asyncio.sleep(MIN_AGE - age)
 
     def _refused(self, error: OSError) -> None:
-        """Say once that the system gives no connection out, and give it back those that ask nothing."""
+        """Log once that the system refuses new connections, and close idle ones."""
         if not self.errors:
-            sys.stderr.write(f"page: new connections are not taken for the time being: {error.strerror}\n")
+            sys.stderr.write(f"page: new connections are paused: {error.strerror}\n")
         self.errors += 1
         for connection in [*self._waiting]:
             self._close(connection)

@@ -1,7 +1,7 @@
-"""What the page starts beside touches: a recording, and guided tuning and calibration.
+"""Recording, guided tuning and guided calibration, started from the page.
 
-Commands of several pages come in one thread and take effect in their order, whatever goes on: files are
-opened and closed in a second thread, results are computed in a third, and nothing waits for that one.
+Commands from several pages arrive in one thread and take effect in order. A second thread opens and closes
+files, a third computes results, and neither delays the commands.
 """
 
 import threading
@@ -20,23 +20,23 @@ from monochord.live.web.recording import Recording
 from monochord.live.web.steps import Calibration, Guided, Tuning
 
 MAX_WAITING = 16
-"""Files that wait to be opened or closed, as on a slow disk; what is asked then is refused."""
+"""Most files waiting to be opened or closed, as on a slow disk; further commands are refused."""
 Name: TypeAlias = Literal["tuning", "calibration"]
 Phase: TypeAlias = Literal["opening", "recording", "computing", "saving"]
 VERBS: Mapping[Name, str] = {"tuning": "Tune", "calibration": "Calibrate"}
-"""A step as its button calls it."""
+"""Button label of each step."""
 
 
 @dataclass(eq=False, slots=True)
 class _Take:
-    """A recording that was asked for: `recording` once its file is open."""
+    """A requested recording; `recording` is set once its file is open."""
 
     recording: Recording | None = None
 
 
 @dataclass(eq=False, slots=True)
 class _Step:
-    """A guided step that was asked for: `guided` once its file is open. A cancelled one keeps its phase."""
+    """A requested guided step; `guided` is set once its file is open. A cancelled step keeps its phase."""
 
     name: Name
     guided: Guided | None = None
@@ -44,22 +44,22 @@ class _Step:
 
 
 class _Cancelled(Exception):  # noqa: N818  (no error)
-    """A computation whose result nobody wants."""
+    """Raised in a computation that was cancelled."""
 
 
 class Bench:
-    """What the pages of one run began: `take` is called by the sink, all else by the server.
+    """The recordings and guided steps of a run: the sink calls `take`, the server everything else.
 
-    A command takes effect at once, or `state` says why it does not.
+    A command takes effect at once, or `state` says why not.
 
     Parameters
     ----------
     signal, length
-        What the source says of its audio, and the string's length.
+        The source's audio format, and the string's length in m.
     folder
-        Where files are made.
+        Folder of the files.
     model
-        The model that a calibration adapts; empty where none answers.
+        The model that a calibration adapts; empty for none.
     """
 
     def __init__(self, signal: Signal, length: Metres, folder: Path, model: str) -> None:
@@ -77,7 +77,7 @@ class Bench:
         self._saved = self._answer = ""
 
     def record(self, *, on: bool) -> bool:
-        """Begin a recording, or end it; return whether there was anything to do."""
+        """Start or end a recording; return whether that changed anything."""
         with self._lock:
             take = self._take
             if on is (take is not None) or not self._accepts("Record"):
@@ -90,23 +90,23 @@ class Bench:
         return True
 
     def tune(self) -> bool:
-        """Begin to tune."""
+        """Start a tuning."""
         return self._guide("tuning", lambda: Tuning(self._signal, self._folder))
 
     def calibrate(self, count: int) -> bool:
-        """Begin to calibrate by so many touches."""
+        """Start a calibration with a number of touches."""
         model, length = self._model, self._length
         make = lambda: Calibration(self._signal, self._folder, length, model, count)  # noqa: E731
         return bool(model) and self._guide("calibration", make)
 
     def hold(self, position: Metres, force: Newtons) -> bool:
-        """Take a touch from now on as one of this position and force."""
+        """Record a touch from now on with this position and force."""
         step = self._step
         guided = step.guided if step is not None and step.phase == "recording" else None
         return isinstance(guided, Calibration) and guided.hold(position, force)
 
     def cancel(self) -> bool:
-        """End a guided step without a result, or put its result away."""
+        """End a guided step without a result, or discard its result."""
         with self._lock:
             step, self._lines, self._answer = self._step, [], ""
             if step is not None and step.phase == "saving":
@@ -118,7 +118,7 @@ class Bench:
         return True
 
     def take(self, update: Update) -> None:
-        """Take an update of the run."""
+        """Add an update of the run."""
         take, step = self._take, self._step
         if take is not None and (recording := take.recording) is not None:
             recording.take(update)
@@ -134,7 +134,7 @@ class Bench:
                         self._computer.submit(self._compute, step, guided)
 
     def state(self) -> Mapping[str, Any]:
-        """Return what the page shows of it."""
+        """Return the state shown on the page."""
         take, step = self._take, self._step
         state: dict[str, Any] = {"calibrates": bool(self._model), "saved": self._saved, "lines": self._lines}
         state["answer"] = self._answer
@@ -147,7 +147,7 @@ class Bench:
         return state
 
     def close(self) -> None:
-        """Complete a recording and what is computed, and leave other steps; nothing is begun after that."""
+        """Complete a recording and running computations, and cancel other steps; no new ones start."""
         with self._lock:
             self._closed = True
             if self._take is not None:
@@ -159,14 +159,14 @@ class Bench:
         self._computer.shutdown(wait=True)
 
     def _accepts(self, command: str) -> bool:
-        """Return whether files can be opened or closed for a command; if not, the answer says so."""
+        """Return whether files can be opened or closed for a command; if not, the message says so."""
         accepts = self._waiting < MAX_WAITING and not self._closed
-        why = "what was asked before is still being written. Press it again later."
-        self._answer = "" if accepts else f"{command} is not done: {why}"
+        why = "earlier files are still being written. Try again later."
+        self._answer = "" if accepts else f"{command} refused: {why}"
         return accepts
 
     def _later(self, work: Callable[[], None]) -> None:
-        """Have a file opened or closed, after those before."""
+        """Queue a file to be opened or closed."""
 
         def done() -> None:
             try:
@@ -188,7 +188,7 @@ class Bench:
                 self._take = None if take is self._take else self._take
 
     def _stop(self, take: _Take) -> None:
-        """End a recording, unless that was done."""
+        """End a recording, unless already ended."""
         if take is self._take:
             self._take = None
             self._saved = "Completing the file …"
@@ -209,7 +209,7 @@ class Bench:
                 self._later(lambda: self._open(begun, make))
                 return True
             if step is not None and step.name != name:
-                self._answer = f"{VERBS[name]} did not begin: a {step.name} goes on. Cancel it first."
+                self._answer = f"{VERBS[name]} did not start: a {step.name} is in progress. Cancel it first."
             return False
 
     def _open(self, step: _Step, make: Callable[[], Guided]) -> None:
@@ -232,7 +232,7 @@ class Bench:
             return step.guided.state()
         if self._computed in (None, step):
             return {"says": "Computing …"}
-        return {"says": "Waiting until what was cancelled has stopped computing …"}
+        return {"says": "Waiting for the cancelled computation to stop …"}
 
     def _compute(self, step: _Step, guided: Guided) -> None:
         def check(*_: Any) -> None:

@@ -1,4 +1,4 @@
-"""Messages to the page, as JSON and as compact bytes, and the requests that it may send."""
+"""Messages to the page, as JSON and compact bytes, and the requests that the page may send."""
 
 import json
 import math
@@ -20,18 +20,18 @@ from monochord.live.web.guided import Bench
 from monochord.perception.estimators.base import Condition
 
 TOP: Hertz = 10_000.0
-"""Highest frequency of a spectrum that is sent."""
+"""Highest frequency of a transmitted spectrum, in Hz."""
 BARS = 512
-"""Values of a spectrum that are sent of each channel, each the highest of its band."""
+"""Number of spectrum values per channel, each the maximum of its band."""
 FLOOR = -110.0
-"""Decibels of full scale at the byte 0 of a spectrum; 255 is 0 dB."""
+"""Level at byte 0 of a spectrum, in dB of full scale; 255 is 0 dB."""
 MAX_CHANNELS = 8
 
 
 class Touch(msgspec.Struct, tag_field="do", tag="touch", forbid_unknown_fields=True):
-    """Touch the string at a position in m with a force in N, or lead the object there.
+    """Touch the string at a position in m with a force in N, or move the object there.
 
-    `across` is the speed in m/s at which it is drawn across the string.
+    `across` is the object's speed across the string in m/s.
     """
 
     position: float
@@ -57,7 +57,7 @@ class Show(msgspec.Struct, tag_field="do", tag="show", forbid_unknown_fields=Tru
 
 
 class Record(msgspec.Struct, tag_field="do", tag="record", forbid_unknown_fields=True):
-    """Begin a recording, or end it."""
+    """Start or end a recording."""
 
     on: bool
 
@@ -67,13 +67,13 @@ class Tune(msgspec.Struct, tag_field="do", tag="tune", forbid_unknown_fields=Tru
 
 
 class Calibrate(msgspec.Struct, tag_field="do", tag="calibrate", forbid_unknown_fields=True):
-    """Calibrate the model by so many touches."""
+    """Calibrate the model with a number of touches."""
 
     touches: Annotated[int, msgspec.Meta(ge=3, le=30)]
 
 
 class Hold(msgspec.Struct, tag_field="do", tag="hold", forbid_unknown_fields=True):
-    """Take the present touch as one of this position in m and force in N."""
+    """State that the present touch has this position in m and force in N."""
 
     position: float
     force: float
@@ -89,10 +89,10 @@ _decoder = msgspec.json.Decoder(Show | Touch | Release | Change | Record | Tune 
 def carry_out(
     text: str | bytes, controls: Controls | None, bench: Bench | None, show: Callable[[str], bool]
 ) -> str | None:
-    """Do what a page asks, and return what that was, None where it could not be done.
+    """Carry out a page's request, and return it; None where that was not possible.
 
-    A page of a source without controls, a message that is none, numbers that are none: nothing is done then.
-    `show` shows another string, and returns whether there is one of that name.
+    Nothing happens for a source without controls, an invalid message, or numbers that are not finite. `show`
+    shows another string, and returns whether a string of that name exists.
     """
     try:
         request = _decoder.decode(text)
@@ -130,12 +130,12 @@ def _begun(request: Record | Tune | Calibrate | Hold | Cancel, bench: Bench) -> 
 
 
 def waiting() -> str:
-    """Return the message to a page before the source is open."""
+    """Return the message sent before the source is open."""
     return packed({"type": "waiting"})
 
 
 def hello(signal: Signal, length: float, simulated: bool, controls: Controls | None) -> dict[str, Any]:  # noqa: FBT001
-    """Return what a page needs to know of a run once, without its history."""
+    """Return everything a page needs once about a run, without its history."""
     string = signal.string
     known = string is not None and string.linear_density > 0.0
     return {
@@ -155,12 +155,12 @@ def hello(signal: Signal, length: float, simulated: bool, controls: Controls | N
 
 
 def settings(controls: Controls) -> list[dict[str, Any]]:
-    """Return the settings of a source that can be changed, with their current values."""
+    """Return the source's changeable settings with their current values."""
     return [{"name": s.name, "choices": s.choices, "value": s.value} for s in controls.settings]
 
 
 def state(update: Update) -> dict[str, Any]:
-    """Return an update for the page: estimates of the window and over time, truth, levels and counters."""
+    """Return an update for the page: estimates, tracked estimates, truth, levels and counters."""
     health = update.health
     return {
         "type": "moment",
@@ -188,8 +188,8 @@ def state(update: Update) -> dict[str, Any]:
     }
 
 
-def brief(update: Update) -> dict[str, Any]:
-    """Return what is shown of a string beside others: its name, touch, and how bad its worst note is."""
+def string_summary(update: Update) -> dict[str, Any]:
+    """Return a string's summary beside other strings: its name, touch, and worst note's level."""
     row_, touched = row(update), update.decided.get("contact")
     levels_ = {note.level for note in update.notes}
     worst = next((level for level in ("error", "warning") if level in levels_), None)
@@ -203,7 +203,7 @@ def event(event: Event, count: int) -> dict[str, Any]:
 
 
 def row(update: Update) -> list[float | None]:
-    """Return an update as a row of the history: see `static/history.js` for the columns."""
+    """Return an update as a row of the history; see `static/history.js` for the columns."""
     tracked, estimates, truth = update.tracked, update.prediction.estimates, update.truth
     position = tracked.get("position") or update.prediction.estimate("position")
     force = tracked.get("force") or update.prediction.estimate("force")
@@ -220,7 +220,7 @@ def row(update: Update) -> list[float | None]:
 
 
 def timing(percentiles: Percentiles, counts: list[int], edges: tuple[Seconds, ...]) -> dict[str, Any]:
-    """Return how long windows took to be estimated: percentiles in ms, and counts between edges in ms."""
+    """Return the estimation times of windows: percentiles in ms, and a histogram with edges in ms."""
     named = {"p50": percentiles.p50, "p95": percentiles.p95, "p99": percentiles.p99}
     return {
         "count": percentiles.count,
@@ -232,10 +232,10 @@ def timing(percentiles: Percentiles, counts: list[int], edges: tuple[Seconds, ..
 
 
 def spectrum(samples: Audio, sample_rate: int) -> bytes:
-    """Return the spectrum of every microphone, in which a sine of full scale reads 0 dB.
+    """Return the spectrum of every microphone; a full-scale sine reads 0 dB.
 
-    The number of channels, 3 bytes of padding, the highest frequency as a little-endian float32, then `BARS`
-    bytes a channel, from `FLOOR` to 0 dB of full scale.
+    Format: the number of channels, 3 bytes of padding, the highest frequency as a little-endian float32, then
+    `BARS` bytes per channel, from `FLOOR` to 0 dB of full scale.
     """
     sound = np.nan_to_num(samples[:MAX_CHANNELS].astype(np.float64), nan=0.0, posinf=1.0, neginf=-1.0)
     sound = np.clip(sound, -1e3, 1e3)
@@ -259,7 +259,7 @@ def packed(message: Mapping[str, Any]) -> str:
 
 
 def number(value: float, digits: int = 6) -> float | None:
-    """Return a number that JSON has, rounded, or None.
+    """Return a rounded number, or None for NaN and infinity, which JSON lacks.
 
     >>> number(0.123456789), number(float("nan"))
     (0.123457, None)

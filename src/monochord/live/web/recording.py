@@ -1,4 +1,4 @@
-"""A session that starts and ends while a run goes on."""
+"""A session recorded during a run."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -11,28 +11,28 @@ from monochord.live.sinks.base import Run, Update
 
 
 class Recording:
-    """A session of a run from its next window on, written by the sink ``mcap`` in a thread of its own.
+    """A session of a run from its next window on, written by the sink ``mcap`` in a separate thread.
 
     Parameters
     ----------
     path
         The new file.
     signal
-        What the run's source says of its audio.
+        The audio format of the run's source.
 
     Raises
     ------
     InputError
-        If the file exists or cannot be made.
+        If the file exists or cannot be created.
 
     Attributes
     ----------
     path
         The file.
     seconds
-        Length so far.
+        Length so far, in s.
     failure
-        Why it ended by itself, as on a full disk; empty where it did not.
+        Why it ended by itself, such as a full disk; empty otherwise.
     """
 
     def __init__(self, path: Path, signal: Signal) -> None:
@@ -44,7 +44,7 @@ class Recording:
         self._delivery.__enter__()
 
     def take(self, update: Update) -> None:
-        """Record an update; the first one is the session's beginning."""
+        """Record an update; the first one starts the session."""
         window = update.window
         if self._first is None:
             self._first = window.start

@@ -1,8 +1,8 @@
-"""The server of the page: one thread with an event loop, whose clients delay neither the run nor each other.
+"""The page's server: one thread with an event loop, whose clients delay neither the run nor each other.
 
-An update that is handed over is only stored. At a steady pace the newest one is encoded, once, for all; each
-client is sent the newest encoding as soon as it has taken the one before, so that a slow client sees fewer
-and one that never reads is closed. Nothing is queued but what the system's own buffers hold.
+A new update is only stored. At a steady pace the newest update is encoded once for all clients; each client
+gets the newest encoding as soon as it has received the previous one, so that a slow client gets fewer, and
+one that never reads is closed. Nothing is queued except in the system's buffers.
 """
 
 import asyncio
@@ -42,30 +42,30 @@ from monochord.live.web.connections import Connections, share_of_descriptors
 from monochord.live.web.guided import Bench
 
 PORTS = range(8420, 8440)
-"""Ports of which the first free one is taken where none is named."""
+"""Ports to try where none is given; the first free one is used."""
 RATE = 30.0
-"""Messages a second to a client, at most."""
+"""Most messages per second to a client."""
 TOTAL_RATE = 1500.0
-"""Messages a second to all clients together: with more than 50 of them each gets fewer."""
+"""Most messages per second to all clients together: with more than 50 clients, each gets fewer."""
 SPECTRUM_RATE = 15.0
 HISTORY: Seconds = 30.0
-"""How much of the past a page that is opened, or opened again, gets."""
+"""Length of history sent to a newly opened page, in s."""
 MAX_CLIENTS = 256
-"""Pages that are open at once; fewer where this process may open fewer than four files for each."""
+"""Most open pages; fewer where this process may open fewer than four files for each."""
 BACKLOG = 4096
-"""Connections that wait in the system until they are taken, in the order in which they came."""
+"""Most connections that wait in the system to be accepted, in order of arrival."""
 MAX_MESSAGE = 1024
-"""Bytes of a client's message."""
+"""Largest message from a client, in bytes."""
 MIN_PAUSE: Seconds = 0.004
-"""Time from one message of a client to the next: a flood waits in that client's own connection."""
+"""Shortest time between a client's messages, in s: a flood waits in that client's connection."""
 PATIENCE: Seconds = 10.0
-"""How long a client may take for one message until it is closed."""
+"""Time for a client to receive one message before it is closed, in s."""
 HOLD: Seconds = 1.5
-"""How long a touch stays where the page that holds it says nothing."""
+"""How long a touch lasts without a message from the page that holds it, in s."""
 EDGES: tuple[Seconds, ...] = tuple(1e-4 * 10.0 ** (k / 8) for k in range(25))
-"""Edges of the histogram of latencies: eight to a decade, 0.1 to 100 ms."""
+"""Bin edges of the latency histogram: eight per decade, 0.1 to 100 ms."""
 EVENTS = 8
-"""How many of the newest events a message lists."""
+"""Number of newest events in a message."""
 TYPES = {"html": "text/html", "js": "text/javascript", "css": "text/css", "svg": "image/svg+xml"}
 PAGE = {
     "/": "index.html",
@@ -78,7 +78,7 @@ PAGE = {
         )
     },
 }  # fmt: skip
-"""The files of the page by path: what is not named here is not served."""
+"""Files of the page by path; no other file is served."""
 
 
 class Server:
@@ -89,18 +89,18 @@ class Server:
     host, port
         Address to listen at; port 0 is the first free one of `PORTS`.
     token
-        What a caller must know; nothing where it is empty.
+        The required token; empty for none.
     first
-        Of several strings, the one that a page shows until it asks for another; empty for the first shown.
+        With several strings, the string a page shows at first; empty for the first string.
     names
-        Other names by which the page is called, each NAME or NAME:PORT.
+        Further host names of the page, each NAME or NAME:PORT.
 
     Raises
     ------
     DeviceError
-        If the address is taken or is not this machine's.
+        If the address is taken or belongs to another machine.
     InputError
-        If a name is none of a host.
+        If a name is not a valid host name.
     """
 
     def __init__(
@@ -156,16 +156,16 @@ class Server:
 
     @property
     def address(self) -> str:
-        """The page's address in a browser, with its token where it has one."""
+        """The page's address for a browser, with its token if any."""
         host, token = socket.gethostname() if self._everywhere else self._host, self._guard.token
         host = f"[{host}]" if ":" in host else host
         return f"http://{host}:{self.port}/" + (f"?token={quote(token, safe='')}" if token else "")
 
     @property
     def counts(self) -> Mapping[str, int]:
-        """How many clients there are and were, and messages that they were sent, and that were ignored.
+        """Number of clients now and in total, of messages sent to them, and of ignored messages.
 
-        Also how many connections were closed because no request came, and how often the system gave none.
+        Also the number of connections closed without a request, and of connections refused by the system.
         """
         stage, connections = self._stage, self._connections
         return {
@@ -188,7 +188,7 @@ class Server:
         folder: Path = Path(),
         model: str = "",
     ) -> Generator[Writer]:
-        """Show a run, or one of its strings by its name: the writer takes its updates.
+        """Show a run, or one of its strings by name: the writer takes its updates.
 
         See `Bench` for `folder` and `model`.
         """
@@ -215,7 +215,7 @@ class Server:
             await asyncio.gather(pace, taking, return_exceptions=True)
 
     def _protocol(self, state: dict[str, Any]) -> asyncio.Protocol:
-        """Return uvicorn's protocol of a connection."""
+        """Return uvicorn's protocol for a connection."""
         config = self._server.config
         if not config.loaded:
             config.load()
@@ -225,7 +225,7 @@ class Server:
     async def _live(self, socket_: WebSocket) -> None:
         stage = self._stage
         if len(stage.clients) >= self._max_clients:
-            await socket_.close(1013, "as many pages are open as may be")
+            await socket_.close(1013, "too many pages are open")
             return
         await socket_.accept()
         client = _Client(socket_)
@@ -246,7 +246,7 @@ class Server:
 
 @dataclass(eq=False, slots=True)
 class _Stage:
-    """What all clients share, in the server's thread alone but for `views`, by string, and `closing`."""
+    """State shared by all clients, used in the server's thread only, except `views` and `closing`."""
 
     first: str = ""
     views: "dict[str, _View]" = field(default_factory=dict)
@@ -258,12 +258,12 @@ class _Stage:
     ignored: int = 0
 
     def view(self, string: str) -> "_View | None":
-        """Return the view of a string, that of the first for a name that there is not, None before any."""
+        """Return a string's latest view: the first string's for an unknown name, None before any data."""
         views = self.views
         return views.get(string) or views.get(self.first) or next(iter(tuple(views.values())), None)
 
     async def keep_pace(self) -> None:
-        """Encode the newest update, and wake the clients, as often as may be."""
+        """Encode the newest update and wake the clients, at the permitted rate."""
         while not self.closing:
             await asyncio.sleep(max(1.0 / RATE, len(self.clients) / TOTAL_RATE))
             views = tuple(self.views.values())
@@ -272,7 +272,7 @@ class _Stage:
                 continue
             extra: dict[str, Any] = {"server": {"clients": len(self.clients), "ignored": self.ignored}}
             if len(views) > 1:
-                extra["strings"] = [messages.brief(view.newest) for view in views if view.newest]
+                extra["strings"] = [messages.string_summary(view.newest) for view in views if view.newest]
             watched = {self.view(client.string) for client in self.clients}
             for view in fresh:
                 if view in watched:
@@ -282,7 +282,7 @@ class _Stage:
 
 
 class _Client:
-    """A page that is open somewhere."""
+    """An open page."""
 
     def __init__(self, connection: WebSocket) -> None:
         self._socket = connection
@@ -293,7 +293,7 @@ class _Client:
         self._last_received: Seconds = 0.0
 
     async def send(self, stage: _Stage) -> None:
-        """Send what is newest, whenever there is something new."""
+        """Send the newest data whenever there is something new."""
         view: _View | None = None
         spectrum_number = number = 0
         try:
@@ -327,7 +327,7 @@ class _Client:
             pass  # it went away
 
     async def receive(self, stage: _Stage) -> None:
-        """Carry out what it asks, until it goes; what cannot be read is counted."""
+        """Carry out the client's requests until it leaves; unreadable ones are counted."""
         while True:
             message = await self._socket.receive()
             if message["type"] == "websocket.disconnect":
@@ -343,7 +343,7 @@ class _Client:
             await asyncio.sleep(MIN_PAUSE)
 
     def show(self, stage: _Stage, string: str) -> bool:
-        """Show another string from now on; return whether there is one of that name."""
+        """Show another string from now on; return whether a string of that name exists."""
         if string not in stage.views:
             return False
         self.let_go(stage)
@@ -352,7 +352,7 @@ class _Client:
         return True
 
     def let_go(self, stage: _Stage) -> None:
-        """Lift the object that this page holds."""
+        """Release the object that this page holds."""
         view = stage.view(self.string)
         if self._holds and view is not None and view.controls is not None:
             view.controls.release()
@@ -364,7 +364,7 @@ class _Client:
 
 
 class _View(Writer):
-    """A run as the page shows it: `write` in a thread of the sink's, all else in the server's."""
+    """A run as shown on the page: `write` runs in a sink's thread, all else in the server's."""
 
     def __init__(self, signal: Signal, length: Metres, controls: Controls | None, bench: Bench) -> None:
         self._signal, self._length, self.controls, self.bench = signal, length, controls, bench
@@ -394,7 +394,7 @@ class _View(Writer):
         self.bench.take(update)
 
     def remember(self) -> bool:
-        """Add the newest update to the history; return whether there is a new one."""
+        """Add the newest update to the history; return whether there was a new one."""
         update = self.newest
         if update is None or update is self._remembered:
             return False
@@ -403,7 +403,7 @@ class _View(Writer):
         return True
 
     def encode(self, extra: dict[str, Any]) -> None:
-        """Encode the newest update, with what is sent beside it, and at times its spectrum."""
+        """Encode the newest update with its accompanying data, and at times its spectrum."""
         update, now = self.newest, time.monotonic()
         if update is None:
             return
@@ -415,12 +415,12 @@ class _View(Writer):
             self.spectrum_number += 1
 
     def hello(self) -> dict[str, Any]:
-        """Return what a page that opens needs."""
+        """Return the data that a newly opened page needs."""
         about = messages.hello(self._signal, self._length, self._simulated, self.controls)
         return about | {"history": list(self._history), "events": list(self._events)}
 
     def _state(self, update: Update, now: Seconds) -> dict[str, Any]:
-        """Return what is new, with the timing twice a second."""
+        """Return the new state, with timing twice a second."""
         state = messages.state(update) | {"events": list(self._events), "simulated": self._simulated}
         state["tasks"] = self.bench.state()
         if self.controls is not None:
@@ -432,7 +432,7 @@ class _View(Writer):
 
 
 def _bound(host: str, port: int) -> socket.socket:
-    """Return a socket that is bound to an address of this machine."""
+    """Return a socket bound to an address of this machine."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     reason: OSError | None = None
     for number in [port] if port else [*PORTS, 0]:
@@ -449,7 +449,7 @@ def _bound(host: str, port: int) -> socket.socket:
         else:
             return sock
     assert reason is not None
-    hint = "; name another port, or none" if reason.errno == errno.EADDRINUSE else ""
+    hint = "; use another port, or omit it" if reason.errno == errno.EADDRINUSE else ""
     raise DeviceError(f"page at {host}:{port}: {reason.strerror or reason}{hint}") from reason
 
 

@@ -1,7 +1,7 @@
-"""Tuning and calibration step by step, as a page begins them.
+"""Guided tuning and calibration, step by step, for the page.
 
-Both record, and hand the session to the functions of ``monochord tune`` and ``monochord calibrate``. Files
-are named here: nothing that a page sends is part of a path.
+Both record a session and pass it to the functions of ``monochord tune`` and ``monochord calibrate``. Files
+are named here: nothing sent by a page becomes part of a path.
 """
 
 import tempfile
@@ -29,23 +29,23 @@ if TYPE_CHECKING:
     from monochord.perception.training.adaptation import Adaptation
 
 UNTOUCHED: Seconds = 2.0
-"""How much of the untouched string is recorded before the first touch: features are relative to it."""
+"""Duration of untouched sound before the first touch, in s: features are relative to it."""
 HOLD: Seconds = 1.2
-"""How long a known touch is recorded."""
+"""Duration of a labelled touch, in s."""
 STILL: Metres = 1e-3
-"""A touch that moves by more than this is not held."""
+"""Largest motion of a held touch, in m."""
 PLACES, FORCES = (0.2, 0.8), (0.4, 1.6)
-"""Ranges of the touches that are proposed: shares of the length where no sensing range is known, and N."""
+"""Ranges of proposed touches: shares of the length where no sensing range is known, and force in N."""
 MARGIN = 0.05
-"""Share of the sensing range at each end in which no touch is proposed: nobody presses to the millimetre."""
+"""Share of the sensing range at each end without proposed touches: hands are not that precise."""
 Check: TypeAlias = Callable[..., None]
-"""Called with whatever says how far a computation is."""
+"""Called with the progress of a computation as text."""
 Row: TypeAlias = tuple[Seconds, Seconds, Metres, Newtons]
-"""A known touch: begin and end in the session, position, force."""
+"""A labelled touch: begin and end in the session, position, force."""
 
 
 class Guided(ABC):
-    """A recording that ends by itself, and what is done with it."""
+    """A recording that ends by itself, and its evaluation."""
 
     def __init__(self, signal: Signal, folder: Path) -> None:
         self._scratch = tempfile.TemporaryDirectory(prefix="monochord-page-", ignore_cleanup_errors=True)
@@ -55,25 +55,25 @@ class Guided(ABC):
     @property
     @abstractmethod
     def complete(self) -> bool:
-        """Whether enough is recorded."""
+        """Whether the recording is long enough."""
 
     @abstractmethod
     def state(self) -> dict[str, Any]:
-        """Return what a person is to do now."""
+        """Return the next instruction to the user."""
 
     @abstractmethod
     def compute(self, check: Check) -> None:
-        """Compute the result of the recording, which is closed.
+        """Compute the result from the closed recording.
 
-        `check` is called now and then, and raises where nobody wants the result any more.
+        `check` is called now and then, and raises after a cancellation.
         """
 
     @abstractmethod
     def save(self) -> list[str]:
-        """Save what was computed, and return it as lines."""
+        """Save the result, and return it as lines."""
 
     def take(self, update: Update) -> None:
-        """Take an update of the run."""
+        """Add an update of the run."""
         self.recording.take(update)
 
     def close(self) -> None:
@@ -83,17 +83,17 @@ class Guided(ABC):
 
 
 class Tuning(Guided):
-    """Listen to the untouched string, and write the sensor as tuned."""
+    """Record the untouched string, and write the tuned sensor."""
 
     _sensor: SensorAsTuned
 
     @property
     def complete(self) -> bool:
-        """Whether the untouched string was recorded for long enough."""
+        """Whether the untouched string has been recorded long enough."""
         return self.recording.seconds >= SECONDS
 
     def state(self) -> dict[str, Any]:
-        """Return how much was recorded."""
+        """Return how much has been recorded."""
         return {"says": "Let go of the string.", "share": min(self.recording.seconds / SECONDS, 1.0)}
 
     def compute(self, check: Check) -> None:
@@ -108,13 +108,13 @@ class Tuning(Guided):
         path = dated_path("sensor", ".toml", self._folder)
         with replacing(path) as part:
             part.write_text(self._sensor.toml(), encoding="utf-8")
-        return [*self._sensor.lines(), f"Written to {path}; use it by --sensor {path}"]
+        return [*self._sensor.lines(), f"Saved as {path}; use it with --sensor {path}"]
 
 
 class Calibration(Guided):
     """Record touches of known position and force, and adapt the model to them.
 
-    A simulated string states both by itself, once a touch is held still. Otherwise a person types them.
+    A simulated string provides both once a touch is held still. Otherwise the user types them.
     """
 
     _adapted: "Adaptation"
@@ -131,11 +131,11 @@ class Calibration(Guided):
 
     @property
     def complete(self) -> bool:
-        """Whether all touches were made."""
+        """Whether all touches are done."""
         return len(self.rows) >= self._count
 
     def hold(self, position: Metres, force: Newtons) -> bool:
-        """Take a touch from now on as one of this position and force; return whether that could be done."""
+        """Record a touch from now on with this position and force; return whether that was possible."""
         begin = self.recording.seconds
         if self._states_truth or self._known or begin < UNTOUCHED or self.complete:
             return False
@@ -146,16 +146,16 @@ class Calibration(Guided):
         return True
 
     def _why_not(self, position: Metres, force: Newtons) -> str:
-        """Return why there is no touch of this position and force, empty where there may be."""
+        """Return why a touch of this position and force is impossible, empty where it is possible."""
         wrong = why_impossible(np.array([position]), np.array([force]), self._string)
         if wrong:
-            return f"{wrong.given} cannot be: expected {wrong.expected}."
+            return f"{wrong.given} is impossible: expected {wrong.expected}."
         if not 0.0 < position < self._length:
             return f"{1e3 * position:g} mm is not on the string, which is {1e3 * self._length:g} mm long."
         return self._outside_range(f"{1e3 * position:g} mm") if self._is_outside(position) else ""
 
     def take(self, update: Update) -> None:
-        """Take an update, and note a touch that was held long enough."""
+        """Add an update, and note a touch that was held long enough."""
         super().take(update)
         now = self.recording.seconds
         self._states_truth = self._states_truth or bool(update.truth)
@@ -197,7 +197,10 @@ class Calibration(Guided):
         return f"{what} is outside the sensing range, {low} to {high} mm."
 
     def _proposed(self, number: int) -> tuple[Metres, Newtons]:
-        """Return the position and force of a touch: however many there are, both are spread evenly."""
+        """Return the position and force of a proposed touch.
+
+        Both are spread evenly for any number of touches.
+        """
         low, high = self._range or (0.0, self._length)
         first, last = PLACES if self._range is None else (MARGIN, 1.0 - MARGIN)
         along, hard = (0.5 + 0.618034 * number) % 1.0, (0.3 + 0.381966 * number) % 1.0
@@ -205,7 +208,7 @@ class Calibration(Guided):
         return place, FORCES[0] + (FORCES[1] - FORCES[0]) * hard
 
     def state(self) -> dict[str, Any]:
-        """Return which touch is to be made, and how far it is held."""
+        """Return the next touch to make, and the progress of the present one."""
         now, count = self.recording.seconds, len(self.rows)
         state: dict[str, Any] = {"of": self._count, "count": count, "typed": not self._states_truth}
         if now < UNTOUCHED:
@@ -248,5 +251,5 @@ class Calibration(Guided):
 
         out = dated_path("calibrated", folder=self._folder)
         save(self._adapted.model, out)
-        head = "Errors of touches that were left out, by cross-validation:"
-        return [head, *self._adapted.lines(), f"Saved as {out}; use it by: monochord live {out}"]
+        head = "Errors on held-out touches, by cross-validation:"
+        return [head, *self._adapted.lines(), f"Saved as {out}; use it with: monochord live {out}"]

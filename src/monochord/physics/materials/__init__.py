@@ -1,4 +1,4 @@
-"""Materials: what a touching object is made of, one TOML file each, with its source."""
+"""Materials of touching objects, one TOML file each, with its source."""
 
 from dataclasses import dataclass
 from typing import Annotated, Any
@@ -18,12 +18,12 @@ __all__ = ["Material", "load_material", "material_names"]
 class Material(Checked):
     """The material and shape of an object that touches a steel string.
 
-    Elastic: `young_modulus` and `poisson_ratio`, and `radius`, the object's usual radius where it touches.
-    Its `loss` is Hunt and Crossley's beta in s/m: f = k delta^1.5 (1 + beta d(delta)/dt), which a
-    restitution e at a small impact speed v gives as 3 (1 - e) / (2 v). Sliding on steel: `friction_static`,
-    `friction_kinetic` and the speed `stribeck_speed` at which the one has mostly fallen to the other. The
-    surface has an rms height `roughness` that is correlated over `roughness_length`. `notes` says which
-    values are assumed. SI units; the ranges hold what is plausible for an object on a string.
+    Elasticity: `young_modulus` and `poisson_ratio`, and `radius`, the object's usual radius at the contact.
+    `loss` is Hunt and Crossley's beta in s/m: f = k delta^1.5 (1 + beta d(delta)/dt); a restitution e at a
+    small impact speed v corresponds to 3 (1 - e) / (2 v). Sliding on steel: `friction_static`,
+    `friction_kinetic`, and `stribeck_speed`, the speed of the transition between them. The surface has an rms
+    height `roughness` with correlation length `roughness_length`. `notes` says which values are assumed. SI
+    units; the ranges cover plausible objects on a string.
 
     References
     ----------

@@ -1,8 +1,8 @@
-"""Sensors: one TOML file a design, with its source, or one of a sensor as tuned.
+"""Sensors: one TOML file per design, with its source, or a tuned sensor's file.
 
 A design names its string preset, ``string = "prototype"``; ``[override]`` changes values of it. The other
-keys are the fields of `monochord.physics.twin.Sensor`. What ``monochord tune`` writes names the design,
-``design = "prototype"``, beside a table ``[tuning]``; the sensor is that design with the string so tuned.
+keys are the fields of `monochord.physics.twin.Sensor`. A file from ``monochord tune`` names the design,
+``design = "prototype"``, with a table ``[tuning]``; the sensor is that design with the tuned string.
 """
 
 from dataclasses import dataclass, replace
@@ -21,33 +21,33 @@ from monochord.physics.twin.setup import Sensor
 __all__ = ["Sensor", "load_sensor", "sensor_names"]
 
 MAX_RETUNING = 0.25
-"""Largest share by which a sensor may be tuned off its design."""
+"""Largest relative deviation of a sensor's tuning from its design."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorTuning:
-    """What a sensor's untouched sound said of its string.
+    """Measurement of a sensor's untouched string.
 
     Parameters
     ----------
     open_frequency, open_frequency_std
-        Without stiffness, f0 = sqrt(T / mu) / (2 L), and its standard error, in Hz.
+        Fundamental without stiffness, f0 = sqrt(T / mu) / (2 L), and its standard error, in Hz.
     tension, tension_std
-        What follows from it, T = mu (2 L f0)^2, in N. For information: the sensor's is computed again.
+        Tension from f0, T = mu (2 L f0)^2, in N. For information only: it is recomputed for the sensor.
     inharmonicity, inharmonicity_std
-        B of f_n = n f0 sqrt(1 + B n^2).
+        B of f_n = n f0 sqrt(1 + B n^2), and its standard error.
     decay, decay_std
-        Rate in 1/s at which its free partials die away, where that was measured.
+        Decay rate of its free partials in 1/s, where measured.
     partials
         Numbers of the partials that were detected, the loudest first.
     microphones
-        Those that picked them up, from 1 on.
+        Numbers of the microphones that picked them up, from 1 on.
     seconds
-        How much untouched sound it was taken from.
+        Duration of the untouched sound, in s.
     time
-        When it was measured, in ISO 8601.
+        Time of the measurement, in ISO 8601.
     source
-        What it was measured from: a file, a session, ports.
+        Source of the sound: a file, a session, ports.
     """
 
     open_frequency: Hertz
@@ -66,7 +66,7 @@ class SensorTuning:
 
 
 def sensor_toml(design: str, tuning: SensorTuning) -> str:
-    """Return the text of a file that `load_sensor` reads as this design, so tuned.
+    """Return the text of a file that `load_sensor` reads as this design with this tuning.
 
     Examples
     --------
@@ -79,7 +79,7 @@ def sensor_toml(design: str, tuning: SensorTuning) -> str:
 
 
 def sensor_tuning(name: str) -> SensorTuning | None:
-    """Return what a sensor's file says of its tuning, None where it is a design."""
+    """Return the tuning in a sensor's file, None for a design."""
     if not name.endswith(".toml"):
         return None
     tree = load_toml(Path(name))
@@ -87,7 +87,7 @@ def sensor_tuning(name: str) -> SensorTuning | None:
 
 
 def sensor_design(name: str) -> str:
-    """Return the name of the design of a sensor, which may be the file of one as tuned.
+    """Return the name of a sensor's design; the sensor may be a tuned sensor's file.
 
     Examples
     --------
@@ -100,7 +100,7 @@ def sensor_design(name: str) -> str:
 
 
 def retuned(string: StringParams, frequency: Hertz) -> StringParams:
-    """Return a string with the tension that brings it to an open frequency; all else stays.
+    """Return a string with the tension for an open frequency, otherwise unchanged.
 
     Examples
     --------
@@ -121,26 +121,26 @@ def _read(tree: dict[str, Any], where: str) -> Sensor:
     tree["string"] = {**to_tree(load_string(string).string), **override}
     for needed in ("title", "source"):
         if not tree.get(needed):
-            raise InputError(f"option '{where}.{needed}' (not given)", "a text")
+            raise InputError(f"option '{where}.{needed}' (missing)", "a text")
     return from_tree(Sensor, tree, where)
 
 
 def _tuned(tree: dict[str, Any], where: str) -> Sensor:
-    """Return the design that a file names, with its string as tuned; other keys are those of the design."""
+    """Return the design named in a file, with the tuned string; other keys are the design's."""
     design = tree.pop("design")
     if not isinstance(design, str) or (design.endswith(".toml") and "design" in load_toml(Path(design))):
         allowed = f"{', '.join(sensor_names())}, or the file of a design"
         raise InputError(f"{where}: design = {design!r}", allowed)
     tuning = _tuning(tree, where)
     for key in tree.keys() - {"name", "tuning"}:
-        raise InputError(f"{where}: {key} beside a design", "design and [tuning] alone", "leave it out")
+        raise InputError(f"{where}: {key} with a design", "design and [tuning] only", "leave it out")
     sensor = load_sensor(design)
     off = tuning.open_frequency / open_frequency(sensor.string) - 1.0
     if not abs(off) <= MAX_RETUNING:
         given = f"{where}: an open frequency of {tuning.open_frequency:g} Hz"
         nominal = open_frequency(sensor.string)
         allowed = f"within {100.0 * MAX_RETUNING:.0f} % of {nominal:.1f} Hz, the design's"
-        raise InputError(given, allowed, "tune it again, or name another design")
+        raise InputError(given, allowed, "tune it again, or use another design")
     return replace(sensor, string=retuned(sensor.string, tuning.open_frequency))
 
 
@@ -156,7 +156,7 @@ sensor_names, load_sensor = SENSORS.names, SENSORS.load
 
 
 def with_sensor(signal: Signal, sensor: Sensor) -> Signal:
-    """Return a signal with what is known of the sensor that it comes from.
+    """Return a signal with the known properties of its sensor.
 
     Examples
     --------
@@ -172,7 +172,7 @@ def with_sensor(signal: Signal, sensor: Sensor) -> Signal:
 
 
 def designs_with(string: StringParams | None) -> list[str]:
-    """Return the names of the presets that have a string, at whatever tension; none for an unknown string.
+    """Return the names of the sensor presets with a string, at any tension; none for an unknown string.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Physical models that `simulate` runs: one file a model, the file name is its name."""
+"""Simulators that `simulate` runs: one module per model, found by name."""
 
 from monochord.core.registry import Registry
 from monochord.physics.simulators.base import Case, Simulator, Sound

@@ -1,4 +1,4 @@
-"""The contract of a model: frozen options, run for one string and touch into a sound."""
+"""The contract of a simulator: frozen options that simulate one string and touch."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """What to simulate.
+    """A string and a touch to simulate.
 
-    `assignments` are overrides such as ``drive.amplitude=0.002`` that a model applies to its own setup of the
-    string and the touch; an unknown one is refused.
+    `assignments` are overrides such as ``drive.amplitude=0.002`` that a simulator applies to its setup of
+    string and touch; an unknown one raises.
     """
 
     string: StringParams
@@ -33,11 +33,12 @@ class Case:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sound:
-    """The result of a model.
+    """The result of a simulation.
 
-    `microphones` is (2, n) in m/s, or in full scale from a model that has converters; `summary` holds plain
+    `microphones` is (2, n) in m/s, or in full scale for a simulator with converters. `summary` holds plain
     values for display or JSON: among them ``position`` and ``force`` of the touch (None without one),
-    ``peaks``, the dominant frequency on each side of it, and ``theory``, the closed forms' frequencies there.
+    ``peaks``, the dominant frequency on each side of it, and ``theory``, the corresponding closed-form
+    frequencies.
     """
 
     microphones: Floats
@@ -45,12 +46,12 @@ class Sound:
     summary: Mapping[str, Any]
 
     def plot(self) -> "tuple[Axes, ...]":
-        """Draw both microphones over time.
+        """Plot both microphones over time.
 
         Returns
         -------
         tuple of Axes
-            One for each microphone, of a new pyplot figure.
+            One for each microphone, in a new pyplot figure.
 
         Raises
         ------
@@ -79,13 +80,13 @@ class Sound:
 
 
 class Simulator(Checked, ABC):
-    """Options of a model, as a frozen keyword-only dataclass."""
+    """Options of a simulator, as a frozen keyword-only dataclass."""
 
     @classmethod
     def setup(cls) -> type:
-        """Return the dataclass whose values the assignments of a case override: where they are listed."""
+        """Return the dataclass that a case's assignments override, for listing."""
         return Case
 
     @abstractmethod
     def run(self, case: Case) -> Sound:
-        """Simulate; raises `InputError` for what the model does not support."""
+        """Simulate; raises `InputError` for a case that the simulator does not support."""

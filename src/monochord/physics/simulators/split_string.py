@@ -1,4 +1,4 @@
-"""The paper's simulator as a model."""
+"""The paper's simulator."""
 
 from dataclasses import dataclass
 from math import isnan
@@ -18,7 +18,7 @@ class SplitStringSimulator(Simulator):
     route
         "fdtd", "modal" or "reference": three methods for the same physics.
     sample_rate
-        Of the sound, in Hz.
+        Sample rate of the sound, in Hz.
     """
 
     route: Route = "fdtd"

@@ -1,4 +1,4 @@
-"""The twin as a model: a whole driven string, touched as a case says."""
+"""The twin as a simulator: a whole driven string with one touch."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -18,16 +18,16 @@ from monochord.physics.twin import Ebow, Key, Pluck, Scene, Sensor, Take, Touch,
 from monochord.physics.twin.world import World, plausible_build, plausible_touch
 
 START_CLEARANCE: Metres = 1e-3
-"""Height above the string at which the object begins."""
+"""Initial height of the object above the string, in m."""
 CONTACT_TIME: Seconds = 0.02
-"""When it reaches the string at rest."""
+"""Time when the object reaches the string at rest, in s."""
 PRESS_TIME: Seconds = 0.02
-"""Time that the press takes to reach its force."""
+"""Rise time of the force, in s."""
 MIN_SECONDS: Seconds = 0.01
 MAX_SECONDS: Seconds = 600.0
-"""Shortest sound whose peaks can be resolved, and longest that is held in memory at once."""
+"""Shortest sound with resolvable peaks, and longest sound held in memory, in s."""
 MIN_SALIENCE = 8.0
-"""Height of a peak over the noise floor, in nepers of power, from which it counts."""
+"""Smallest height of a peak over the noise floor, in nepers of power."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,7 +52,7 @@ class TwinCase:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TwinSimulator(Simulator):
-    """The virtual sensor: `monochord.physics.twin`, plucked at time zero and touched at once.
+    """The virtual sensor: `monochord.physics.twin`, plucked and touched from the start.
 
     A touch of 0 N rests against the string and does not divide it.
 
@@ -61,7 +61,7 @@ class TwinSimulator(Simulator):
     tension_law
         How force raises tension: "geometric", the stretch of the deflected string, or "linear", the paper's.
     sample_rate
-        Of the sound, in Hz.
+        Sample rate of the sound, in Hz.
     """
 
     tension_law: TensionLaw = "geometric"
@@ -103,16 +103,16 @@ class TwinSimulator(Simulator):
 
 
 def sensor_of(string: StringParams) -> Sensor:
-    """Return the sensor preset that has this string, or else one made for the string.
+    """Return the sensor preset with this string, or else a sensor built for the string.
 
-    A made one is the prototype with this string: drivers and sensing range at the same shares of the
-    length, the drivers' band scaled with the open frequency, their gain with the string's impedance
-    sqrt(T mu) and their limit with its tension, so that they sustain it alike. All of that is assumed.
+    A built sensor is the prototype with this string: drivers and sensing range at the same shares of the
+    length, the drivers' band scaled with the open frequency, their gain with the string's impedance sqrt(T
+    mu) and their limit with its tension, so that they sustain it equally well. All of that is assumed.
 
     Raises
     ------
     InputError
-        If no sensor can be made of the string.
+        If no sensor can be built for the string.
 
     Examples
     --------
@@ -174,7 +174,7 @@ def _simulate(setup: TwinCase, frames: Samples, rate: int) -> Take:
 
 
 def _after_the_transient(take: Take) -> Samples:
-    """Return the first frame after which all is settled, but never one of the last half."""
+    """Return the first settled frame, never one in the second half."""
     unsettled = np.flatnonzero(take.labels.settled == 0)
     half = take.labels.settled.size // 2
     return min(int(unsettled[-1]) + 1, half) if unsettled.size else 0
@@ -203,7 +203,7 @@ def _label_means(take: Take, late: Samples) -> dict[str, float | None]:
 
 
 def _peaks(microphones: np.ndarray, sensor: Sensor, rate: int) -> list[Hertz | None]:
-    """Return the strongest line of each end, with the microphones' mixing inverted; None for a silent one."""
+    """Return the strongest line at each end, with the microphones' mixing inverted; None for a silent end."""
     mixing = mixing_matrix(*sensor.pickups.own)
     if abs(np.linalg.det(mixing)) < 1e-6 or min(sensor.pickups.gain) == 0.0:
         raise InputError(

@@ -1,7 +1,7 @@
 """The paper's simulator: a touched string as two independent, driven segments.
 
-`simulate` runs a `SplitString` for a while, by the paper's finite differences or by its exact modes; `begin`,
-`advance` and `touch` run the modes as a stream whose touch may change.
+`simulate` runs a `SplitString` for a given time, by the paper's finite differences or by exact modes;
+`begin`, `advance` and `touch` run the modes as a stream with changing touches.
 """
 
 from monochord.physics.split_string.grid import time_step

@@ -1,4 +1,4 @@
-"""The drivers' feedback: frequency and phase that they take from the vibration that they sustain."""
+"""The drivers' feedback: they take frequency and phase from the vibration that they sustain."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -17,7 +17,7 @@ from monochord.physics.theory import mixing_matrix
 Complexes: TypeAlias = NDArray[np.complex128]
 
 _SILENT_VELOCITY = 1e-12
-"""In m/s: a driver does not follow a spectral line below it."""
+"""Smallest line amplitude that a driver follows, in m/s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,12 +35,12 @@ class Drivers:
 
     @property
     def active(self) -> Floats:
-        """1 for a driver that has a frequency, else 0."""
+        """1 for a driver with a frequency, else 0."""
         return np.sign(self.frequency)
 
     @property
     def tone(self) -> Floats:
-        """The frequencies in Hz, NaN for a driver that is silent."""
+        """The frequencies in Hz, NaN for a silent driver."""
         return np.where(self.frequency > 0.0, self.frequency, np.nan)
 
     def phases(self, times: Floats) -> Floats:
@@ -48,9 +48,11 @@ class Drivers:
         return self.phase[:, None] + (2.0 * pi * self.frequency)[:, None] * times
 
     def phasor(self, steps: Samples, step: Seconds) -> Complexes:
-        """Return exp(i phase), (2, steps) complex, at every `step` s of the interval; zero while silent.
+        """Return exp(i phase), (2, steps) complex, at every `step` s of the interval.
 
-        By the addition theorem from one coarse and one fine row of times, since a sine for each of a million
+        Zero for a silent driver.
+
+        Computed by the addition theorem from a coarse and a fine time grid: a sine for each of a million
         steps a second would take a tenth of the simulation's time.
         """
         fine = np.arange(min(steps, 128), dtype=np.float64) * step
@@ -70,21 +72,21 @@ def begin(drive: Drive, rate: float) -> Drivers:
 
 
 def sense(drivers: Drivers, velocity: Floats) -> Drivers:
-    """Return the drivers with the newest velocities (2, n) in their history."""
+    """Return the drivers with the newest velocities (2, n) added to their history."""
     size = drivers.history.shape[1]
     history = np.concatenate((drivers.history, velocity), axis=1)[:, -size:]
     return replace(drivers, history=history, count=min(size, drivers.count + velocity.shape[1]))
 
 
 def advance(drivers: Drivers, elapsed: Seconds) -> Drivers:
-    """Return the drivers `elapsed` seconds later, at unchanged frequencies."""
+    """Return the drivers `elapsed` seconds later, at the same frequencies."""
     return replace(drivers, phase=drivers.phases(np.array([elapsed]))[:, 0] % (2.0 * pi))
 
 
 def retune(drivers: Drivers, setup: SplitString, rate: float, time: Seconds) -> Drivers:
-    """Return the drivers with the frequencies of their history, at `time` in s since the beginning.
+    """Return the drivers with frequencies from their history, at `time` in s since the start.
 
-    Nothing changes before their history fills a whole window.
+    Frequencies change only once the history fills a whole window.
     """
     drive = setup.drive
     if drive.amplitude != 0.0 and drivers.count == drivers.history.shape[1]:
@@ -99,15 +101,15 @@ def retune(drivers: Drivers, setup: SplitString, rate: float, time: Seconds) -> 
 def lines(signals: Floats, rate: float) -> tuple[Floats, Floats]:
     """Return frequency and phase of the strongest spectral line of each signal.
 
-    The maximum of the spectrum under a Hann window, between bins by the ratio of the two highest, which is
-    exact for a lone sinusoid.
+    It is the maximum of the Hann-windowed spectrum, interpolated from the ratio of the two highest bins,
+    which is exact for a single sinusoid.
 
     Parameters
     ----------
     signals
         (channels, n).
     rate
-        Samples a second.
+        Sample rate in Hz.
 
     Returns
     -------

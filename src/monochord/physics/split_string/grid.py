@@ -26,12 +26,12 @@ Kernel = Callable[
 
 APPENDIX_STEP: Seconds = 1.0e-6
 MAX_DIVISOR = 100
-"""Of the appendix's step: finer grids take minutes for a second of sound."""
+"""Relative to the appendix's step: finer grids take minutes for a second of sound."""
 
 
 @dataclass(slots=True, kw_only=True)
 class SegmentGrid:
-    """One segment's displacements, now and one step before, which stepping changes, and its constants."""
+    """One segment's displacements, now and one step before, with its constants; stepping changes it."""
 
     now: Floats
     before: Floats
@@ -44,7 +44,7 @@ class SegmentGrid:
     def step(self, kernel: Kernel, signals: Floats, motion: Floats) -> None:
         """Advance by as many steps as `signals` (2, n) has; `motion` (2, n) receives y(n+1) - y(n-1) in m.
 
-        Only the channels of this segment are played and written.
+        Only this segment's channels are driven and written.
         """
         own, out = signals[self.channels], motion[self.channels]
         kernel(self.now, self.before, self.coefficients, self.loads, own, self.nodes, self.weights, out)
@@ -53,7 +53,7 @@ class SegmentGrid:
 
 
 def lay_out(setup: SplitString, segment: Segment) -> SegmentGrid:
-    """Return a segment on its grid at time zero; raises `InputError` for a step that would be unstable."""
+    """Return a segment on its grid at time zero; raises `InputError` for an unstable step."""
     dt, count = time_step(setup), setup.nodes
     places = np.linspace(0.0, segment.length, count)
     loss = segment.decay_rate * dt / 2.0
@@ -85,16 +85,16 @@ def lay_out(setup: SplitString, segment: Segment) -> SegmentGrid:
 
 
 def time_step(setup: SplitString) -> Seconds:
-    """Return the step in s that both segments are stepped by: the setup's own, or a stable one.
+    """Return the time step of both segments in s: from the setup, or a stable one.
 
-    Stable is a step below alpha dxi / v (Eq. 13) on every segment. Where the setup leaves the step open, it
-    is 1 us divided by the smallest whole number that makes it so: then the drivers' interval is a whole
-    number of steps, and they sense at the same rate, whatever the string.
+    A step is stable below alpha dxi / v (Eq. 13) on every segment. Where the setup has none, it is 1 us
+    divided by the smallest integer that makes it stable: then the drivers' interval is an integer number of
+    steps, and they sense at the same rate on any string.
 
     Raises
     ------
     InputError
-        If the setup's own step is unstable, or a stable one would be below 10 ns.
+        If the setup's step is unstable, or a stable one would be below 10 ns.
     """
     segment = min(split(setup), key=lambda each: each.spacing / each.speed)
     limit = step_limit(segment.spacing, segment.speed, setup.alpha)
@@ -103,7 +103,7 @@ def time_step(setup: SplitString) -> Seconds:
         if parts <= MAX_DIVISOR:
             return APPENDIX_STEP / parts
         given = f"a grid that needs steps below {limit:.4g} s"
-        remedy = "set fewer nodes, or take --route modal"
+        remedy = "set fewer nodes, or use --route modal"
         raise InputError(given, f"steps of {APPENDIX_STEP / MAX_DIVISOR:g} s or more", remedy)
     if setup.time_step >= limit:
         coarsest = int(1 + setup.alpha * segment.length / (segment.speed * setup.time_step))
@@ -124,7 +124,7 @@ def _initial(setup: SplitString, segment: Segment, places: Floats) -> Floats:
 
 
 def _aligned(count: int) -> Floats:
-    """Zeros whose element 1, where the sweep begins, starts a cache line: an eighth faster on x86."""
+    """Return zeros whose element 1, where the sweep begins, starts a cache line: an eighth faster on x86."""
     line = 64 // 8
     store = np.zeros(count + 2 * line)
     skip = (-(store.ctypes.data // 8) - 1) % line
@@ -152,14 +152,14 @@ def leapfrog(
     Parameters
     ----------
     now, before
-        Displacements (nodes,) in m at this step and the one before. They change roles at each step: after an
-        odd number of steps the newest is in `before`.
+        Displacements (nodes,) in m at this step and the one before. They swap roles at each step: after an
+        odd number of steps, the newest is in `before`.
     coefficients
-        Of y_i, of its neighbours' sum and of y_i(n-1), each divided by 1 + s.
+        Coefficients of y_i, of its neighbours' sum and of y_i(n-1), each divided by 1 + s.
     loads
         (drivers, nodes): dt^2 f_i / (mu (1 + s)) in m for a driver at full swing.
     signals
-        (drivers, steps): what the drivers play, between -1 and 1.
+        (drivers, steps): the drivers' signals, between -1 and 1.
     nodes, weights
         (pickups,): a pickup senses (1 - weight) of its node and weight of the next.
     motion

@@ -1,4 +1,4 @@
-"""The compiled kernels: the leapfrog scheme, node by node, and the free motion of many modes."""
+"""Compiled kernels: the leapfrog scheme node by node, and the free motion of many modes."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ def leapfrog(
 ) -> None:
     """Advance one segment in place; see `monochord.physics.split_string.grid.leapfrog`.
 
-    No fast-math here: reassociated sums and fused products would end the agreement to rounding.
+    There is no fast-math here: reassociated sums and fused products would break the agreement to rounding.
     """
     own, neighbours, past = coefficients
     first, last = loads[0], now.size - 1  # the end must be known outside, or the sweep is not vectorised
@@ -56,8 +56,8 @@ def ring(propagator: Floats, shape: Floats, q: Floats, v: Floats, velocity: Floa
     q, v
         (modes,) displacement in m and velocity in m/s; changed.
     velocity
-        (pickups, samples) in m/s; the first sample is the velocity as it comes in. Sums over modes are
-        reassociated, which changes them by rounding only, and alike however the samples are cut into blocks.
+        (pickups, samples) in m/s; the first sample is the initial velocity. Sums over modes are reassociated,
+        which changes them by rounding only, identically for any block size.
     """
     for sample in range(velocity.shape[1]):
         for p in range(shape.shape[0]):

@@ -1,4 +1,4 @@
-"""A split string as modes: each a damped oscillator that is solved exactly between changes of the drive."""
+"""A split string as modes: damped oscillators, solved exactly between changes of the drive."""
 
 from dataclasses import dataclass
 from math import pi
@@ -30,9 +30,9 @@ class Modes:
     frequency, decay
         (modes,) in rad/s and 1/s.
     push
-        (2, modes) acceleration in m/s^2 by each driver at full swing; zero where it is on another segment.
+        (2, modes) acceleration in m/s^2 by each driver at full swing; zero for a driver on another segment.
     shape
-        (2, modes) value of the mode at each pickup; zero where that is on another segment.
+        (2, modes) value of the mode at each pickup; zero for a pickup on another segment.
     """
 
     frequency: Floats
@@ -43,10 +43,10 @@ class Modes:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModalString:
-    """The modes that matter: `audible` ones advance in time, `ultrasonic` ones only respond to the drive.
+    """The relevant modes: `audible` ones advance in time, `ultrasonic` ones only respond to the drive.
 
-    `propagator` is one sample's `free_motion` of the audible modes; `counts` is the number of each segment's,
-    zero for a segment too short to be audible.
+    `propagator` is one sample's `free_motion` of the audible modes; `counts` is the number per segment, zero
+    for a segment too short to be audible.
     """
 
     segments: tuple[Segment, ...]
@@ -57,10 +57,10 @@ class ModalString:
 
 
 def find_modes(setup: SplitString, sample_rate: int) -> ModalString:
-    """Return the modes that matter at a sample rate.
+    """Return the relevant modes at a sample rate.
 
-    Those in the audio band, and above it those that the drivers excite, which are few, as a driver's profile
-    is a Gaussian.
+    These are the modes in the audio band, and the few above it that the drivers excite, since a driver's
+    profile is a Gaussian.
     """
     segments = split(setup)
     fundamentals = [segment.speed / (2.0 * segment.length) for segment in segments]
@@ -78,9 +78,9 @@ def find_modes(setup: SplitString, sample_rate: int) -> ModalString:
 
 
 def free_motion(frequency: Floats, decay: Floats, time: float) -> Floats:
-    """Return the exact free motion of damped oscillators over a time.
+    """Return the exact free motion of damped oscillators over a time step.
 
-    q'' + g q' + w^2 q = 0 for any g >= 0: under-, over- and critically damped alike.
+    It solves q'' + g q' + w^2 q = 0 for any g >= 0: underdamped, overdamped and critically damped.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ def free_motion(frequency: Floats, decay: Floats, time: float) -> Floats:
     decay
         (modes,) g in 1/s.
     time
-        In s.
+        Time step in s.
 
     Returns
     -------
@@ -118,8 +118,8 @@ def free_motion(frequency: Floats, decay: Floats, time: float) -> Floats:
 def response(modes: Modes, frequencies: Floats) -> Complexes:
     """Return the steady response (2, modes) of each mode to each driver, complex, in m.
 
-    q = Im(Q exp(i theta)), Q = push / (w_n^2 - w^2 + i g w), for a drive sin(theta) with theta' = w. Zero for
-    a driver whose frequency in Hz is zero.
+    q = Im(Q exp(i theta)), Q = push / (w_n^2 - w^2 + i g w), for a drive sin(theta) with theta' = w. It is
+    zero for a driver at 0 Hz.
     """
     w = 2.0 * pi * frequencies[:, None]
     amplitude = modes.push / (modes.frequency**2 - w**2 + 1j * modes.decay * w)
@@ -127,7 +127,7 @@ def response(modes: Modes, frequencies: Floats) -> Complexes:
 
 
 def plucked(pluck: PluckShape | None, string: ModalString) -> Floats:
-    """Return the displacements (audible,) in m of modes whose every segment is plucked, or at rest."""
+    """Return the displacements (audible,) in m of modes with every segment plucked, or at rest."""
     if pluck is None:
         return np.zeros(sum(string.counts))
     amplitudes = zip(string.segments, string.counts, strict=True)

@@ -1,4 +1,4 @@
-"""The segments that a touch makes of a string, and the shapes that live on them."""
+"""The segments of a touched string, and the shapes on them."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -12,16 +12,16 @@ from monochord.physics.split_string.setup import Drive, PluckShape, SplitString
 from monochord.physics.theory import damping_under, tension_from_force
 
 GAUSSIAN_EXTENT = 6.5
-"""In standard deviations: a Gaussian is below 1e-9 of its peak beyond, in position or in wavenumber."""
+"""In standard deviations: beyond, a Gaussian is below 1e-9 of its peak, in position or in wavenumber."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Segment:
     """A part of the string between two fixed points, with its drivers and pickups.
 
-    Places are counted from its support at `origin`, in the `direction` +1 or -1 along the string. `drivers`
-    and `pickups` are the places of those whose numbers are `channels`. `decay_rate` is the factor of -y_t in
-    the equation of motion divided by mu, in 1/s: free oscillation falls by e in 2 / decay_rate.
+    Positions are counted from its support at `origin`, in the `direction` +1 or -1 along the string.
+    `drivers` and `pickups` are the positions of those with numbers `channels`. `decay_rate` is the factor of
+    -y_t in the equation of motion divided by mu, in 1/s: free oscillation falls by e in 2 / decay_rate.
     """
 
     length: Metres
@@ -37,7 +37,7 @@ class Segment:
 
 
 def split(setup: SplitString) -> tuple[Segment, ...]:
-    """Return the two segments of a touched string, or the one of an untouched string."""
+    """Return the two segments of a touched string, or the single one of an untouched string."""
     string, contact = setup.string, setup.contact
     if contact is None:
         lengths = (string.length,)
@@ -72,7 +72,7 @@ def split(setup: SplitString) -> tuple[Segment, ...]:
 
 
 def drive_density(drive: Drive, segment: Segment, place: Metres, at: Floats) -> Floats:
-    """Return the force per length in N/m of one driver at full swing, at local places `at`.
+    """Return the force per length in N/m of one driver at full swing, at local positions `at`.
 
     A g(x) with g a Gaussian of `drive.width`; divided by its integral over the segment ("normalised"), or by
     the node spacing ("printed", where A g is the force on a node). Zero where g is below 1e-9.
@@ -87,7 +87,7 @@ def drive_density(drive: Drive, segment: Segment, place: Metres, at: Floats) -> 
 
 
 def support(drive: Drive, segment: Segment, place: Metres) -> tuple[Floats, Floats]:
-    """Return nodes and weights of a quadrature over the stretch that a driver reaches."""
+    """Return nodes and weights of a quadrature over a driver's range."""
     low = max(0.0, place - GAUSSIAN_EXTENT * drive.width)
     high = min(segment.length, place + GAUSSIAN_EXTENT * drive.width)
     nodes, weights = _gauss_legendre()
@@ -101,7 +101,7 @@ def _gauss_legendre() -> tuple[Floats, Floats]:
 
 
 def gaussian_modes(width: Metres, length: Metres) -> int:
-    """Return how many modes of a segment of `length` a Gaussian of standard deviation `width` reaches."""
+    """Return how many modes of a segment of `length` a Gaussian of standard deviation `width` excites."""
     return max(1, ceil(GAUSSIAN_EXTENT * length / (pi * width)))
 
 
@@ -114,9 +114,9 @@ def pluck_amplitudes(pluck: PluckShape, segment: Segment, count: int) -> Floats:
     Parameters
     ----------
     pluck, segment
-        Shape and where it is.
+        The pluck's shape, and the segment.
     count
-        How many modes.
+        Number of modes.
 
     Returns
     -------

@@ -22,11 +22,11 @@ class PluckShape(Checked):
     Parameters
     ----------
     height
-        Of the triangle's tip, in m.
+        Height of the triangle's tip, in m.
     place
-        Of its tip, as a fraction of the segment counted from the support.
+        Position of the tip, as a fraction of the segment from the support.
     width
-        Standard deviation of the rounding Gaussian, in m: the breadth of what plucks.
+        Standard deviation of the rounding Gaussian, in m: the width of the plectrum.
     """
 
     height: Finite[Metres] = 1.0e-4
@@ -43,19 +43,19 @@ class Drive(Checked):
     Parameters
     ----------
     amplitude
-        Of the driving force. With the "normalised" profile it is the total force of one driver in N; with
-        the "printed" profile it is the force in N on the one node at the driver's centre. Zero: no drive.
+        Amplitude of the driving force. With the "normalised" profile, it is the total force of one driver in
+        N; with the "printed" profile, the force in N on the node at the driver's centre. Zero: no drive.
     place
-        Centre of a driver as a fraction of its segment, counted from the support.
+        Centre of a driver, as a fraction of its segment from the support.
     width
         Standard deviation of the Gaussian profile, in m.
     profile
-        "normalised": the profile's integral along the string is one, so that the mesh does not matter.
-        "printed": it has unit peak and acts on every node alike (Eq. 11), so that a mesh of twice as many
-        nodes is driven twice as hard.
+        "normalised": the profile's integral along the string is one, independent of the mesh. "printed": it
+        has unit peak and acts equally on every node (Eq. 11), so that twice as many nodes are driven twice as
+        hard.
     start_frequencies
-        In Hz, one a driver, from time zero. None: a driver is silent until it has sensed a first whole
-        window, and then starts with that frequency and phase, as an EBow, which has no tone of its own.
+        In Hz, one per driver, from time zero. None: a driver is silent until it has sensed a whole window,
+        and then starts with that frequency and phase, like an EBow, which generates no tone itself.
     feedback
         "per-driver": driver k follows the dominant frequency of its own segment's A_k, since the sensing coil
         sits at the string. "literal": both follow B_1 (Eq. 12), so that the driver of the quieter segment is
@@ -63,12 +63,13 @@ class Drive(Checked):
     window, hop
         Length of a driver's analysis window, and the time between analyses, in s.
     pull
-        Share of the phase between the dominant line and the driver that is closed over the next hop, 0 to 1,
-        for "per-driver". Zero is Eq. 12 alone, which any frequency satisfies: a driven line is its own
-        maximum. Closing the phase makes the resonance attract, as the velocity feedback of an EBow does.
+        Share of the phase difference between the dominant line and the driver that is corrected over the next
+        hop, 0 to 1, for "per-driver". Zero is Eq. 12 alone, which any frequency satisfies: a driven line is
+        its own maximum. The correction pulls the driver to the resonance, like the velocity feedback of an
+        EBow.
     phase
-        "accumulated": the phase runs on when the frequency changes. "printed": sin(2 pi f(t) t) (Eq. 11),
-        which jumps in phase by 2 pi t times every change of frequency.
+        "accumulated": the phase is continuous when the frequency changes. "printed": sin(2 pi f(t) t) (Eq.
+        11), which jumps in phase by 2 pi t times every change of frequency.
     """
 
     amplitude: Finite[Newtons] = 1.0e-3
@@ -94,9 +95,8 @@ class SplitString(Checked):
     """A touched string as two independent segments, after the paper's Eq. 3-13 and its appendix.
 
     Segment k obeys mu y_tt = T(F) y_xx - d(F) y_t + f_drive with y = 0 at both ends; lengths are x and L - x.
-    The transverse velocity at one pickup a segment is A_k, and the microphones' signals are B = mixing A.
-    Everything that has a position in a segment is counted from that segment's own support, so that the setup
-    is symmetric.
+    The transverse velocity at the pickup of segment k is A_k, and the microphones' signals are B = mixing A.
+    All positions in a segment are counted from its support, so that the setup is symmetric.
 
     An untouched string (`contact` None) is one segment of length L that carries both drivers and both
     pickups, mirrored: A_1 is its velocity near the first support and A_2 near the second.
@@ -104,9 +104,9 @@ class SplitString(Checked):
     Parameters
     ----------
     string
-        The string. It is taken as ideally flexible: its stiffness is left out, as in the paper.
+        The string, assumed ideally flexible, without stiffness, as in the paper.
     contact
-        Where it is touched and how hard; a force of zero clamps without raising the tension.
+        Position and force of the touch; a force of zero clamps without raising the tension.
     tension_law
         "linear": T0 + k_T F (Eq. 6). "geometric": the stretch of the deflected string.
     initial
@@ -115,14 +115,14 @@ class SplitString(Checked):
     mixing
         Shares l1 and l2 of Eq. 5.
     pickup_place
-        Of a pickup, as a fraction of its segment.
+        Position of a pickup, as a fraction of its segment.
     nodes
-        N of each segment, ends included; spacing L_k / (N - 1).
+        Number of nodes N of each segment, ends included; spacing L_k / (N - 1).
     time_step
-        In s. None: 1 us as in the appendix, or where that is unstable the longest whole fraction of it (1/2,
-        1/3 ... us) that is stable. The modal route has neither nodes nor step, and never refuses one.
+        Time step in s. None: 1 us as in the appendix or, if unstable, its largest stable integer fraction
+        (1/2, 1/3 ... us). The modal route has neither nodes nor step, and accepts any.
     alpha
-        Safety factor of the refusal dt < alpha dxi / v.
+        Safety factor of the stability condition dt < alpha dxi / v.
     damping
         "continuous": the term is d / mu times the velocity (Eq. 8), and free oscillation falls by e in
         2 mu / d on any mesh. "printed": d / (mu dxi) (Eq. 10), which takes d for the damping of one node; the
@@ -154,6 +154,6 @@ class SplitString(Checked):
         if silent and (self.initial == "rest" or self.drive.feedback == "off"):
             raise InputError(
                 f"initial '{self.initial}' and feedback '{self.drive.feedback}' without start frequencies",
-                "drivers that have a frequency to begin with",
+                "drivers with an initial frequency",
                 "set drive.start_frequencies, or drive.amplitude = 0",
             )

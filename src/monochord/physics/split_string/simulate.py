@@ -1,4 +1,4 @@
-"""From a setup to a recording, by one of three routes through the same physics, and to its two peaks."""
+"""Simulates a setup by one of three routes through the same physics, and finds its two peaks."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -20,8 +20,8 @@ from monochord.physics.theory import mixing_matrix
 Route: TypeAlias = Literal["fdtd", "modal", "reference"]
 
 MIN_DRIVER_RATE = 40e3
-"""In Hz: the drivers sense the grid's velocity at the lowest whole fraction of its rate that is not below
-this."""
+"""In Hz: the drivers sense velocity at the lowest integer fraction of the grid's rate from this on.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,7 +35,7 @@ class SimulatedSound:
     microphones
         B = mixing A, (2, n), in m/s.
     sample_rate
-        Frames a second.
+        Sample rate in Hz.
     mixing
         (2, 2), Eq. 5.
     drive_frequencies
@@ -67,11 +67,11 @@ def simulate(
     setup
         String, touch, drive and grid.
     seconds
-        How long, above 0.
+        Duration in s, above 0.
     route
-        "fdtd": the paper's leapfrog on N nodes a segment, compiled. "reference": the same in NumPy, over
-        a hundred times slower, equal to rounding. "modal": each mode as a damped oscillator solved exactly
-        over each interval of constant drive; the limit that the grid tends to as it is refined.
+        "fdtd": the paper's leapfrog on N nodes per segment, compiled. "reference": the same in NumPy, over a
+        hundred times slower, equal to rounding. "modal": each mode as a damped oscillator solved exactly over
+        each interval of constant drive; the limit that the grid tends to as it is refined.
     sample_rate
         Of the recording, in Hz. The grid runs at 1 / dt; its velocities are brought to this rate by a
         linear-phase resampler (soxr, "HQ": flat to 0.01 dB up to 0.456 of the rate, more than 120 dB
@@ -86,8 +86,8 @@ def simulate(
     Raises
     ------
     InputError
-        For an unknown route, a duration that is not above zero, a sample rate out of range, or a time step
-        that is not below alpha dxi / v on every segment.
+        If the route is unknown, the duration is not above zero, the sample rate is out of range, or the time
+        step is not below alpha dxi / v on every segment.
 
     References
     ----------
@@ -124,8 +124,8 @@ def simulate(
 def peaks(recording: SimulatedSound, *, settle: Seconds = 0.15) -> tuple[Hertz, Hertz]:
     """Return the dominant frequency of each segment from the microphones, after the transient.
 
-    The mixing of Eq. 5 is undone, since the louder segment would otherwise be the maximum of both
-    microphones; then each channel's strongest line under a Hann window is read between bins.
+    The mixing of Eq. 5 is inverted, since the louder segment would otherwise dominate both microphones; then
+    each channel's strongest line under a Hann window is interpolated.
 
     A driver that closes its phase sustains a segment slightly above its own frequency f, since its other
     modes answer the drive too: by about f / (2 Q^2), with Q = 2 pi f mu / d. That is 0.01 % on the appendix's
@@ -137,17 +137,17 @@ def peaks(recording: SimulatedSound, *, settle: Seconds = 0.15) -> tuple[Hertz, 
     recording
         From `simulate`.
     settle
-        Time at the beginning to leave out, in s; of a short recording at most its first half.
+        Time to skip at the beginning, in s; at most half of a short recording.
 
     Returns
     -------
     f1, f2
-        In Hz; NaN for a segment that is silent.
+        In Hz; NaN for a silent segment.
 
     Raises
     ------
     InputError
-        If the mixing cannot be undone (l1 + l2 = 1), or the recording is shorter than 10 ms.
+        If the mixing cannot be inverted (l1 + l2 = 1), or the recording is shorter than 10 ms.
 
     References
     ----------
@@ -212,9 +212,9 @@ def step_grid(setup: SplitString, seconds: Seconds, kernel: Kernel, tones: list[
     Parameters
     ----------
     setup
-        What to simulate.
+        The setup.
     seconds
-        How long; the last interval may be incomplete.
+        Duration in s; the last interval may be incomplete.
     kernel
         `leapfrog` of `grid` (NumPy) or of `kernels` (compiled).
     tones

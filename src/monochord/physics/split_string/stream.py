@@ -1,4 +1,4 @@
-"""The modal route as a stream: a ringing string goes in, a block and the string after it come out."""
+"""The modal route as a stream: from a ringing string to a block of samples and the string after it."""
 
 from dataclasses import dataclass, replace
 from math import pi
@@ -38,20 +38,20 @@ class Ringing:
 
 
 def begin(setup: SplitString, sample_rate: int = 44100) -> Ringing:
-    """Return the string at time zero, plucked or at rest as the setup says.
+    """Return the string at time zero, plucked or at rest according to the setup.
 
     Parameters
     ----------
     setup
-        What to simulate; its nodes and time step play no part, save that the "printed" options depend on the
+        The setup; its nodes and time step are not used, except by the "printed" options, which depend on the
         node spacing.
     sample_rate
-        Frames a second, 8 kHz to 384 kHz.
+        Sample rate in Hz, 8 kHz to 384 kHz.
 
     Returns
     -------
     Ringing
-        The state to hand to `advance`.
+        The state to pass to `advance`.
 
     Raises
     ------
@@ -69,7 +69,7 @@ def begin(setup: SplitString, sample_rate: int = 44100) -> Ringing:
 def advance(ringing: Ringing, samples: Samples) -> tuple[Floats, Ringing]:
     """Return the next `samples` velocities A, (2, samples) in m/s, and the state after them.
 
-    The samples are the same, bit for bit, however they are cut into blocks.
+    The samples are identical, bit for bit, for any block size.
     """
     parts = [np.zeros((2, 0))]
     while samples > 0:
@@ -83,11 +83,11 @@ def advance(ringing: Ringing, samples: Samples) -> tuple[Floats, Ringing]:
 
 
 def touch(ringing: Ringing, contact: Contact | None, *, pluck: PluckShape | None = None) -> Ringing:
-    """Return the same string under another touch, or under none, from its next sample on.
+    """Return the same string under another touch, or none, from its next sample on.
 
-    Shape and velocity are projected onto the modes of the new segments, see `project_motion`. A finger that
-    comes or goes quickly plucks the string besides: `pluck` is added to each new segment. The drivers go on
-    with their tone until, at the next whole hop of the sample clock, they sense another.
+    Shape and velocity are projected onto the modes of the new segments; see `project_motion`. A finger that
+    comes or goes quickly also plucks the string: `pluck` is added to each new segment. The drivers keep their
+    tone until they sense another one at the next whole hop of the sample clock.
     """
     setup = replace(ringing.setup, contact=contact)
     string = find_modes(setup, ringing.sample_rate)
@@ -101,8 +101,8 @@ def project_motion(old: ModalString, q: Floats, v: Floats, new: ModalString) -> 
 
     Shape and velocity of the whole string are sampled and projected onto the new modes. Where a touch newly
     clamps the string, it first brings it to zero there along the static triangle (a straight ramp to either
-    support), as a finger does that presses slowly against the vibration; the remaining shape and the whole
-    velocity are unchanged. A release adds nothing. What lies above the audible modes is lost.
+    support), as under a finger that presses slowly against the vibration; the remaining shape and the whole
+    velocity are unchanged. A release adds nothing. Motion above the audible modes is lost.
 
     Parameters
     ----------
@@ -129,7 +129,7 @@ def project_motion(old: ModalString, q: Floats, v: Floats, new: ModalString) -> 
 
 
 def _sampled(string: ModalString, q: Floats, v: Floats, places: Floats) -> tuple[Floats, Floats]:
-    """Displacement and velocity at places along the whole string."""
+    """Return displacement and velocity at positions along the whole string."""
     shape, velocity = np.zeros(places.size), np.zeros(places.size)
     first = 0
     for segment, count in zip(string.segments, string.counts, strict=True):
@@ -155,7 +155,7 @@ def _drive(
     drivers: Drivers,
     start: Samples,
 ) -> Ringing:
-    """Begin an interval of constant drive: part the motion into steady response and free remainder."""
+    """Begin an interval of constant drive: split the motion into steady response and free remainder."""
     hop = max(1, round(setup.drive.hop * sample_rate))
     steady = response(string.audible, drivers.frequency)
     omega = 2j * pi * drivers.frequency * drivers.active
@@ -180,19 +180,22 @@ def _drive(
 
 
 def _steady_motion(steady: Complexes, drivers: Drivers) -> tuple[Floats, Floats]:
-    """Displacement and velocity of the steady response at the drivers' phase."""
+    """Return displacement and velocity of the steady response at the drivers' phase."""
     turned = np.exp(1j * drivers.phase) @ np.stack((steady, (2j * pi * drivers.frequency)[:, None] * steady))
     return turned[0].imag, turned[1].imag
 
 
 def _motion(ringing: Ringing, drivers: Drivers) -> tuple[Floats, Floats]:
-    """Displacement and velocity now, free and steady together; `drivers` are those of now."""
+    """Return the present displacement and velocity, free and steady together.
+
+    `drivers` are the present ones.
+    """
     q_steady, v_steady = _steady_motion(ringing.steady, drivers)
     return ringing.q + q_steady, ringing.v + v_steady
 
 
 def _ring_on(ringing: Ringing, samples: Samples) -> tuple[Floats, Ringing]:
-    """Sound on within an interval of constant drive."""
+    """Continue ringing within an interval of constant drive."""
     from monochord.physics.split_string.kernels import ring  # noqa: PLC0415  (numba loads on use)
 
     q, v = ringing.q.copy(), ringing.v.copy()

@@ -17,9 +17,9 @@ __all__ = ["load_string", "string_names"]
 class StringPreset:
     """A string with its source.
 
-    `open_frequency` is the fundamental that the source states or the tuning asks for; the string's own
-    tension, density and length agree with it. `contact` is where the preset is touched by default, ``None``
-    for an untouched string. `notes` says which values are assumed.
+    `open_frequency` is the fundamental stated by the source or required by the tuning; the string's tension,
+    density and length agree with it. `contact` is the preset's default touch, ``None`` for an untouched
+    string. `notes` says which values are assumed.
     """
 
     name: str
@@ -45,7 +45,7 @@ class StringPreset:
 
     @property
     def usual_contact(self) -> Contact:
-        """The default touch: `contact`, or else a clamp without force at x/L 0.35."""
+        """The default touch: `contact`, or else a clamp without force at x/L = 0.35."""
         return self.contact or Contact(position=0.35 * self.string.length, force=0.0)
 
 

@@ -1,7 +1,7 @@
-"""Closed forms of the touched string: frequencies, their inverse, stiffness, sensitivities and bounds.
+"""Closed forms of the touched string: frequencies and their inverse, stiffness, sensitivities, bounds.
 
 Touches are clamps unless stated otherwise: they cut the string into two segments that share only the tension.
-There are also softer touches (a spring, Hertz's contact) and the losses of a string. Functions take plain
+Softer touches (a spring, a Hertzian contact) and the string's losses are included. Functions take plain
 numbers or, where their signature says so, arrays.
 """
 

@@ -1,4 +1,4 @@
-"""Argument checks of the closed forms, which take numbers or arrays of them."""
+"""Argument checks of the closed forms, for numbers and arrays."""
 
 from typing import TypeVar
 
@@ -12,13 +12,13 @@ Number = TypeVar("Number", float, Floats)
 
 
 def refuse_negative_force(force: float | Floats) -> None:
-    """Refuse a normal force below zero, or one that is not a number."""
+    """Raise `InputError` for a normal force below zero or not finite."""
     if not np.all(np.asarray(force) >= 0.0):
-        raise InputError(f"force {_worst(force)} N", "0 N or more", "a touch presses, it does not pull")
+        raise InputError(f"force {_worst(force)} N", "0 N or more", "a touch presses; use a positive force")
 
 
 def refuse_outside(position: float | Floats, length: float) -> None:
-    """Refuse a position that is not strictly between the ends of the string."""
+    """Raise `InputError` for a position not strictly between the ends of the string."""
     inside = (np.asarray(position) > 0.0) & (np.asarray(position) < length)
     if not np.all(inside):
         outside = np.asarray(position)[~inside].flat[0]
@@ -26,7 +26,7 @@ def refuse_outside(position: float | Floats, length: float) -> None:
 
 
 def refuse_not_positive(**named: float | Floats) -> None:
-    """Refuse any named quantity that is not above zero."""
+    """Raise `InputError` for a named quantity that is not above zero."""
     for name, value in named.items():
         if not np.all(np.asarray(value) > 0.0):
             raise InputError(f"{name.replace('_', ' ')} {_worst(value)}", "above 0")

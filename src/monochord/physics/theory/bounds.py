@@ -1,9 +1,9 @@
-"""How well a touch can be located: sensitivities of the frequencies, and the Cramer-Rao bounds.
+"""How accurately a touch can be located: sensitivities of the frequencies, and Cramer-Rao bounds.
 
-A bound is the least standard error of any unbiased estimator from a window of a given length: white Gaussian
-noise, known noise level, stationary partials that the window resolves. The signal-to-noise ratio is a power
-ratio (no decibels): half the squared amplitude of a partial over the noise's variance. Noise is seldom what
-limits a sensor: `contact_bound` also takes what is not known of its tuning, its ends and the contact.
+A bound is the smallest standard error of any unbiased estimator from a window of given length, for white
+Gaussian noise of known level and stationary partials that the window resolves. The signal-to-noise ratio is a
+power ratio (not in decibels): half the squared amplitude of a partial over the noise's variance. Noise seldom
+limits a sensor: `contact_bound` also includes uncertainty of its tuning, its ends and the contact.
 """
 
 import numpy as np
@@ -19,7 +19,7 @@ from monochord.physics.theory.tension import TensionLaw, stretch_stiffness, tens
 
 
 def frequency_sensitivities(string: StringParams, contact: Contact, law: TensionLaw = "linear") -> Floats:
-    """Return the derivatives of both segment frequencies by position and by force.
+    """Return the derivatives of both segment frequencies with respect to position and force.
 
     With f1 = v / (2 x), f2 = v / (2 (L - x)) and v = sqrt(T / mu):
 
@@ -33,9 +33,9 @@ def frequency_sensitivities(string: StringParams, contact: Contact, law: Tension
     string
         The string.
     contact
-        Where and how hard it is touched.
+        Position and force of the touch.
     law
-        How the force raises the tension.
+        Tension law.
 
     Returns
     -------
@@ -45,7 +45,7 @@ def frequency_sensitivities(string: StringParams, contact: Contact, law: Tension
     Raises
     ------
     InputError
-        If the contact is not on the string, pulls, or the law is unknown.
+        If the position is not on the string, the force is negative, or the law is unknown.
 
     Examples
     --------
@@ -67,7 +67,7 @@ def frequency_sensitivities(string: StringParams, contact: Contact, law: Tension
 
 
 def far_segment_sensitivity(frequency: Number, open_frequency: Hertz, length: Metres) -> Number:
-    """Return the derivative of the position by the far segment's fundamental.
+    """Return the derivative of the position with respect to the far segment's fundamental.
 
     dx/df = L f_open / f^2, from x = L (1 - f_open / f).
 
@@ -106,7 +106,7 @@ def _geometric_slopes(string: StringParams, contact: Contact, tension: float) ->
 
 
 def tone_bound(duration: Seconds, sample_rate: Hertz, snr: ArrayLike) -> Floats:
-    """Return the least standard error of the frequency of a real tone.
+    """Return the smallest standard error of the frequency of a real tone.
 
     var(f) >= 12 fs^2 / (4 pi^2 snr N (N^2 - 1)), with N samples, amplitude and phase unknown. Holds where the
     tone is away from zero frequency and the Nyquist frequency by more than 1 / duration.
@@ -158,11 +158,10 @@ def series_bound(
     inharmonicity: float = 0.0,
     known_inharmonicity: bool = True,
 ) -> Hertz:
-    """Return the least standard error of the fundamental of a stiff harmonic series.
+    """Return the smallest standard error of the fundamental of a stiff harmonic series.
 
-    Each partial f_n = n f0 sqrt(1 + B n^2) is a tone of its own variance and informs on f0 with weight
-    (df_n/df0)^2 / var(f_n); the weights add. Where B is unknown it is estimated too, which raises the error
-    of f0.
+    Each partial f_n = n f0 sqrt(1 + B n^2) is a tone with variance var(f_n) and contributes (df_n/df0)^2 /
+    var(f_n) to the information on f0. An unknown B is estimated too, which raises the error of f0.
 
     Parameters
     ----------
@@ -171,13 +170,13 @@ def series_bound(
     numbers
         Numbers n of the partials used, shape (k,).
     snr
-        Power ratio of each, shape (k,) or one for all.
+        Power ratio of each partial, shape (k,) or one for all.
     duration, sample_rate
-        Of the window, in s and Hz.
+        Length of the window in s, and sample rate in Hz.
     inharmonicity
         B.
     known_inharmonicity
-        False where B has to be estimated from the same window; needs two partials.
+        False where B is estimated from the same window, which needs two partials.
 
     Returns
     -------
@@ -225,12 +224,12 @@ def contact_bound(
     lengthening_std: Metres = 0.0,
     lengthening_correlation: float = 0.0,
 ) -> tuple[Metres, Newtons]:
-    """Return the least standard errors of position and force, from both segments and the untouched pitch.
+    """Return the smallest standard errors of position and force, from both segments and the untouched pitch.
 
     Both fundamentals are estimated from their partials up to `highest`, each partial at the same ratio to the
-    noise, its amplitude and phase unknown. By default everything else is known exactly, so that noise alone
-    counts. What is not known enters as normal errors: of the untouched tension T0, of where each end is (e1,
-    e2), and of how much the contact and its mount lengthen each segment (d1, d2):
+    noise, its amplitude and phase unknown. By default everything else is known exactly, so that only noise
+    counts. Uncertainties enter as normal errors: of the untouched tension T0, of where each end is (e1, e2),
+    and of how much the contact and its mount lengthen each segment (d1, d2):
 
         f1 = v / (2 (x + e1 + d1)),  f2 = v / (2 (L - x + e2 + d2)),  f0 = v0 / (2 (L + e1 + e2)).
 
@@ -240,9 +239,8 @@ def contact_bound(
 
     To first order f1 f2 / (f1 + f2) over f0 is sqrt(T / T0) (1 - (d1 + d2) / L), whatever the ends: where the
     untouched pitch is measured, they leave the force an error of 2 (e1 + e2) / L of itself, and what limits
-    it is the lengthening. Left out are other evidence of the contact, such as further partials on a mount
-    that resonates, combination tones and levels, and how likely each force is beforehand: an estimator that
-    uses them can be better.
+    it is the lengthening. The bound ignores other evidence, such as further partials on a resonating mount,
+    combination tones and levels, and prior knowledge of the force: an estimator that uses them can be better.
 
     Parameters
     ----------
@@ -251,18 +249,18 @@ def contact_bound(
     snr
         Power ratio of each partial to the noise.
     duration, sample_rate
-        Of the window, in s and Hz.
+        Length of the window in s, and sample rate in Hz.
     highest
         Highest partial used, in Hz.
     tension_std
-        Standard error to which the untouched string's tension is known, in N.
+        Standard error of the untouched string's tension, in N.
     end_std
-        The same of where each end of the string effectively is, in m.
+        Standard error of each end's effective position, in m.
     open_frequency_std
-        The same of the untouched string's pitch, in Hz; infinite where that is not measured.
+        Standard error of the untouched string's pitch, in Hz; infinite where not measured.
     lengthening_std
-        The same of how much contact and mount lengthen each segment, in m: a spring of K in N/m lengthens it
-        by T / K, a mass above its resonance shortens it.
+        Standard error of each segment's lengthening by contact and mount, in m: a spring of K in N/m
+        lengthens it by T / K, a mass above its resonance shortens it.
     lengthening_correlation
         Correlation of the lengthening of both segments, -1 to 1: 1 for one spring under both, 0 where
         resonances of the mount shift each line by itself.
@@ -351,7 +349,7 @@ def far_segment_bound(
 ) -> Metres:
     """Return the standard error of the position estimated from the far segment's fundamental.
 
-    std(x) = L f_open / f^2 std(f), the open string's frequency being known.
+    std(x) = L f_open / f^2 std(f), for a known open frequency.
 
     Parameters
     ----------

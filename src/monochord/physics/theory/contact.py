@@ -1,4 +1,4 @@
-"""A string against an object: Hertz's contact, and a string that a spring or a force loads at one point."""
+"""A string against an object: Hertz contact, and a string loaded at one point by a spring or a force."""
 
 import math
 
@@ -16,7 +16,7 @@ from monochord.physics.theory._checks import (
 from monochord.physics.theory.stiffness import bending_stiffness, outer_diameter
 
 STEEL_POISSON_RATIO = 0.3
-"""Of steel: the handbook value."""
+"""Poisson ratio of steel: the handbook value."""
 _MAX_BISECTIONS = 60
 """Of a bracket no wider than pi: the error is below the spacing of floating-point numbers near pi."""
 
@@ -26,12 +26,12 @@ def hertz_stiffness(
 ) -> float:
     """Return the contact stiffness of a string pressed against a cylinder across it.
 
-    f = k delta^(3/2) with k = (2 pi E* / (3 K))^(3/2) sqrt(3 D / (2 pi E* A)): Hertz's elliptic contact. A is
-    half of the smaller of the curvatures 1/R and 2/d; K and E are the complete elliptic integrals and
-    D = (K - E)/m, all of the parameter m, one less the squared ratio of the ellipse's axes, which follows
-    from the ratio of the curvatures. 1/E* = (1 - nu_1^2)/E_1 + (1 - nu_2^2)/E_2. Holds for smooth elastic
-    bodies, an ellipse small beside d and R, and no friction. A flat object touches along a line, for which
-    no such law exists, and is refused; towards it k grows without end, slowly.
+    f = k delta^(3/2) with k = (2 pi E* / (3 K))^(3/2) sqrt(3 D / (2 pi E* A)): Hertz's elliptic contact.
+    A is half of the smaller of the curvatures 1/R and 2/d; K and E are the complete elliptic integrals
+    and D = (K - E)/m, all of the parameter m, one less the squared ratio of the ellipse's axes, which
+    follows from the ratio of the curvatures. 1/E* = (1 - nu_1^2)/E_1 + (1 - nu_2^2)/E_2. Holds for smooth
+    elastic bodies, an ellipse small beside d and R, and no friction. A flat object touches along a line,
+    for which no such law exists, and raises; towards it k grows slowly without limit.
 
     Parameters
     ----------
@@ -74,8 +74,8 @@ def line_stiffness(
     """Return the contact stiffness of a string pressed against a flat object, which touches along a line.
 
     f = k delta with k = pi E* w / 4: a cylinder that lies on a half-space over a length w. Two-dimensional
-    contact has no law of its own, as its approach depends on the size of the bodies by a logarithm; this one
-    is exact for the contact's one-dimensional image. Holds for a string that lies on evenly.
+    contact has no size-independent law, since its approach depends logarithmically on the size of the bodies;
+    this one is exact for the contact's one-dimensional image. Holds for a string with even contact.
 
     Parameters
     ----------
@@ -117,8 +117,8 @@ def contact_width(
 
     The axis of Hertz's ellipse along the string, plus the wrap: a press F turns the string by F / T, so that
     an ideally flexible one lies on the arc R F / T. A stiff string turns by lambda / R on each side before it
-    lies on, lambda = sqrt(E I / T): then the wrap is R F / T - 2 lambda, and there is none below
-    F = 2 sqrt(E I T) / R. Holds for small turns; where the wrap is long the sum is an upper estimate.
+    makes contact, lambda = sqrt(E I / T): then the wrap is R F / T - 2 lambda, and zero below F = 2 sqrt(E I
+    T) / R. Holds for small turns; where the wrap is long the sum is an upper estimate.
 
     Parameters
     ----------
@@ -157,7 +157,7 @@ def contact_width(
 
 
 def mindlin_ratio(poisson_ratio: float) -> float:
-    """Return the tangential over the normal stiffness of a contact that does not slide.
+    """Return the ratio of tangential to normal stiffness of a contact that does not slide.
 
     k_t / k_n = 2 (1 - nu) / (2 - nu), the tangents of force over displacement, for a circular contact of two
     bodies of the same Poisson ratio. For an ellipse it depends somewhat on the direction.
@@ -221,7 +221,7 @@ def _ellipse(string: StringParams, radius: Metres) -> tuple[float, float, float]
     """Return the squared ratio of the short to the long axis, and K and D of that ellipse."""
     refuse_not_positive(radius=radius)
     if math.isinf(radius):
-        raise InputError("radius inf", "a finite radius", "a flat object has no point contact")
+        raise InputError("radius inf", "a finite radius", "use line_stiffness for a flat object")
     ratio = radius / (outer_diameter(string) / 2.0)
     ratio = max(ratio, 1.0 / ratio)
     # B / A = (1 - D/K) / (p D/K) falls from infinity to one as p grows to one; bisected in log p.
@@ -251,11 +251,11 @@ def _elliptic(complement: float) -> tuple[float, float]:
 
 
 def loaded_frequencies(string: StringParams, position: Metres, stiffness: float, count: int) -> Floats:
-    """Return the lowest natural frequencies of a string that a linear spring holds at one point.
+    """Return the lowest natural frequencies of a string held at one point by a linear spring.
 
     They solve (T/c) w [cot(w x / c) + cot(w (L - x) / c)] = -K, with w = 2 pi f and c = sqrt(T / mu): an
     ideally flexible string between firm ends on a spring without mass or loss. A mode with a node at x is
-    not moved. K = 0 gives the harmonics of the untouched string, K infinite those of both segments together.
+    unaffected. K = 0 gives the harmonics of the untouched string, K infinite those of both segments together.
     The n-th frequency lies between the n-th of these two series, from which it follows by bisection to the
     precision of floating point.
 
@@ -264,16 +264,16 @@ def loaded_frequencies(string: StringParams, position: Metres, stiffness: float,
     string
         The string; length, tension and linear density count.
     position
-        Where the spring holds it, x in m, strictly inside the string.
+        Position x of the spring in m, strictly inside the string.
     stiffness
         Of the spring, K in N/m, zero or more; infinite for a clamp.
     count
-        How many frequencies, at least one.
+        Number of frequencies, at least one.
 
     Returns
     -------
     array (count,)
-        In Hz, ascending. Two are equal where both segments of a clamp sound alike.
+        In Hz, ascending. Two are equal where both segments of a clamp have a common frequency.
 
     Raises
     ------
@@ -292,7 +292,7 @@ def loaded_frequencies(string: StringParams, position: Metres, stiffness: float,
     """
     refuse_outside(position, string.length)
     if not stiffness >= 0.0:
-        raise InputError(f"stiffness {stiffness:g} N/m", "0 N/m or more", "a spring pushes back")
+        raise InputError(f"stiffness {stiffness:g} N/m", "0 N/m or more", "use a positive stiffness")
     if count < 1:
         raise InputError(f"count {count}", "1 or more")
     # In phi = w L / c: phi sin(phi) + K L / T sin(phi x / L) sin(phi (L - x) / L) = 0, without a pole.
@@ -315,7 +315,7 @@ def loaded_frequencies(string: StringParams, position: Metres, stiffness: float,
 
 
 def static_compliance(string: StringParams, position: Number) -> Number:
-    """Return the static compliance of a string where it is pressed.
+    """Return the static compliance of a string at the pressed position.
 
     C = [x (L - x) / L - sinh(a x) sinh(a (L - x)) / (a sinh(a L))] / T, with a = sqrt(T / (E I)): a tensioned
     stiff string between hinged ends under a point force, for small slopes and constant tension. Without core
@@ -327,7 +327,7 @@ def static_compliance(string: StringParams, position: Number) -> Number:
     string
         The string; E I is its `bending_stiffness`.
     position
-        Where it is pressed, x in m, strictly inside the string; any shape.
+        Pressed position x in m, strictly inside the string; any shape.
 
     Returns
     -------

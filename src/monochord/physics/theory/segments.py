@@ -1,4 +1,4 @@
-"""Frequencies of the two segments that a touch makes, and their exact inverse."""
+"""Frequencies of the two segments of a touched string, and their exact inverse."""
 
 import numpy as np
 
@@ -21,7 +21,7 @@ def harmonic_frequencies(
     length, tension, linear_density
         L in m, T in N, mu in kg/m, all above zero.
     count
-        How many harmonics, at least one.
+        Number of harmonics, at least one.
 
     Returns
     -------
@@ -72,9 +72,9 @@ def segment_frequencies(
     string
         The string.
     contact
-        Where and how hard; `position` strictly inside the string.
+        Position and force of the touch; `position` is strictly inside the string.
     law
-        How the force raises the tension.
+        Tension law.
 
     Returns
     -------
@@ -120,9 +120,9 @@ def split_frequencies(
 
 
 def locate_from_segments(length: Metres, f1: Number, f2: Number) -> Number:
-    """Return where a string is touched from the fundamentals of its two segments.
+    """Return the touch position from the fundamentals of a string's two segments.
 
-    x = L f2 / (f1 + f2): exact for a clamping touch, whatever the tension, density and force.
+    x = L f2 / (f1 + f2): exact for a clamping touch, for any tension, density and force.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ def locate_from_segments(length: Metres, f1: Number, f2: Number) -> Number:
 def tension_from_segments(string: StringParams, f1: Number, f2: Number) -> Number:
     """Return the tension of a touched string from the fundamentals of its two segments.
 
-    T = mu (2 L f1 f2 / (f1 + f2))^2: exact for a clamping touch, wherever it is.
+    T = mu (2 L f1 f2 / (f1 + f2))^2: exact for a clamping touch at any position.
 
     Parameters
     ----------
@@ -183,7 +183,7 @@ def tension_from_segments(string: StringParams, f1: Number, f2: Number) -> Numbe
 
 
 def position_from_far_segment(frequency: Number, open_frequency: Hertz, length: Metres) -> Number:
-    """Return where a string is touched when only the segment beyond the touch sounds.
+    """Return the touch position where only the segment beyond the touch sounds.
 
     x = L (1 - f_open / f), for a touch that does not change the tension; as when a finger stops a plucked
     string and x is counted from the nut.
@@ -218,15 +218,15 @@ def position_from_far_segment(frequency: Number, open_frequency: Hertz, length: 
     return length * (1.0 - open_frequency / frequency)
 
 
-def mixing_matrix(own_1: float, own_2: float) -> Floats:
-    """Return the matrix by which two microphones pick up two segments: B = mixing @ A.
+def mixing_matrix(share_1: float, share_2: float) -> Floats:
+    """Return the matrix of two microphones that pick up two segments: B = mixing @ A.
 
     [[l1, 1 - l1], [1 - l2, l2]]; (1, 1) is perfect isolation, (0.5, 0.5) leaves no difference at all.
 
     Parameters
     ----------
-    own_1, own_2
-        Shares l1 and l2 of each microphone's own segment in its signal, from 0 to 1.
+    share_1, share_2
+        Shares l1 and l2 of the near segment in each microphone's signal, from 0 to 1.
 
     Returns
     -------
@@ -248,10 +248,10 @@ def mixing_matrix(own_1: float, own_2: float) -> Floats:
     array([[0.9 , 0.1 ],
            [0.25, 0.75]])
     """
-    for share in (own_1, own_2):
+    for share in (share_1, share_2):
         if not 0.0 <= share <= 1.0:
             raise InputError(f"microphone share {share:g}", "0 to 1")
-    return np.array([[own_1, 1.0 - own_1], [1.0 - own_2, own_2]])
+    return np.array([[share_1, 1.0 - share_1], [1.0 - share_2, share_2]])
 
 
 def step_limit(spacing: Metres, speed: MetresPerSecond, alpha: float = 1.0) -> Seconds:
@@ -262,7 +262,7 @@ def step_limit(spacing: Metres, speed: MetresPerSecond, alpha: float = 1.0) -> S
     Parameters
     ----------
     spacing
-        Distance of neighbouring nodes dxi in m.
+        Node spacing dxi in m.
     speed
         Wave speed v in m/s.
     alpha

@@ -1,4 +1,4 @@
-"""What a real wire adds to the ideal string: bending stiffness, which sharpens high partials, and losses."""
+"""Real wires compared with the ideal string: bending stiffness, which sharpens high partials, and losses."""
 
 import math
 from dataclasses import dataclass
@@ -11,14 +11,14 @@ from monochord.core.units import Hertz, Metres
 from monochord.physics.theory._checks import Number, refuse_not_positive
 
 STEEL_DENSITY = 7850.0
-"""Of plain carbon steel, in kg/m^3: the handbook value."""
+"""Density of plain carbon steel, in kg/m^3: the handbook value."""
 
 
 def outer_diameter(string: StringParams) -> Metres:
     """Return the diameter of a solid steel string of the same weight.
 
-    d = sqrt(4 mu / (pi rho)), rho = 7850 kg/m^3. For a plain string this is its gauge; a wound one, whose
-    windings leave air between them, is a few per cent thicker than this.
+    d = sqrt(4 mu / (pi rho)), rho = 7850 kg/m^3. For a plain string this is its gauge; a wound string, with
+    air between its windings, is a few per cent thicker.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def outer_diameter(string: StringParams) -> Metres:
 def bending_stiffness(string: StringParams) -> float:
     """Return the bending stiffness of a string in N m^2.
 
-    E I with I = pi d^4 / 64 of the core, which is round: windings do not add to it.
+    E I with I = pi d^4 / 64 of the round core; windings do not add to it.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ def stiff_partials(f0: Hertz, inharmonicity: float, number: Number) -> Number:
     Parameters
     ----------
     f0
-        In Hz, above zero.
+        Fundamental without stiffness, in Hz, above zero.
     inharmonicity
         B, zero or more.
     number
@@ -163,7 +163,7 @@ def partial_numbers(highest: Hertz, f0: Hertz, inharmonicity: float = 0.0) -> Fl
     Returns
     -------
     array (n,)
-        1, 2, 3 ...; empty where even the first lies above.
+        1, 2, 3 ...; empty where the first one lies above.
 
     Examples
     --------
@@ -179,11 +179,11 @@ def partial_numbers(highest: Hertz, f0: Hertz, inharmonicity: float = 0.0) -> Fl
 class Losses(Checked):
     """The loss factors of a vibrating string.
 
-    `air_viscosity` in Pa s and `air_density` in kg/m^3 are those of air in a room. The others have no unit:
-    `viscoelastic` is the loss angle of bending, `thermoelastic` the inverse quality factor of the wire at any
-    frequency (heat flow and dislocations), `support` that of the supports at the ends. The loss angle and the
-    wire's factor are of the size found for plain steel strings; the support is assumed, for ends on a
-    printed fixture, and is the largest loss.
+    `air_viscosity` in Pa s and `air_density` in kg/m^3 are those of ambient air. The others are
+    dimensionless: `viscoelastic` is the loss angle of bending, `thermoelastic` the wire's inverse quality
+    factor at any frequency (heat flow and dislocations), `support` that of the supports at the ends. The loss
+    angle and the wire's factor have typical values of plain steel strings; the support's is assumed, for ends
+    on a printed fixture, and is the largest loss.
     """
 
     air_viscosity: NonNegative[float] = 1.8e-5

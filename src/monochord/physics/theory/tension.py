@@ -1,4 +1,4 @@
-"""Tension, wave speed and damping of a string that is pressed."""
+"""Tension, wave speed and damping of a pressed string."""
 
 from typing import Literal, TypeAlias, overload
 
@@ -15,13 +15,13 @@ from monochord.physics.theory._checks import (
 )
 
 TensionLaw: TypeAlias = Literal["linear", "geometric"]
-"""How a press raises the tension: the paper's trend k_T F, or the stretch of the deflected string."""
+"""Tension law: the paper's trend k_T F, or the stretch of the deflected string."""
 STRENGTH: Pascals = 3.0e9
-"""Tensile strength of music wire of 0.25 mm, the strongest that strings are made of (ASTM A228)."""
+"""Tensile strength of 0.25 mm music wire in Pa, the strongest used for strings (ASTM A228)."""
 
 
 def linear_tension(string: StringParams, force: Number) -> Number:
-    """Return the tension of a pressed string after the linear law.
+    """Return the tension of a pressed string by the linear law.
 
     T(F) = T0 + k_T F, the paper's tunable trend for small deformations; the position of the press has no
     effect.
@@ -58,10 +58,10 @@ def linear_tension(string: StringParams, force: Number) -> Number:
 
 
 def geometric_tension(string: StringParams, position: Number, force: Number) -> Number:
-    """Return the tension of a pressed string after the geometric law.
+    """Return the tension of a pressed string by the geometric law.
 
     A press F at x deflects the string to a triangle of depth delta = F x (L - x) / (T L). Its sides are
-    longer than L by delta^2 L / (2 x (L - x)), and that times E A / L is the rise of tension. Put together,
+    longer than L by delta^2 L / (2 x (L - x)), and that times E A / L is the rise of tension. Together,
 
         T^2 (T - T0) = E A F^2 x (L - x) / (2 L^2),
 
@@ -74,7 +74,7 @@ def geometric_tension(string: StringParams, position: Number, force: Number) -> 
     string
         The string; E is `young_modulus` and A the cross-section of `core_diameter`.
     position
-        Where it is pressed, x in m, strictly inside the string.
+        Pressed position x in m, strictly inside the string.
     force
         Normal force F in N.
 
@@ -111,22 +111,22 @@ def geometric_tension(string: StringParams, position: Number, force: Number) -> 
 
 
 def breaking_force(string: StringParams, position: Number) -> Number:
-    """Return the normal force under which the wire of a string breaks.
+    """Return the normal force at which a string's wire breaks.
 
     It breaks at the tension Tb = `STRENGTH` times its cross-section A. The geometric law, solved for F, gives
 
         F = Tb L sqrt(2 (Tb - T0) / (E A x (L - x))),
 
-    T0 being the tension at rest. It is an upper bound: slopes are taken for small, and friction at the ends,
-    bending over an edge and wear break a wire earlier. Next to an end the bound goes to infinity with the
-    slope; there the force at a hundredth of the length counts.
+    T0 being the tension at rest. It is an upper bound: it assumes small slopes, and friction at the ends,
+    bending over an edge and wear break a wire earlier. Near an end the bound diverges with the slope; there
+    the force at a hundredth of the length is used.
 
     Parameters
     ----------
     string
         The string, with a core diameter.
     position
-        Where it is pressed, x in m.
+        Pressed position x in m.
 
     Returns
     -------
@@ -154,7 +154,7 @@ def breaking_force(string: StringParams, position: Number) -> Number:
 
 
 def stretch_stiffness(string: StringParams) -> float:
-    """Return E A of the load-bearing wire in N: the force that would stretch it to twice its length.
+    """Return E A of the load-bearing wire in N: the force that would double its length.
 
     Examples
     --------
@@ -240,7 +240,7 @@ def tension_from_force(
     position: Number | None = None,
     law: TensionLaw = "linear",
 ) -> Number:
-    """Return the tension of a pressed string after either law: `linear_tension` or `geometric_tension`.
+    """Return the tension of a pressed string by either law: `linear_tension` or `geometric_tension`.
 
     Parameters
     ----------
@@ -249,7 +249,7 @@ def tension_from_force(
     force
         Normal force F in N.
     position
-        Where it is pressed, in m; the geometric law needs it.
+        Pressed position in m, required by the geometric law.
     law
         ``"linear"`` or ``"geometric"``.
 
@@ -280,7 +280,7 @@ def force_from_tension(
     position: Number | None = None,
     law: TensionLaw = "linear",
 ) -> Number:
-    """Return the normal force that raises the tension to a value: the inverse of either law.
+    """Return the normal force that gives a tension: the inverse of either law.
 
     Linear: F = (T - T0) / k_T, which is negative where the tension has fallen below T0.
     Geometric: F = T sqrt(2 L^2 (T - T0) / (E A x (L - x))), NaN where no press raises the tension so.
@@ -292,7 +292,7 @@ def force_from_tension(
     tension
         T in N.
     position
-        Where it is pressed, in m; the geometric law needs it.
+        Pressed position in m, required by the geometric law.
     law
         ``"linear"`` or ``"geometric"``.
 
@@ -304,7 +304,7 @@ def force_from_tension(
     Raises
     ------
     InputError
-        If the law is unknown, or the string lacks what it needs: k_T, or a core diameter and a position.
+        If the law is unknown, or its inputs are missing: k_T, or a core diameter and a position.
 
     Examples
     --------
@@ -344,5 +344,5 @@ def check_law(law: str) -> str:
 
 def _required(position: Number | None) -> Number:
     if position is None:
-        raise InputError("no position", "a position in m", "the geometric law depends on it")
+        raise InputError("no position", "a position in m", "the geometric law needs it")
     return position

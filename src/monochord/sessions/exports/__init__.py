@@ -1,4 +1,4 @@
-"""Sessions in other forms: one file a form, found by its name."""
+"""Export formats for sessions, one module per format."""
 
 from monochord.core.registry import Registry
 from monochord.sessions.exports._contents import Stretch, form_of, tables, write_back

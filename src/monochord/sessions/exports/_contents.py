@@ -1,4 +1,4 @@
-"""What a session holds as plain columns, and back: shared by the forms that lose nothing."""
+"""A session as plain columns, and back: shared by the lossless formats."""
 
 import json
 from collections.abc import Generator, Iterable, Iterator, Mapping
@@ -18,23 +18,23 @@ from monochord.sessions import Description, SessionClock, SessionReader, Session
 from monochord.sessions.bounds import MAX_COLUMNS, MAX_DURATION, MAX_TEXT, json_object
 
 ABOUT = "session.json"
-"""The file that says what the others are."""
+"""The file that describes the other files."""
 COMMON_TABLES = ("labels", "events", "clocks")
-"""Tables that every session has; each stream of readings has one of its own name beside them."""
+"""Tables of every session; each stream of readings adds a table of its name."""
 Columns: TypeAlias = dict[str, np.ndarray[Any, np.dtype[Any]]]
-"""Columns (n,) by name; text is of type object. The first is ``time`` in s since the session's beginning."""
+"""Columns (n,) by name; text has type object. The first is ``time`` in s since the session's beginning."""
 READING_COLUMNS = {"sequence": np.int64, "device_time": np.int64, "status": np.uint32}
-"""Columns of a reading beside its time and its values, with the types they have in a session."""
+"""Columns of a reading beside time and values, with their types in a session."""
 MAX_STRETCH = 1 << 25
-"""Frames of a stretch, which is read and written in one piece: some 10 minutes."""
+"""Largest number of frames in a stretch, which is read and written at once: some 10 minutes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stretch:
-    """Consecutive frames as the session holds them: samples (channels, n); `time` is of the first.
+    """Consecutive frames as the session holds them: samples (channels, n).
 
-    Where not `timed`, the device did not say when, and `time` follows from `start`. `device_frame` is the
-    device's own count, -1 where it has none.
+    `time` is that of the first frame. Where `timed` is false, the device gave no time, and `time` follows
+    from `start`. `device_frame` is the device's frame count, -1 where it has none.
     """
 
     start: Samples
@@ -46,7 +46,7 @@ class Stretch:
 
 
 def stretches(session: SessionReader) -> Iterator[Stretch]:
-    """Yield a session's audio as it lies in the file."""
+    """Yield a session's audio in file order."""
     for message, block in session.decoded("/audio"):
         yield Stretch(
             start=int(block.start),
@@ -59,7 +59,7 @@ def stretches(session: SessionReader) -> Iterator[Stretch]:
 
 
 def tables(session: SessionReader) -> dict[str, Columns]:
-    """Return everything else that a session holds, by the name that its file has."""
+    """Return everything else in a session, by table name."""
     by_name: dict[str, Columns] = {}
     for stream in session.streams:
         track = session.readings(stream)
@@ -69,7 +69,7 @@ def tables(session: SessionReader) -> dict[str, Columns]:
     labels, events, clocks = session.labels, session.events, session.clocks
     if "time" in labels.columns or "time" in clocks.offsets:
         given = f"session {session.path} with a label or a clock called 'time'"
-        raise InputError(given, "other names beside the times of a table")
+        raise InputError(given, "names other than 'time'")
     by_name["labels"] = {"time": labels.time, **labels.columns}
     by_name["events"] = {
         "time": np.array([event.time for event in events], dtype=np.float64),
@@ -82,7 +82,7 @@ def tables(session: SessionReader) -> dict[str, Columns]:
 
 
 def about(session: SessionReader, form: str) -> Tree:
-    """Return the content of `ABOUT`: which session this is, for a reader of the form."""
+    """Return the content of `ABOUT`, which identifies the session to a reader of this format."""
     return {
         "form": form,
         "clock": session.clock.dump(),
@@ -92,12 +92,12 @@ def about(session: SessionReader, form: str) -> Tree:
 
 
 def form_of(folder: Path) -> str:
-    """Return which form a folder was exported as; raises `InputError` where it is no session's."""
+    """Return the format a folder was exported in; raises `InputError` for any other folder."""
     return str(_read_json(folder, "a folder that a session was exported to")["form"])
 
 
 def read_about(folder: Path, form: str) -> tuple[Description, SessionClock]:
-    """Read what `about` content, from a folder that a form wrote; raises `InputError` where it is none."""
+    """Read the `about` content of an exported folder; raises `InputError` where it is invalid."""
     allowed = f"a folder that was exported as {form}"
     content = _read_json(folder, allowed)
     if content["form"] != form:
@@ -105,11 +105,11 @@ def read_about(folder: Path, form: str) -> tuple[Description, SessionClock]:
     parts = {name: content.get(name) for name in ("description", "clock")}
     for name, part in parts.items():
         if not isinstance(part, dict):
-            raise InputError(f"file {folder / ABOUT} (not as it was written: no table '{name}')", allowed)
+            raise InputError(f"file {folder / ABOUT} (changed since the export: no table '{name}')", allowed)
     try:
         return Description.load(json.dumps(parts["description"])), SessionClock.load(content["clock"])
     except InputError as error:
-        given = f"file {folder / ABOUT} (not as it was written: {error.given})"
+        given = f"file {folder / ABOUT} (changed since the export: {error.given})"
         raise InputError(given, error.expected, error.remedy) from error
 
 
@@ -123,22 +123,22 @@ def _read_json(folder: Path, allowed: str) -> Tree:
     except OSError as error:
         raise InputError(f"folder {folder} (no {ABOUT}: {error.strerror})", allowed) from error
     except UnicodeDecodeError as error:
-        raise InputError(f"file {path} (not as it was written: {error})", "JSON in UTF-8") from error
+        raise InputError(f"file {path} (changed since the export: {error})", "JSON in UTF-8") from error
     except InputError as error:
-        raise InputError(f"file {path} (not as it was written: {error.given})", error.expected) from error
+        raise InputError(f"file {path} (changed since the export: {error.given})", error.expected) from error
     if not isinstance(content.get("form"), str):
-        raise InputError(f"file {path} (not as it was written: it names no form)", allowed)
+        raise InputError(f"file {path} (changed since the export: it names no form)", allowed)
     return content
 
 
 def checked(path: Path, name: str, columns: Columns, description: Description) -> Columns:
-    """Return a table that was read from the file `path`, with the types that a session has.
+    """Return a table read from the file `path`, with a session's column types.
 
     Raises
     ------
     InputError
-        If a column is missing, of another kind or out of its range, a time is not within a session, or an
-        event's data is no JSON object.
+        If a column is missing, of the wrong type or out of range, a time is outside a session's limits, or an
+        event's data is not a JSON object.
     """
     needed = columns_of(name, description)
     if missing := sorted(set(needed) - set(columns)):
@@ -162,7 +162,7 @@ def checked(path: Path, name: str, columns: Columns, description: Description) -
 def _cells(
     what: str, name: str, key: str, column: np.ndarray[Any, np.dtype[Any]]
 ) -> np.ndarray[Any, np.dtype[Any]]:
-    """Return a column with the type that it has in a session."""
+    """Return a column with its type in a session."""
     if name == "events" and key != "time":
         if not all(isinstance(cell, str) for cell in column):
             raise InputError(f"{what} with cells that are not text", "text")
@@ -175,7 +175,7 @@ def _cells(
 
 
 def _whole(what: str, column: np.ndarray[Any, np.dtype[Any]], kind: type) -> np.ndarray[Any, np.dtype[Any]]:
-    """Return whole numbers as a type that holds them all."""
+    """Return whole numbers as the integer type `kind`; raises `InputError` where they do not fit."""
     bounds = np.iinfo(kind)
     if column.dtype.kind not in "iu":
         raise InputError(f"{what} of {column.dtype}", "whole numbers")
@@ -192,10 +192,10 @@ def write_back(
     audio: Iterable[Stretch],
     tables: Mapping[str, Columns],
 ) -> None:
-    """Write a session of what the others gave, everything in the order of its time.
+    """Write a session from exported columns, everything in order of time.
 
-    A session that was cut off comes back as one that was closed. Tables are as `checked` returns them; a
-    stretch that no session can hold is refused here, with `InputError`.
+    A session that was cut off comes back as a closed one. Tables are as `checked` returns them. `InputError`
+    refuses a stretch that exceeds a session's limits.
     """
     with _whole_or_not_at_all(SessionWriter(path, description, clock)) as writer:
         rest = {name: _PendingRows(writer, name, columns) for name, columns in tables.items()}
@@ -240,7 +240,7 @@ def _whole_or_not_at_all(writer: SessionWriter) -> Generator[SessionWriter]:
 
 
 class _PendingRows:
-    """The rows of a table that are not yet written."""
+    """Rows of a table that wait to be written."""
 
     def __init__(self, writer: SessionWriter, name: str, columns: Columns) -> None:
         self._writer, self._name, self._columns = writer, name, columns
@@ -281,7 +281,7 @@ class _PendingRows:
 
 
 def _columns(feed: Feed) -> tuple[str, ...]:
-    """Return names for a feed's columns that no other column of its table has."""
+    """Return names for a feed's columns that differ from the table's other columns."""
     taken = {"time", *READING_COLUMNS}
     return tuple(f"value_{name}" if name in taken else name for name in feed.columns)
 
@@ -294,6 +294,6 @@ def columns_of(name: str, description: Description) -> tuple[str, ...]:
 
 
 def table_names(description: Description) -> tuple[str, ...]:
-    """Return the names of all tables that a session of this description is written as."""
+    """Return the names of all tables of a session with this description."""
     streams = (feed.stream for feed in description.feeds if feed.stream not in COMMON_TABLES)
     return *streams, *COMMON_TABLES

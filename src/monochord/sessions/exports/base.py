@@ -1,4 +1,4 @@
-"""The contract of an export: frozen options, and how sessions are written in another form and read back."""
+"""The contract of an export format: frozen options, a writer of sessions, and a reader."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -11,23 +11,23 @@ from monochord.sessions import SessionReader
 
 
 class Export(Checked, ABC):
-    """Options of an export, as a frozen keyword-only dataclass."""
+    """Options of an export format, as a frozen keyword-only dataclass."""
 
     @abstractmethod
     def write(self, sessions: Sequence[SessionReader], out: Path) -> list[Path]:
-        """Write sessions below the folder `out`, which is made, and return what was written.
+        """Create the folder `out`, write the sessions into it, and return the files written.
 
-        Raises `InputError` where `out` holds something already or a session lacks what the form needs.
+        Raises `InputError` where `out` is not empty or a session lacks what the format needs.
         """
 
     def read(self, folder: Path, path: Path) -> None:
-        """Write the session that one folder of this form holds to the new file `path`.
+        """Convert one exported folder back into a session, the new file `path`.
 
-        A form that keeps less than a session does leaves this out: then it raises `InputError`.
+        A lossy format does not implement this and raises `InputError`.
         """
         form = type(self).__module__.rpartition(".")[2]
-        given, allowed = f"folder {folder} to be read into {path}", "a form that keeps all of a session"
-        raise InputError(given, allowed, f"{form} does not: keep the session itself")
+        given, allowed = f"folder {folder} to be read into {path}", "a lossless form (parquet, wav_csv)"
+        raise InputError(given, allowed, f"{form} leaves data out: keep the session itself")
 
 
 def arrow(form: str) -> tuple[Any, Any]:
@@ -41,21 +41,21 @@ def arrow(form: str) -> tuple[Any, Any]:
 
 
 def new_folder(out: Path) -> Path:
-    """Make a folder, or take one that is empty; raises `InputError` where it holds something already."""
+    """Create a folder or accept an empty one; raises `InputError` where it is not empty."""
     try:
         out.mkdir(parents=True, exist_ok=True)
         if any(out.iterdir()):
-            raise InputError(f"folder {out} (not empty)", "a new folder", "name another one")
+            raise InputError(f"folder {out} (not empty)", "a new folder", "choose another name")
     except OSError as error:
-        raise InputError(f"folder {out} ({error.strerror})", "a folder that can be made") from error
+        raise InputError(f"folder {out} ({error.strerror})", "a folder that can be created") from error
     return out
 
 
 def folder_each(sessions: Sequence[SessionReader], out: Path) -> list[tuple[SessionReader, Path]]:
-    """Make a folder below `out` for each session, called as its file is; refuses what `new_folder` does."""
+    """Create a folder below `out` for each session, named after its file; raises as `new_folder` does."""
     names = [session.path.stem for session in sessions]
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
-        raise InputError(f"two sessions called {twice}", "files of different names", "export them apart")
+        raise InputError(f"two sessions called {twice}", "files of different names", "export them separately")
     new_folder(out)
     return [(session, new_folder(out / name)) for session, name in zip(sessions, names, strict=True)]

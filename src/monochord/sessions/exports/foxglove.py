@@ -1,4 +1,4 @@
-"""A bag for Foxglove and rosbag2: the sound plays, forces plot, the pose shows."""
+"""A bag for Foxglove and rosbag2 with playable sound, force plots and poses."""
 
 import heapq
 import json
@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
 VERSION = 8
-"""Of a bag, as rosbag2 of ROS 2 Iron and newer reads it."""
+"""Storage format version of the bag, readable by rosbag2 of ROS 2 Iron and newer."""
 LAYOUT = "layout.json"
-"""The file with the layout."""
+"""The Foxglove layout file."""
 AUDIO, WRENCH, LOG = (
     "foxglove_msgs/msg/RawAudio",
     "geometry_msgs/msg/WrenchStamped",
@@ -36,36 +36,36 @@ string format
 uint32 sample_rate
 uint32 number_of_channels
 """
-"""Foxglove's message for sound, which its Audio panel plays: 16 bits, frame after frame."""
+"""Foxglove's audio message, playable in its Audio panel: 16 bits, frame by frame."""
 FULL_SCALE = 32767
 LOUDEST = 1e9  # of a sample before it is clipped, so that no gain overflows
 INFO = 20
-"""Level of an event in the log."""
+"""Log level of an event."""
 Stamped: TypeAlias = tuple[int, str, bytes]
 """Time in ns since 1970, topic, and the bytes of a message."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Foxglove(Export):
-    """A bag a session, which Foxglove, rosbag2 and rosbags open, and a layout for Foxglove; needs no ROS.
+    """One bag per session, readable by Foxglove, rosbag2 and rosbags, plus a Foxglove layout; needs no ROS.
 
     Each bag is a folder with ``NAME.mcap`` and ``metadata.yaml``. Topics: ``/audio``, Foxglove's RawAudio in
-    16 bits, which loses what is below that and clips what is above full scale; each stream of force/torque as
-    WrenchStamped, one message a reading, at its arrival; each pose as PoseStamped, with the sender's stamp;
-    any other stream, and ``/labels``, as one message a reading with a field for each column; ``/rosout``, the
-    events as Log; ``/description``. The definitions are in the file. Device clocks, status words and clock
-    offsets are left out: keep the session itself.
+    16 bits, clipped at full scale; each force/torque stream as WrenchStamped, one message per reading,
+    stamped at arrival; each pose as PoseStamped, with the sender's stamp; any other stream, and ``/labels``,
+    as one message per reading with a field for each column; ``/rosout``, the events as Log; ``/description``.
+    The file contains all message definitions. Device clocks, status words and clock offsets are left out:
+    keep the session itself.
 
     Parameters
     ----------
     gain
-        Gain of the sound in dB, for what was recorded too low to be audible.
+        Gain of the sound in dB, for quiet recordings.
     """
 
     gain: Annotated[float, "dB", Meta(ge=-120.0, le=120.0)] = 0.0
 
     def write(self, sessions: Sequence[SessionReader], out: Path) -> list[Path]:
-        """Write each session to a folder of its file's name below `out`, and the layout beside them."""
+        """Write each session to a folder below `out` named after its file, and the layout beside them."""
         written: list[Path] = []
         shown: dict[str, tuple[str, tuple[str, ...]]] = {}
         poses: dict[str, dict[str, None]] = {}
@@ -81,10 +81,10 @@ class Foxglove(Export):
 
 
 class _Bag:
-    """A session as messages of ROS 2 in the order of their times.
+    """A session as time-ordered ROS 2 messages.
 
-    `topics` are the topics with their types and the fields that are numbers. `frames` are those of the poses
-    that were written, each with its topics in their order.
+    `topics` are the topics with their types and numeric fields. `frames` maps each frame of the written poses
+    to its topics in order.
     """
 
     def __init__(self, session: SessionReader, gain: float) -> None:
@@ -169,7 +169,7 @@ class _Bag:
             yield message.log_time, topic, bytes(message.data)
 
     def _columns(self, topic: str, time: Any, columns: dict[str, Any]) -> Iterator[Stamped]:
-        """Return readings as messages of a type that has a field for each column."""
+        """Return readings as messages of a type with one field per column."""
         from rosbags.typesys import get_types_from_msg  # noqa: PLC0415
 
         name = "".join(part.capitalize() for part in topic.strip("/").split("_"))
@@ -212,7 +212,7 @@ class _Bag:
 
 
 def _typestore() -> "Typestore":
-    """Return types of its own: those of a session's columns differ from session to session."""
+    """Return a separate type store, since column types differ from session to session."""
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore  # noqa: PLC0415
 
     store = get_typestore(Stores.ROS2_JAZZY)
@@ -221,7 +221,7 @@ def _typestore() -> "Typestore":
 
 
 def _field_names(columns: Iterable[str]) -> tuple[str, ...]:
-    """Return names that fields of a ROS 2 message may have, all different.
+    """Return valid, unique ROS 2 field names.
 
     >>> _field_names(["position", "2nd Force!", "header", "position_"])
     ('position', 'c2nd_force', 'c_header', 'position_2')
@@ -242,9 +242,9 @@ def _field_names(columns: Iterable[str]) -> tuple[str, ...]:
 def _layout(
     topics: Mapping[str, tuple[str, tuple[str, ...]]], poses: Mapping[str, Iterable[str]]
 ) -> dict[str, Any]:
-    """Return a layout of Foxglove: the sound, a plot for each topic of numbers, poses, and the log.
+    """Return a Foxglove layout: the sound, a plot for each numeric topic, poses, and the log.
 
-    Poses of each frame have a view of their own, since there are no transforms between frames.
+    Each pose frame has its own view, since there are no transforms between frames.
     """
     panels: dict[str, dict[str, Any]] = {"Audio!sound": {"topic": "/audio"}}
     for topic, (_, fields) in topics.items():
@@ -284,7 +284,7 @@ def _plot(topic: str, fields: tuple[str, ...]) -> dict[str, Any]:
 
 
 def _stacked(panels: list[str]) -> Any:
-    """Return panels one above the other, all of one height."""
+    """Return panels stacked at equal height."""
     if len(panels) == 1:
         return panels[0]
     share = math.floor(100.0 / len(panels))

@@ -1,4 +1,4 @@
-"""A data set for LeRobot, version 3.0 of its form: Parquet and JSON."""
+"""A LeRobot dataset, format version 3.0: Parquet and JSON."""
 
 import json
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ from monochord.sessions.exports.base import Export, arrow, new_folder
 VERSION = "v3.0"
 FILES_A_CHUNK = 1000
 MEGABYTES = 100
-"""Of a data file, above which the next episode begins another."""
+"""Size of a data file in bytes, above which the next episode starts a new file."""
 PLACE = "chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 DATA, EPISODES, TASKS = f"data/{PLACE}", f"meta/episodes/{PLACE}", "meta/tasks.parquet"
 Frames: TypeAlias = dict[str, np.ndarray[Any, np.dtype[Any]]]
@@ -29,22 +29,21 @@ Stats: TypeAlias = dict[str, dict[str, np.ndarray[Any, np.dtype[Any]]]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LeRobot(Export):
-    """A LeRobot data set, version 3.0: a session is an episode, cut into `fps` frames a second.
+    """A LeRobot dataset, version 3.0: each session is an episode of `fps` frames a second.
 
-    Frame k holds the audio of the k-th 1/`fps` s, whole and as it was sampled: ``observation.microphone_1``
-    and on, as float32; put together by LeRobot's delta_timestamps they make windows of any length.
-    ``observation.state`` is the latest reading of each instrument at the end of that stretch, so that no
-    frame knows what was still to come; ``label.NAME`` is the latest label there, NaN where it is not known;
-    ``observation.gap`` tells whether frames of the audio were lost. A session's task is its ``task`` under
-    `more`, or names its object. With `aligned`, readings count from when they were taken and offsets between
-    the streams that taps tell of are taken off (see `monochord.sessions.alignment`), and a session that its
-    alignment warns of is refused unless `force` is set; without it, readings count from when they arrived.
+    Frame k holds the audio of the k-th 1/`fps` s at full sample rate, as float32:
+    ``observation.microphone_1``, ``_2`` and so on; LeRobot's delta_timestamps join frames into windows of any
+    length. ``observation.state`` is each instrument's latest reading at the end of the frame, so no frame
+    contains future data. ``label.NAME`` is the latest label, NaN where unknown. ``observation.gap`` is true
+    where audio frames were lost. A session's task is `task` in its `more`, else it names the object. With
+    `aligned`, readings count from when they were taken, with the stream offsets measured by taps removed (see
+    `monochord.sessions.alignment`), and a session with alignment flags is refused unless `force` is set.
+    Without `aligned`, readings count from when they arrived.
 
-    What is left out: readings between the frames; sequence, device time and status of readings, their
-    arrival and the converter's clock (a frame's time is k/`fps`, as LeRobot has it); events, clock offsets,
-    the plan; the last part of a frame, and digits beyond float32. There is no ``action``: a session knows
-    where the robot was, not its command. All sessions must have the same microphones, instruments and
-    labels.
+    The dataset leaves out: readings between frames; sequence, device time, status and arrival of readings;
+    the converter's clock (a frame's time is k/`fps`, as LeRobot expects); events, clock offsets, the plan; an
+    incomplete last frame; precision beyond float32. There is no ``action``: a session records where the robot
+    was, not its command. All sessions must have the same microphones, instruments and labels.
     """
 
     fps: Count = 50
@@ -52,7 +51,7 @@ class LeRobot(Export):
     force: bool = False
 
     def write(self, sessions: Sequence[SessionReader], out: Path) -> list[Path]:
-        """Write the sessions as the data set `out`, episode by episode in the order given."""
+        """Write the sessions as the dataset `out`, episode by episode in the given order."""
         pa, pq = arrow("lerobot")
         refuse_unlike(sessions)
         new_folder(out)
@@ -87,7 +86,7 @@ class LeRobot(Export):
 
 
 class _DataFiles:
-    """The frames of all episodes, one after the other in files of limited size."""
+    """The frames of all episodes in sequence, in files of limited size."""
 
     def __init__(self, pa: Any, pq: Any, out: Path) -> None:
         self._pa, self._pq, self._out = pa, pq, out
@@ -97,7 +96,7 @@ class _DataFiles:
         self.paths: list[Path] = []
 
     def add(self, frames: Frames) -> dict[str, int]:
-        """Write an episode; return where it is."""
+        """Write an episode; return its position."""
         table = self._pa.table({name: _array(self._pa, column) for name, column in frames.items()})
         megabytes = table.nbytes / 2**20
         if self._writer is None or self._size + megabytes > MEGABYTES:
@@ -130,7 +129,7 @@ def _array(pa: Any, column: np.ndarray[Any, np.dtype[Any]]) -> Any:
 
 
 def _numbered(frames: Frames, fps: int, episode: int, first: int, task: int) -> Frames:
-    """Return the frames with the columns that LeRobot counts by."""
+    """Return the frames with LeRobot's index columns."""
     count = len(next(iter(frames.values())))
     number = np.arange(count)
     return frames | {
@@ -170,7 +169,7 @@ def _episode(number: int, tasks: list[str], place: dict[str, int], stats: Stats)
 
 
 def _tasks(pa: Any, tasks: list[str]) -> Any:
-    """Return the table of tasks, for pandas, through which LeRobot reads it, with text as its index."""
+    """Return the task table for pandas, which LeRobot reads it with, indexed by text."""
     kinds = {"task_index": ("int64", "int64"), "task": ("unicode", "object")}
     columns = [
         {"name": name, "field_name": name, "pandas_type": kind, "numpy_type": numpy, "metadata": None}
@@ -209,7 +208,7 @@ MAX_FPS = 200
 
 
 def refuse_unlike(sessions: Sequence[SessionReader]) -> None:
-    """Raise `InputError` where the sessions' features would not be the same; all episodes share them."""
+    """Raise `InputError` where the sessions' features differ; all episodes share one set."""
     if not sessions:
         raise InputError("no session", "1 or more")
     forms = [_form(session) for session in sessions]
@@ -217,7 +216,7 @@ def refuse_unlike(sessions: Sequence[SessionReader]) -> None:
         for what, (ours, first) in {k: (form[k], forms[0][k]) for k in form}.items():
             if ours != first:
                 given = f"session {session.path} with {what} {ours}"
-                raise InputError(given, f"{first}, as {sessions[0].path} has", "export them apart")
+                raise InputError(given, f"{first}, as {sessions[0].path} has", "export them separately")
 
 
 def _form(session: SessionReader) -> dict[str, Any]:
@@ -230,8 +229,8 @@ def _form(session: SessionReader) -> dict[str, Any]:
 def frames_of(session: SessionReader, fps: int, *, aligned: bool, force: bool = False) -> Frames:
     """Return a session's frames; raises `InputError` where a frame is not a whole number of samples.
 
-    With `aligned`, readings count from when they were taken, and what taps tell of the streams' offsets is
-    taken off; without, from when they arrived. A session whose alignment warns of something is then refused
+    With `aligned`, readings count from when they were taken, with the stream offsets measured by taps
+    removed; without it, from when they arrived. With `aligned`, a session with alignment flags is refused
     unless `force` is set.
     """
     audio = session.audio
@@ -239,7 +238,9 @@ def frames_of(session: SessionReader, fps: int, *, aligned: bool, force: bool = 
     if rest:
         fitting = (n for n in range(1, MAX_FPS + 1) if audio.sample_rate % n == 0)
         allowed = ", ".join(map(str, fitting)) + f" at {audio.sample_rate} Hz"
-        raise InputError(f"{fps} frames a second", allowed, "or a frame is no whole number of samples")
+        raise InputError(
+            f"{fps} frames a second", allowed, "choose fps so that a frame is a whole number of samples"
+        )
     count = audio.samples.shape[1] // size
     if not count:
         raise InputError(f"session {session.path} (shorter than a frame)", f"{1 / fps:g} s or more")
@@ -270,13 +271,13 @@ def frames_of(session: SessionReader, fps: int, *, aligned: bool, force: bool = 
 
 
 def state_names(session: SessionReader) -> list[str]:
-    """Return the names of the state's values."""
+    """Return the names of the state's elements."""
     feeds = (session.description.feed(stream) for stream in session.streams)
     return [f"{feed.stream}.{column}" for feed in feeds for column in feed.columns]
 
 
 def _latest(session: SessionReader, stream: str, at: Floats, alignment: Alignment | None) -> Floats:
-    """Return the latest reading at each time, so that none is of the future; the first one before that."""
+    """Return the latest reading at each time, never a future one; before the first reading, the first one."""
     bare = alignment is None
     track = session.readings(stream) if bare else aligned_readings(session, stream, alignment)
     if not len(track.time):
@@ -287,14 +288,14 @@ def _latest(session: SessionReader, stream: str, at: Floats, alignment: Alignmen
 
 
 def task_of(session: SessionReader) -> str:
-    """Return what the episode is about, in words."""
+    """Return the episode's task description."""
     description = session.description
     touched = "touch the string" + (f" with {description.object}" if description.object else "")
     return description.more.get("task", touched)
 
 
 def stats_of(frames: Frames) -> Stats:
-    """Return the statistics of an episode; of a value that is nowhere known they are NaN and `count` is 0."""
+    """Return an episode's statistics; a value that is never known has NaN and `count` 0."""
     with np.errstate(invalid="ignore"):  # of what is infinite
         return {name: _of(column.reshape(len(column), -1).astype(float)) for name, column in frames.items()}
 
@@ -314,7 +315,7 @@ def _of(column: np.ndarray[Any, np.dtype[np.float64]]) -> dict[str, Any]:
 
 
 def joined(episodes: Sequence[Stats]) -> Stats:
-    """Return the statistics of all episodes together, from their own (Chan et al. 1979)."""
+    """Return the statistics of all episodes, merged from each episode's (Chan et al. 1979)."""
     stats: Stats = {}
     for name in episodes[0]:
         parts = [each[name] for each in episodes if each[name]["count"][0]] or [episodes[0][name]]

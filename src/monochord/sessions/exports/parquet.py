@@ -1,4 +1,4 @@
-"""A folder of Parquet files a session, one a stream."""
+"""A folder of Parquet files per session, one per stream."""
 
 import json
 import signal
@@ -33,27 +33,28 @@ from monochord.sessions.exports.base import Export, arrow, folder_each
 
 FORM = "parquet"
 ROWS = 64
-"""Stretches of audio, some seconds of it, that are in memory at once."""
+"""Stretches of audio in memory at once, some seconds."""
 CHECKED = {"write_page_checksum": True}
-"""Damage shows when a page is read; without it, other values would be read for those that were written."""
+"""Verify page checksums on reading; without them, damage would read as wrong values."""
 MAX_TABLE_COLUMNS = MAX_COLUMNS + len(READING_COLUMNS) + 1
-"""Columns of a file: those of a stream, what lies beside them, and the times."""
+"""Columns of a file: the stream's columns, the auxiliary columns, and the times."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parquet(Export):
-    """A folder a session: audio.parquet, one file an instrument, labels, events, clocks; nothing is lost.
+    """A folder per session: audio.parquet, one file per instrument, labels, events, clocks; lossless.
 
-    A row of ``audio.parquet`` is a stretch of frames that follow each other, some 0.1 s: ``start`` is the
-    index of its first frame, ``dropped`` how many were lost before it, ``channel_1`` ... hold the samples as
-    float32. The other files have a row a reading (label, event) and a column a quantity, times in s since the
-    session's beginning; ``session.json`` tells the rest. `compression` is zstd, snappy, gzip or none.
+    A row of ``audio.parquet`` is a stretch of consecutive frames, some 0.1 s: ``start`` is the index of its
+    first frame, ``dropped`` the number of frames lost before it, and ``channel_1`` ... hold the samples as
+    float32. The other files have one row per reading (label, event) and one column per quantity, with times
+    in s since the session's beginning. ``session.json`` holds the rest. `compression` is zstd, snappy, gzip
+    or none.
     """
 
     compression: str = "zstd"
 
     def write(self, sessions: Sequence[SessionReader], out: Path) -> list[Path]:
-        """Write each session to a folder of its file's name below `out`."""
+        """Write each session to a folder below `out` named after its file."""
         known = ("zstd", "snappy", "gzip", "none")
         if self.compression not in known:
             raise InputError(f"compression '{self.compression}'", ", ".join(known))
@@ -74,7 +75,7 @@ class Parquet(Export):
         return written
 
     def read(self, folder: Path, path: Path) -> None:
-        """Write the session that a folder holds to the new file `path`."""
+        """Convert an exported folder back into a session, the new file `path`."""
         pa, pq = arrow(FORM)
         description, clock = read_about(folder, FORM)
         names = table_names(description)
@@ -147,7 +148,7 @@ def _stretches(pa: Any, file: Any, path: Path, schema: Any) -> Iterator[Stretch]
 
 
 def _columns(pa: Any, path: Path, batch: Any, schema: Any) -> dict[str, list[Any]]:
-    """Return the columns of a batch of audio, a value or an array of samples for each row."""
+    """Return the columns of a batch of audio: a value or an array of samples for each row."""
     table = pa.Table.from_batches([batch]).cast(schema).combine_chunks()
     table.validate(full=True)
     cells: dict[str, list[Any]] = {}
@@ -161,12 +162,12 @@ def _columns(pa: Any, path: Path, batch: Any, schema: Any) -> dict[str, list[Any
 
 
 def _table_of(pa: Any, pq: Any, path: Path, name: str, description: Description) -> Columns:
-    """Return a table of a session other than the audio."""
+    """Return a session table other than the audio."""
     with _opened(pa, pq, path) as file:
         names, rows = file.schema_arrow.names, file.metadata.num_rows
         if len(set(names)) < len(names) or len(names) > MAX_TABLE_COLUMNS:
             given = f"file {path} with {len(names)} columns"
-            raise InputError(given, f"{MAX_TABLE_COLUMNS} at most, each with a name of its own")
+            raise InputError(given, f"{MAX_TABLE_COLUMNS} at most, with unique names")
         claimed = 8 * max(rows, 0) * len(names)
         refuse_unpacking(f"file {path}", path.stat().st_size, claimed, "export the session again")
         _refuse_groups(pa, path, file.metadata)
@@ -184,7 +185,7 @@ def _table_of(pa: Any, pq: Any, path: Path, name: str, description: Description)
 
 
 def _refuse_groups(pa: Any, path: Path, metadata: Any) -> None:
-    """Refuse row groups that hold far more values than their bytes can, before memory is taken for one."""
+    """Refuse row groups that claim far more values than their bytes can hold, before memory is allocated."""
     for number in range(metadata.num_row_groups):
         group = metadata.row_group(number)
         for place in range(group.num_columns):
@@ -218,21 +219,21 @@ for number, path in enumerate(sys.argv[1:]):
 
 
 def _refuse_deadly(paths: Sequence[Path]) -> None:
-    """Refuse a file whose column descriptions abort whatever process reads them, as in pyarrow 26.
+    """Refuse a file whose column descriptions crash the reading process, as in pyarrow 26.
 
-    A process of its own reads them first.
+    A separate process reads them first.
     """
     command = [sys.executable, "-c", READ_METADATA, *map(str, paths)]
     ended = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603  (this interpreter)  # nosec B603
     if -ended.returncode in (signal.SIGABRT, signal.SIGSEGV):
         given = f"file {paths[int(ended.stdout.split()[-1])]} (its columns are described wrongly)"
-        raise InputError(given, "the Parquet file that was exported")
+        raise InputError(given, "the exported Parquet file")
 
 
 @contextmanager
 def _readable(pa: Any, path: Path) -> Generator[None]:
-    """Say of what the library finds wrong with a file that it cannot be used."""
+    """Raise the library's errors as `InputError` that names the file."""
     try:
         yield
     except (OSError, pa.ArrowException, UnicodeDecodeError) as error:
-        raise InputError(f"file {path} ({error})", "the Parquet file that was exported") from error
+        raise InputError(f"file {path} ({error})", "the exported Parquet file") from error

@@ -1,4 +1,4 @@
-"""A folder a session that any program opens: WAV, CSV and JSON."""
+"""A folder per session in formats that any program opens: WAV, CSV and JSON."""
 
 import csv
 import json
@@ -35,9 +35,9 @@ from monochord.sessions.exports.base import Export, folder_each
 FORM = "wav_csv"
 SOUND, STRETCHES = "audio.wav", "audio.csv"
 FORMATS = ("WAV", "WAVEX", "RF64")
-"""What the sound may be read from; of others no file's size says how long they can be."""
+"""Accepted sound formats; the size of a file in any other format does not bound its length."""
 MAX_WAV = 0xFFFF0000
-"""Bytes of sound that a WAV file can tell of; more is written as RF64."""
+"""Largest size of sound in a WAV file in bytes; longer sound is written as RF64."""
 KINDS: dict[str, Any] = {
     **READING_COLUMNS,
     **dict.fromkeys(("start", "frames", "dropped", "timed", "device_frame"), np.int64),
@@ -47,17 +47,16 @@ KINDS: dict[str, Any] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WavCsv(Export):
-    """A folder a session: audio.wav in 32-bit floats, tables as CSV, session.json; nothing is lost.
+    """A folder per session: audio.wav in 32-bit floats, tables as CSV, session.json; lossless.
 
-    Lost frames are zeros in the WAV file, so that its time runs on; ``audio.csv`` tells for each stretch
-    where it starts, how many frames were lost before it, and when its first frame was at the converter. Of
-    every instrument there is a ``NAME.csv``, and of every session ``labels.csv``, ``events.csv`` and
-    ``clocks.csv``. All times are in s since the session's beginning; a cell is empty where nothing is known.
-    There are no options.
+    Lost frames are zeros in the WAV file, so that its time stays correct. ``audio.csv`` lists, for each
+    stretch, its start, the number of frames lost before it, and the converter time of its first frame. Every
+    instrument has a ``NAME.csv``; every session has ``labels.csv``, ``events.csv`` and ``clocks.csv``. All
+    times are in s since the session's beginning; an unknown value is an empty cell. There are no options.
     """
 
     def write(self, sessions: Sequence[SessionReader], out: Path) -> list[Path]:
-        """Write each session to a folder of its file's name below `out`."""
+        """Write each session to a folder below `out` named after its file."""
         written: list[Path] = []
         for session, folder in folder_each(sessions, out):
             written += [_write_sound(session, folder), folder / STRETCHES]
@@ -69,7 +68,7 @@ class WavCsv(Export):
         return written
 
     def read(self, folder: Path, path: Path) -> None:
-        """Write the session that a folder holds to the new file `path`."""
+        """Convert an exported folder back into a session, the new file `path`."""
         description, clock = read_about(folder, FORM)
         tables_read: dict[str, Columns] = {}
         for name in table_names(description):
@@ -83,7 +82,7 @@ class WavCsv(Export):
 
 
 def _write_sound(session: SessionReader, folder: Path) -> Path:
-    """Write sound and its table as they are read: a long session needs no more memory than a short one."""
+    """Write sound and its table stretch by stretch: memory does not grow with the session's length."""
     path, description = folder / SOUND, session.description
     rows: list[tuple[Any, ...]] = []
     ends = [stretch.start + stretch.samples.shape[1] for stretch in stretches(session)]
@@ -110,7 +109,7 @@ def _write_sound(session: SessionReader, folder: Path) -> Path:
 
 
 def _opened(path: Path) -> soundfile.SoundFile:
-    allowed = "the WAV file that was exported"
+    allowed = "the exported WAV file"
     refuse_endless(path)
     try:
         file = soundfile.SoundFile(path)
@@ -134,8 +133,8 @@ def _stretches(folder: Path, sound: soundfile.SoundFile) -> Iterator[Stretch]:
     ):
         if not (reached <= start <= start + frames <= sound.frames and frames <= MAX_STRETCH):
             given = f"file {path} row {row}, frames {start} to {start + frames}"
-            allowed = f"those of {SOUND}, {reached} to {sound.frames}, {MAX_STRETCH} at most"
-            raise InputError(given, allowed, "give rows in order, none over the other")
+            allowed = f"frames of {SOUND}, {reached} to {sound.frames}, {MAX_STRETCH} at most"
+            raise InputError(given, allowed, "order the rows, without overlap")
         reached = start + frames
         yield Stretch(
             start=start,
@@ -148,20 +147,20 @@ def _stretches(folder: Path, sound: soundfile.SoundFile) -> Iterator[Stretch]:
 
 
 def _samples(path: Path, sound: soundfile.SoundFile, start: Samples, frames: Samples) -> Audio:
-    """Return frames (channels, n) of a file; raises `InputError` where it does not hold them."""
+    """Return frames (channels, n) of a file; raises `InputError` where the file is too short."""
     try:
         sound.seek(start)
         samples: Any = sound.read(frames, dtype="float32", always_2d=True)
     except soundfile.LibsndfileError as error:
-        raise InputError(f"file {path} ({error})", "the WAV file that was exported") from error
+        raise InputError(f"file {path} ({error})", "the exported WAV file") from error
     if len(samples) < frames:
         given = f"file {path} (ends after frame {start + len(samples)})"
-        raise InputError(given, f"{sound.frames} frames, as it says itself")
+        raise InputError(given, f"{sound.frames} frames, as its header states")
     return np.ascontiguousarray(samples.T)
 
 
 def write_csv(path: Path, columns: Columns) -> Path:
-    """Write a table; NaN is an empty cell. Where a column is text, all that is no number is quoted."""
+    """Write a table; NaN is an empty cell. In a text column, everything but numbers is quoted."""
     texts = any(column.dtype.kind == "O" for column in columns.values())
     # Else a carriage return in a text would end its row.
     quoting = csv.QUOTE_NONNUMERIC if texts else csv.QUOTE_MINIMAL
@@ -180,12 +179,13 @@ def _cells(column: np.ndarray[Any, np.dtype[Any]]) -> list[Any]:
 
 
 def read_csv(path: Path, kinds: Mapping[str, type]) -> Columns:
-    """Read a table; columns are float64 but for those that `kinds` names.
+    """Read a table; columns are float64 except those named in `kinds`.
 
     Raises
     ------
     InputError
-        If the file cannot be read, a row has another length, or a cell is not of its kind: with its row.
+        If the file cannot be read, a row has the wrong length, or a cell has the wrong type; the error names
+        the row.
     """
     refuse_endless(path)
     try:
@@ -198,10 +198,12 @@ def read_csv(path: Path, kinds: Mapping[str, type]) -> Columns:
         raise InputError(f"file {path} ({error})", "CSV in UTF-8") from error
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
-        raise InputError(f"file {path} with two columns '{twice}'", "a name of its own for each")
+        raise InputError(f"file {path} with two columns '{twice}'", "unique names")
     for number, row in enumerate(rows, start=2):
         if len(row) != len(names):
-            raise InputError(f"file {path} row {number} of {len(row)} cells", f"{len(names)}, as its header")
+            raise InputError(
+                f"file {path} row {number} of {len(row)} cells", f"{len(names)}, as in its header"
+            )
     return {
         name: _column(path, name, [row[place] for row in rows], kinds.get(name, float))
         for place, name in enumerate(names)
@@ -217,7 +219,7 @@ def _column(path: Path, name: str, cells: list[str], kind: type) -> np.ndarray[A
         try:
             values.append(number(cell) if cell or number is int else math.nan)
         except ValueError:
-            allowed = "a whole number" if number is int else "a number, or nothing where it is not known"
+            allowed = "a whole number" if number is int else "a number, or an empty cell where unknown"
             raise InputError(f"file {path} row {row}, {name} '{cell}'", allowed) from None
     try:
         return np.array(values, dtype=kind)

@@ -1,1 +1,1 @@
-"""One clock: when readings were taken, and by how much streams are apart."""
+"""One clock: when readings were taken, and the offsets between streams."""

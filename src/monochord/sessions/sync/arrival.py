@@ -1,4 +1,4 @@
-"""When readings were taken, from the sender's count and the times at which they arrived."""
+"""When readings were taken, from the sender's count and the arrival times."""
 
 import math
 from dataclasses import dataclass
@@ -12,28 +12,28 @@ from monochord.core.types import Floats
 from monochord.core.units import Seconds
 
 STRETCH: Seconds = 60.0
-"""How long two clocks are taken to keep their ratio; a longer recording has a line for each stretch."""
+"""Time over which two clocks keep a constant ratio, in s; longer recordings use one line per stretch."""
 STEP_WINDOW: Seconds = 2.0
-"""Over how long the least delay must have changed before the sender's clock counts as stepped."""
+"""The least delay must change over this time before the sender's clock counts as stepped, in s."""
 CERTAIN_STEP: Seconds = 1.0
-"""A change of so much is a step wherever it is; a smaller one must be seen for so long on both sides."""
+"""A change this large is always a step; a smaller one must last this long on both sides."""
 MAX_LOST_RUN = 64
-"""So many readings in a row are seldom lost: a count that leaps further has been stepped."""
+"""A run of this many lost readings is unlikely: a larger jump in the count is a step."""
 MIN_STEP: Seconds = 2e-3
-"""No smaller step of the sender's clock is looked for; jitter raises it."""
+"""Smallest step searched in the sender's clock; jitter raises it."""
 MAX_MEDIAN_DELAY: Seconds = 0.1
-"""Median delay over the line beyond which a count is not proportional to time."""
+"""Median delay above the line beyond which a count is not proportional to time."""
 MIN_SPACING: Seconds = 1e-9
-"""What readings with equal times are set apart by."""
+"""Spacing given to readings with equal times."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Piece:
-    """A run of readings [first, stop) over which the sender's count went on evenly.
+    """A run of readings [first, stop) over which the sender's count advanced evenly.
 
-    `rate` is the count's fitted rate in ticks a second of the host's clock and `ppm` how far that is from the
-    nominal one, in millionths (NaN where none is given). `jitter_median` and `jitter_p99` are how much later
-    than the fastest of them readings arrived. Where not `steady`, the count was of no use and arrivals stand.
+    `rate` is the count's fitted rate in ticks per second of the host's clock; `ppm` is its deviation from the
+    nominal rate (NaN where none is given). `jitter_median` and `jitter_p99` are delays relative to the
+    fastest reading. Where `steady` is false, the count was unusable and arrival times are used.
     """
 
     first: int
@@ -47,9 +47,9 @@ class Piece:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Taken:
-    """When each reading was taken, `time` (n,), in seconds of the host's clock, and the pieces it is made of.
+    """When each reading was taken: `time` (n,) in seconds of the host's clock, and its pieces.
 
-    Without a count there are no pieces, and `time` is that of arrival.
+    Without a count there are no pieces, and `time` is the time of arrival.
     """
 
     time: Floats
@@ -57,24 +57,24 @@ class Taken:
 
 
 def times_taken(arrival: Floats, count: NDArray[np.int64] | None, *, rate: float = 0.0) -> Taken:
-    """Return when readings were taken, by the line under their arrivals.
+    """Return when readings were taken, from a line under their arrival times.
 
-    A reading that the sender counts as k was taken at a + k / r and arrived later by a delay that is never
-    negative. Of all lines under the points (k, arrival) the one with the least mean distance to them is
-    taken: that is the edge of their lower convex hull above their mean (Moon, Skelly and Towsley 1999).
-    Jitter and packets that come in bunches lie above it and do not move it, and lost ones do not matter. The
-    least delay itself cannot be distinguished from a late sender's clock; taps measure it.
+    A reading with count k was taken at a + k / r and arrived later by a non-negative delay. Of all lines
+    below the points (k, arrival), the fit is the one with the least mean distance: the edge of the lower
+    convex hull below their mean (Moon, Skelly and Towsley 1999). Jitter and bunched packets lie above the
+    line and do not move it; lost packets do not matter. A constant minimum delay cannot be distinguished from
+    a late sender's clock; taps measure it.
 
     Readings are cut into pieces where the count restarted or its clock stepped by more than some
-    milliseconds, and long pieces into stretches of a minute, between the middles of which times run linearly,
-    for clocks drift with temperature.
+    milliseconds. Long pieces are cut into stretches of a minute, with times interpolated between their
+    middles, because clocks drift with temperature.
 
     Parameters
     ----------
     arrival
         Times of arrival (n,) in s, in any order of the counts.
     count
-        The sender's count or clock (n,) in ticks; None, or any below zero, where it sends none.
+        The sender's count or clock (n,) in ticks; None or negative where it sends none.
     rate
         Nominal ticks a second; 0 where unknown.
 
@@ -99,7 +99,7 @@ def times_taken(arrival: Floats, count: NDArray[np.int64] | None, *, rate: float
     if arrival.ndim != 1 or (count is not None and count.shape != arrival.shape):
         raise InputError(
             f"arrivals {arrival.shape} and counts {None if count is None else count.shape}",
-            "one count to each arrival",
+            "one count for each arrival",
         )
     if not np.isfinite(arrival).all():
         raise InputError("arrivals that are not finite", "seconds")
@@ -135,7 +135,7 @@ def times_taken(arrival: Floats, count: NDArray[np.int64] | None, *, rate: float
 
 
 def _rising(time: Floats, order: NDArray[np.int64]) -> Floats:
-    """Return times that rise strictly in an order, changed no more than that takes."""
+    """Return strictly rising times in the given order, with the smallest change."""
     apart = MIN_SPACING * np.arange(order.size)
     risen = np.empty_like(time)
     risen[order] = np.maximum.accumulate(time[order] - apart) + apart
@@ -143,7 +143,7 @@ def _rising(time: Floats, order: NDArray[np.int64]) -> Floats:
 
 
 def _own_rate(arrival: Floats, elapsed: Floats, nominal: float) -> float:
-    """Return the median rate of the count over stretches of a second or so; restarts do not move it."""
+    """Return the median rate of the count over stretches of about a second; restarts do not move it."""
     span = float(arrival[-1] - arrival[0])
     step = min(max(math.ceil(arrival.size / max(span, 1e-9)), 1), max(arrival.size // 2, 1))
     over, ticks = arrival[step:] - arrival[:-step], elapsed[step:] - elapsed[:-step]
@@ -154,7 +154,7 @@ def _own_rate(arrival: Floats, elapsed: Floats, nominal: float) -> float:
 
 
 def _breaks(residual: Floats, rate: float, elapsed: Floats) -> list[int]:
-    """Return where a new piece begins: where the least delay of what follows differs from what was before."""
+    """Return where a new piece begins: where the least delay changes."""
     from scipy.ndimage import minimum_filter1d  # noqa: PLC0415
 
     n = residual.size
@@ -192,7 +192,7 @@ def _breaks(residual: Floats, rate: float, elapsed: Floats) -> list[int]:
 
 
 def _fit(arrival: Floats, elapsed: Floats, rate: float) -> tuple[Floats, float]:
-    """Return times by lines under the arrivals, one a stretch, and the rate over all of them."""
+    """Return times from lines under the arrivals, one per stretch, and the overall rate."""
     residual = arrival - elapsed / rate
     low, high = float(elapsed.min()), float(elapsed.max())
     # A count that claims far more time than went by is of no use, however many stretches it had.
@@ -224,16 +224,16 @@ def _fit(arrival: Floats, elapsed: Floats, rate: float) -> tuple[Floats, float]:
 
 
 BINS = 4000
-"""Points are thinned to the lowest in each of so many bins before the hull is walked."""
+"""Points are thinned to the lowest of each bin, with this many bins, before the hull is computed."""
 
 
 def line_under(x: Floats, y: Floats) -> tuple[float, float]:
-    """Return the line under all points whose mean distance to them is least.
+    """Return the line below all points with the least mean distance to them.
 
-    Of the lines y = a + b x with a + b x_i <= y_i for all i, the highest at the mean of x: the
-    edge of the lower convex hull that lies there (Moon, Skelly and Towsley 1999). It takes the
-    time of a sort. Among more than some thousand points only the lowest of each bin of x count,
-    which is exact where the line is all but level: take the nominal slope out of y first.
+    Of the lines y = a + b x with a + b x_i <= y_i for all i, it is the highest at the mean of x: the edge of
+    the lower convex hull there (Moon, Skelly and Towsley 1999). It takes the time of a sort. Of more than
+    some thousand points only the lowest in each bin of x counts, which is exact where the line is nearly
+    level: subtract the nominal slope from y first.
 
     Parameters
     ----------
@@ -265,7 +265,7 @@ def line_under(x: Floats, y: Floats) -> tuple[float, float]:
 
 
 def _lowest_of_bins(x: Floats, y: Floats, low: float, high: float) -> tuple[Floats, Floats]:
-    """Return the points, by rising x, with one for each x or bin of x: its lowest."""
+    """Return the lowest point of each x or bin of x, by rising x."""
     place = x if x.size <= BINS else np.floor((x - low) * (BINS / (high - low)))
     order = np.lexsort((y, place))
     place = place[order]

@@ -1,4 +1,4 @@
-"""When something strikes the string: onsets in the microphones' sound."""
+"""Detects onsets in the microphones' sound: when something strikes the string."""
 
 import math
 
@@ -8,26 +8,26 @@ from monochord.core.types import Audio, Floats
 from monochord.core.units import Samples
 
 ORDER = 48
-"""Order of the prediction; it follows two dozen sinusoids."""
+"""Order of the linear prediction; it follows two dozen sinusoids."""
 MIN_ONSET_SHARE = 0.1
-"""Share of the greatest error below which no onset begins: waves of high pitch run ahead of a touch's own."""
+"""Share of the largest error below which no onset begins: high-frequency waves arrive first."""
 MIN_LOUDNESS_RATIO = 3.0
-"""How many times louder than before an event must be that comes before a louder one."""
+"""An earlier event must be this many times louder than the sound before it."""
 MIN_NOISE: Samples = 64
-"""Least number of frames of noise before an event. Ten of them are a third of their usual size by chance."""
+"""Smallest number of noise frames before an event. Ten of them have a third of their usual size by chance."""
 ONSET_MARGIN: Samples = 8
-"""Frames left out before that one, which its own begin may reach into."""
+"""Frames skipped before an event, where its beginning may reach into."""
 MAX_NOVELTY = 5.0
-"""Nepers of power beyond which all is equally new; it keeps one loud event from standing for many."""
+"""Limit of the novelty in nepers of power; it keeps one loud event from standing for many."""
 FLOOR = 1e-7
-"""Share of white noise that is added, below which nothing is predicted away."""
+"""Share of white noise added; nothing below it is predicted away."""
 
 
 def surprise(samples: Audio | Floats) -> Floats:
-    """Return the linear prediction error of each channel over its usual size.
+    """Return each channel's linear prediction error, relative to its usual size.
 
-    The best linear prediction over the whole stretch takes away what goes on: a ringing string, hum, tones of
-    music. What comes new stands out, and is as broad in frequency as its cause was sudden.
+    The best linear prediction over the whole stretch removes steady sound: a ringing string, hum, tones of
+    music. New sound stands out, with a bandwidth that follows from how sudden it was.
 
     Parameters
     ----------
@@ -65,10 +65,10 @@ def surprise(samples: Audio | Floats) -> Floats:
 
 
 def novelty(sound: Audio | Floats, size: Samples) -> Floats:
-    """Return how much louder each frame of `size` samples is than the 20 before it, in nepers.
+    """Return how much louder each frame of `size` samples is than the 20 frames before it, in nepers.
 
-    `sound` is (channels, n), the result (n // size,). Channels count alike. What is not louder counts as
-    zero.
+    `sound` is (channels, n), the result (n // size,). Channels have equal weight. A frame that is not louder
+    counts as zero.
 
     Examples
     --------
@@ -90,9 +90,9 @@ def novelty(sound: Audio | Floats, size: Samples) -> Floats:
 def pick(errors: Floats) -> float:
     """Return where noise turns into an event, by Akaike's criterion, as a sample index; NaN if nowhere.
 
-    The index k at which k log var(e[:k]) + (n - k - 1) log var(e[k:]) is least (Maeda 1985): two stretches of
-    constant variance of the greatest likelihood. A hundredth of the greatest square is added to both
-    variances.
+    The result is the index k that minimises k log var(e[:k]) + (n - k - 1) log var(e[k:]) (Maeda 1985): the
+    most likely split into two stretches of constant variance. A hundredth of the largest square is added to
+    both variances.
 
     Parameters
     ----------
@@ -119,10 +119,10 @@ def pick(errors: Floats) -> float:
 
 
 def first_onset(errors: Floats) -> float:
-    """Return the sample index of the first event that is not negligible beside the strongest, or NaN.
+    """Return the sample index of the first event that stands out beside the strongest, or NaN.
 
-    A touch is followed by louder things, such as its end. `pick` finds the strongest of them, and again what
-    came before that, as long as that is several times louder than what went before it.
+    Louder events, such as its release, follow a touch. `pick` finds the strongest, then the event before it,
+    for as long as the earlier event is several times louder than the sound before it.
 
     Parameters
     ----------
@@ -151,7 +151,7 @@ def first_onset(errors: Floats) -> float:
 
 
 def loudness_of(errors: Floats, onset: float) -> float:
-    """Return how many times louder one channel (n,) is right after an onset than before; NaN for no onset.
+    """Return how many times louder one channel (n,) is just after an onset than before; NaN without an onset.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Taps as a force sensor and a robot see them: short pulses of force, short dips of height."""
+"""Detects taps in a force sensor's and a robot's data: short pulses of force, short dips of height."""
 
 import math
 from dataclasses import dataclass
@@ -11,29 +11,29 @@ from monochord.core.types import Floats
 from monochord.core.units import Metres, Newtons, Seconds
 
 MAX_TAP: Seconds = 0.04
-QUIET: Seconds = 0.06
+MIN_PAUSE: Seconds = 0.06
 BLOCK: Seconds = 0.1
 BOUNCE: Seconds = 0.008
-"""A force that is gone for no longer belongs to the same tap."""
+"""A dropout of force no longer than this belongs to the same tap, in s."""
 CLEAR = 5.0
-"""How many standard deviations of the noise count as touched."""
+"""Standard deviations of the noise that count as contact."""
 MIN_FORCE: Newtons = 0.02
-"""No less force than this counts as touched, however quiet the sensor."""
+"""Smallest force that counts as contact, however quiet the sensor, in N."""
 SOFT_EDGE = 2.2
-"""The same beside a touch that is sure."""
+"""Standard deviations of the noise that count as contact next to a certain contact."""
 BUILD_UP: Seconds = 3e-4
-"""How long the first wave takes from a touch to an end of the string and back."""
+"""Time of the first wave from a touch to an end of the string and back, in s."""
 RISING = 1.2
-"""How much more the next reading must have for the slope to count."""
+"""The next reading must be this much larger for the slope to count."""
 MIN_DIP: Metres = 1e-3
-"""Least depth of a dip."""
+"""Smallest depth of a dip, in m."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Taps:
-    """Taps in one stream: `begin` and `end` (n,) of each contact in s of that stream's time.
+    """Taps in one stream: `begin` and `end` (n,) of each contact in s of the stream's time.
 
-    `spacing` is how long the stream takes from one reading to the next.
+    `spacing` is the time between two readings.
     """
 
     begin: Floats
@@ -50,11 +50,10 @@ class Taps:
 
 
 def taps_of_force(time: Floats, force: Floats, *, min_force: Newtons = 0.1) -> Taps:
-    """Return the taps in a force: pulses shorter than 40 ms, with 60 ms of no touch before and after.
+    """Return the taps in a force: pulses shorter than 40 ms, with 60 ms without contact before and after.
 
-    The level of no touch is taken from the quietest fifth of every ten seconds, so that neither a bias nor
-    its drift matters. A tap begins midway between the last reading that is no more than noise and the first
-    that is more.
+    The zero level comes from the quietest fifth of every ten seconds, so that bias and drift do not matter. A
+    tap begins midway between the last reading within the noise and the first one above it.
 
     Parameters
     ----------
@@ -98,17 +97,17 @@ def taps_of_force(time: Floats, force: Floats, *, min_force: Newtons = 0.1) -> T
 
 
 def taps_of_height(time: Floats, height: Floats, *, longest: Seconds = 0.08) -> Taps:
-    """Return the taps in a tool's height: dips, deeper than a millimetre, that last no longer than 80 ms.
+    """Return the taps in a tool's height: dips deeper than 1 mm that last at most 80 ms.
 
-    A dip's middle is that of its area, which does not depend on where the readings fall in it. Its begin and
-    end are the same, for the height does not show them.
+    A dip's time is the centre of its area, which does not depend on when the readings fall. Begin and end are
+    both set to it, since the height does not show them.
 
     Parameters
     ----------
     time, height
         Readings (n,), in s and m, by rising time.
     longest
-        How long the tool may be halfway down or lower, in s.
+        Longest time at half depth or lower, in s.
 
     Raises
     ------
@@ -137,9 +136,9 @@ def taps_of_height(time: Floats, height: Floats, *, longest: Seconds = 0.08) -> 
 
 
 def dip(time: Floats, height: Floats) -> Floats:
-    """Return how far a tool is below where it was and will be some 50 ms before and after, (n,) in m.
+    """Return how far a tool is below its height 50 ms before and after, (n,) in m.
 
-    Only short dips show: the lower of both sides counts, so that going down to stay is none.
+    Only short dips show: the lower of the two sides counts, so a lasting descent is not a dip.
 
     Examples
     --------
@@ -152,7 +151,7 @@ def dip(time: Floats, height: Floats) -> Floats:
 
 
 def middle_of_dip(time: Floats, down: Floats, near: Seconds, reach: Seconds = 0.05) -> Seconds:
-    """Return the middle of the area of a dip, as `dip` gives it, around a time; NaN if there is none.
+    """Return the centre of a dip's area, as `dip` computes it, near a time; NaN if there is none.
 
     Examples
     --------
@@ -170,7 +169,7 @@ def middle_of_dip(time: Floats, down: Floats, near: Seconds, reach: Seconds = 0.
 
 
 def groups_of(taps: Taps, *, apart: Seconds = 2.0, min_taps: int = 2) -> tuple[Taps, ...]:
-    """Return taps that belong together: `min_taps` or more, at most `apart` seconds from one to the next.
+    """Return groups of `min_taps` or more taps, at most `apart` seconds from one to the next.
 
     Examples
     --------
@@ -184,9 +183,9 @@ def groups_of(taps: Taps, *, apart: Seconds = 2.0, min_taps: int = 2) -> tuple[T
 
 
 def _refuse_unordered(time: Floats, values: Floats) -> Seconds:
-    """Return the usual time from one reading to the next; raises `InputError` where there is none."""
+    """Return the median time between readings; raises `InputError` where times do not rise."""
     if time.ndim != 1 or time.shape != values.shape:
-        raise InputError(f"times {time.shape} and values {values.shape}", "equally many of both")
+        raise InputError(f"times {time.shape} and values {values.shape}", "one value for each time")
     steps = np.diff(time)
     if (steps <= 0.0).any():
         raise InputError("times that do not rise", "readings in order")
@@ -194,9 +193,9 @@ def _refuse_unordered(time: Floats, values: Floats) -> Seconds:
 
 
 def _level(force: Floats, size: int) -> tuple[Floats, float]:
-    """Return the level of no touch (n,) and the standard deviation of the noise about it.
+    """Return the zero level (n,) and the standard deviation of the noise about it.
 
-    A sensor that repeats a reading, as before it begins, does not show its noise then.
+    Repeated readings, such as before the sensor starts, show no noise and are left out.
     """
     blocks = force[: force.size // size * size].reshape(-1, size)
     middle = np.median(blocks, axis=1)
@@ -211,7 +210,7 @@ def _level(force: Floats, size: int) -> tuple[Floats, float]:
 
 
 def _runs(time: Floats, on: np.ndarray, gap: Seconds) -> list[tuple[int, int]]:
-    """Return first and last index of each stretch that is on, those joined no more than `gap` apart."""
+    """Return first and last index of each stretch that is on; stretches at most `gap` apart are joined."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]]).astype(np.int8)))
     runs: list[tuple[int, int]] = []
     for first, stop in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
@@ -223,11 +222,11 @@ def _runs(time: Floats, on: np.ndarray, gap: Seconds) -> list[tuple[int, int]]:
 
 
 def _edge(time: Floats, rest: Floats, inside: int, step: int, noise: Newtons) -> Seconds:
-    """Return where a pulse begins (step -1) or ends (1), from a reading that is surely inside it.
+    """Return where a pulse begins (step -1) or ends (1), starting at a reading surely inside it.
 
-    A soft touch begins with less than what stands out surely: the mean over some 0.3 ms still shows it. Where
-    readings are as far apart as that, the line through the first of them is followed back to no force, though
-    no further than a reading and a half.
+    A soft touch begins below the detection threshold; the mean over some 0.3 ms still shows it. Where
+    readings are as far apart as that, the line through the first of them is extrapolated to zero force, by at
+    most one and a half readings.
     """
     usual = float(time[min(inside + 1, len(time) - 1)] - time[inside - 1]) / 2.0
     many = max(round(BUILD_UP / usual), 1)
@@ -248,11 +247,11 @@ def _edge(time: Floats, rest: Floats, inside: int, step: int, noise: Newtons) ->
 
 
 def _alone(time: Floats, runs: list[tuple[int, int]], longest: Seconds) -> list[tuple[int, int]]:
-    """Return the runs that are short, and quiet around, and whole."""
+    """Return the complete, short runs with no contact around them."""
     alone: list[tuple[int, int]] = []
     for k, (i, j) in enumerate(runs):
         before = time[runs[k - 1][1]] if k else time[0]
         after = time[runs[k + 1][0]] if k + 1 < len(runs) else time[-1]
-        if time[j] - time[i] < longest and time[i] - before >= QUIET and after - time[j] >= QUIET:
+        if time[j] - time[i] < longest and time[i] - before >= MIN_PAUSE and after - time[j] >= MIN_PAUSE:
             alone.append((i, j))
     return alone

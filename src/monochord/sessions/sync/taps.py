@@ -1,6 +1,6 @@
-"""By how much streams are apart, from taps that all of them notice.
+"""Estimates the offsets between streams from taps that all of them detect.
 
-An offset is positive where the stream comes late: a stream's time minus its offset is the reference's time.
+An offset is positive where the stream is late: stream time minus offset is reference time.
 """
 
 import math
@@ -17,33 +17,34 @@ from monochord.sessions.sync.pulses import Taps, dip, middle_of_dip
 
 REACH: Seconds = 1.0
 FRAME: Seconds = 1e-3
-"""Resolution of the search over a group of taps."""
+"""Resolution of the search over a group of taps, in s."""
 BEFORE, AFTER = 0.012, 0.0015
-"""Where, around the place that the group gives, a tap's onset is searched."""
+"""A tap's onset is searched within this distance of the group's estimate, in s."""
 MAX_RIVAL = 0.8
-"""A second peak this high, of the first, leaves the offset open."""
+"""A second peak of this relative height makes the offset ambiguous."""
 AGREEMENT_STD: Seconds = 0.5e-3
-"""Standard uncertainty below which three taps or more agree as chance would not have it."""
+"""Standard uncertainty below which three or more taps agree better than by chance, in s."""
 RIVAL_STD_RATIO = 3.0
-"""How many times more uncertain a rival must be to be left out."""
+"""A competing offset this many times more uncertain is left out."""
 FEW_TAPS_SCATTER: Seconds = 2e-3
-"""Scatter allowed to fewer than three taps, of which a wrong one does not show."""
+"""Scatter assumed for fewer than three taps, where a wrong one cannot be detected."""
 MIN_LOUDNESS, DEAF_LOUDNESS = 3.0, 1.5
-"""How many times louder than before a tap must be that one microphone alone picks up, and below what the
-other one is deaf: live microphones have 1.6 and more in the twin's plausible world, dead ones 1.2 and less,
-in the median of three taps."""
+"""Loudness ratio above which a tap picked up by one microphone counts, and below which the other is deaf.
+
+Live microphones reach 1.6 and more in the twin's realistic world, dead ones 1.2 and less (median of three
+taps).
+"""
 ONSET_STD: Seconds = 0.1e-3
-"""How well an onset's instant is defined: a contact takes that long to build up."""
+"""Uncertainty of an onset's instant, in s: a contact takes that long to build up."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Offset:
-    """How late a stream is against a reference, `value` in s with its standard uncertainty `std`.
+    """A stream's delay against a reference, `value` in s with its standard uncertainty `std`.
 
-    `each` (n,) are the offsets of the single taps, NaN where one was not noticed or is far from the others,
-    and `taps` counts the rest. `rival` is how high the second best of the coarse search was, of the best:
-    near 1 the taps might as well lie elsewhere. Without a usable tap value and uncertainty are NaN and
-    infinite.
+    `each` (n,) holds the offsets of single taps, NaN for a missed tap or an outlier; `taps` counts the rest.
+    `rival` is the relative height of the second best coarse match; near 1 the match is ambiguous. Without a
+    usable tap, `value` is NaN and `std` infinite.
     """
 
     value: Seconds
@@ -53,10 +54,10 @@ class Offset:
     each: Floats
 
     @property
-    def known(self) -> bool:
-        """Whether there is a value, and no other that does nearly as well.
+    def is_determined(self) -> bool:
+        """Whether there is a value and no competing one of similar quality.
 
-        >>> offset_of(np.array([0.01, 0.0102]), spacing=1e-3).known
+        >>> offset_of(np.array([0.01, 0.0102]), spacing=1e-3).is_determined
         True
         """
         return self.taps > 0 and self.rival < MAX_RIVAL
@@ -65,19 +66,19 @@ class Offset:
 def offset_of(each: Floats, *, spacing: Seconds, rival: float = 0.0) -> Offset:
     """Return the mean of single taps' offsets with its standard uncertainty, outliers left out.
 
-    u^2 = s^2 / n + d^2, where s is the scatter over the n taps, no less than `spacing` sqrt(1/12), which is
-    what reading times that far apart leaves open (nor than 2 ms where there are fewer than three), and d the
-    build-up of a contact. Left out is what is off the median by more than six times the median of those
-    distances and more than `spacing`.
+    u^2 = s^2 / n + d^2. Here s is the scatter over the n taps, at least `spacing` sqrt(1/12), the
+    quantisation error of readings that far apart (and at least 2 ms for fewer than three taps); d is the
+    build-up time of a contact. An outlier differs from the median by more than six times the median deviation
+    and by more than `spacing`.
 
     Parameters
     ----------
     each
         Offsets of single taps (n,) in s, NaN where a tap was missed.
     spacing
-        Time between readings in s; of two streams, the root of the sum of squares.
+        Time between readings in s; for two streams, the root of the sum of squares.
     rival
-        Passed on to the result.
+        Copied to the result.
 
     Examples
     --------
@@ -109,36 +110,37 @@ def audio_offset(
     travel: Seconds | tuple[Seconds, ...] = 0.0,
     reach: Seconds = REACH,
 ) -> Offset:
-    """Return how late the sound of taps is against when they began.
+    """Return the delay of the taps' sound against the taps' onsets.
 
-    First all taps at once: the shift at which most of them meet something new in the sound, to a millisecond,
-    which unequal times between taps make unambiguous. Then each alone: the onset in each microphone's
-    prediction error (see `monochord.sessions.sync.onsets`), less what the wave took to get there.
+    First, all taps together: the shift at which most taps coincide with new sound, to a millisecond; unequal
+    times between taps make it unambiguous. Then each tap alone: the onset in each microphone's prediction
+    error (see `monochord.sessions.sync.onsets`), minus the wave's travel time.
 
     Parameters
     ----------
     taps
-        Taps in the reference, with their begin in s.
+        Taps in the reference stream, with their begin in s.
     samples
         Audio (channels, n) around them, best with `reach` to spare on both sides.
     first
-        Time of its first frame in s, as the audio's own stamps say.
+        Time of the first frame in s, from the audio's stamps.
     rate
-        Its frames a second, as measured.
+        Measured sample rate in Hz.
     travel
-        What the wave takes from the touch to each microphone, in s: x / c and (L - x) / c. Where x is not
-        known, L / 2c for both is right for their mean.
+        Travel time of the wave from the touch to each microphone, in s: x / c and (L - x) / c. For unknown x,
+        L / 2c for both keeps their mean correct.
     reach
-        How far off the sound may be in s, either way.
+        Largest offset searched, either way, in s.
 
     Returns
     -------
-    The offset; in `each`, one value a tap, the mean over the microphones, or of one where they do not agree.
+    The offset; `each` holds one value per tap: the mean over the microphones, or one microphone's value where
+    they disagree.
 
     Raises
     ------
     InputError
-        If there are no samples, or not as many travel times as channels.
+        If there are no samples, or the number of travel times differs from that of channels.
 
     Examples
     --------
@@ -155,7 +157,9 @@ def audio_offset(
     channels = samples.shape[0]
     travels = (float(travel),) * channels if isinstance(travel, int | float) else travel
     if samples.ndim != 2 or not channels or len(travels) != channels:
-        raise InputError(f"samples {samples.shape} and {len(travels)} travel times", "one to each channel")
+        raise InputError(
+            f"samples {samples.shape} and {len(travels)} travel times", "one travel time for each channel"
+        )
     size = max(round(FRAME * rate), 1)
     if not len(taps) or samples.shape[1] < 64 * size:
         return offset_of(np.full(len(taps), np.nan), spacing=taps.spacing)
@@ -166,7 +170,7 @@ def audio_offset(
     spacing = math.hypot(taps.spacing, 1.0 / rate)
 
     def onset_offsets(shift: Seconds) -> tuple[Floats, Floats]:
-        """Return the offset (taps, channels) of each tap near where a shift puts it, and how loud it is."""
+        """Return the offset (taps, channels) of each tap near a given shift, and the loudness."""
         each, loudness = np.full((2, len(taps), channels), np.nan)
         for k, begin in enumerate(taps.begin):
             start = round((begin + shift - BEFORE - first) * rate)
@@ -180,9 +184,9 @@ def audio_offset(
 
     shifts = shifts_of_group(taps.begin, when, news, reach)
     onsets = [(*onset_offsets(shift), share) for shift, share in shifts]
-    return _most_agreed(
+    return _best_agreeing(
         [
-            offset_of(each[:, _hearing(loudness)].mean(axis=1), spacing=spacing, rival=share)
+            offset_of(each[:, _picking_up(loudness)].mean(axis=1), spacing=spacing, rival=share)
             for each, loudness, share in onsets
         ]
     )
@@ -194,20 +198,20 @@ def height_offset(taps: Taps, time: Floats, height: Floats, *, reach: Seconds = 
     Parameters
     ----------
     taps
-        Taps in the reference, with begin and end in s.
+        Taps in the reference stream, with begin and end in s.
     time, height
         The tool's readings (n,), in s and m, by rising time, best with `reach` to spare on both sides.
     reach
-        How far off they may be in s, either way.
+        Largest offset searched, either way, in s.
 
     Returns
     -------
-    The offset; in `each`, one value a tap.
+    The offset; `each` holds one value per tap.
 
     Raises
     ------
     InputError
-        If there are not as many times as heights.
+        If the numbers of times and heights differ.
 
     Examples
     --------
@@ -220,7 +224,7 @@ def height_offset(taps: Taps, time: Floats, height: Floats, *, reach: Seconds = 
     (True, 3)
     """
     if time.ndim != 1 or time.shape != height.shape:
-        raise InputError(f"times {time.shape} and heights {height.shape}", "equally many of both")
+        raise InputError(f"times {time.shape} and heights {height.shape}", "one value for each time")
     if not len(taps) or time.size < 8:
         return offset_of(np.full(len(taps), np.nan), spacing=taps.spacing)
     spacing = float(np.median(np.diff(time)))
@@ -234,9 +238,9 @@ def height_offset(taps: Taps, time: Floats, height: Floats, *, reach: Seconds = 
 
 
 def travel_time(length: Metres, wave_speed: float, position: Metres | None = None) -> tuple[Seconds, Seconds]:
-    """Return what a wave takes from a touch to the two ends of a string, in s: x / c and (L - x) / c.
+    """Return a wave's travel time from a touch to both ends of a string, in s: x / c and (L - x) / c.
 
-    Without a position both get the mean of the two.
+    Without a position, both get the mean of the two.
 
     Examples
     --------
@@ -249,10 +253,10 @@ def travel_time(length: Metres, wave_speed: float, position: Metres | None = Non
     return position / wave_speed, (length - position) / wave_speed
 
 
-def _hearing(loudness: Floats) -> Flags:
-    """Return which microphones (channels,) pick up the taps, whose loudness is (taps, channels).
+def _picking_up(loudness: Floats) -> Flags:
+    """Return which microphones (channels,) pick up the taps, from loudness (taps, channels).
 
-    All of them, but where one stands out and another one is deaf: what that takes for onsets is noise, which
+    All microphones count, unless one stands out and the other is deaf: the deaf one's onsets are noise, which
     may agree by chance.
     """
     usual = np.median(np.nan_to_num(loudness), axis=0)
@@ -260,14 +264,14 @@ def _hearing(loudness: Floats) -> Flags:
     return ~deaf if (usual >= MIN_LOUDNESS).any() else np.ones(usual.size, bool)
 
 
-def _most_agreed(candidates: list[Offset]) -> Offset:
-    """Return the candidate whose taps agree best, of those whose share, in `rival`, is near the best.
+def _best_agreeing(candidates: list[Offset]) -> Offset:
+    """Return the candidate whose taps agree best, among those with a share (`rival`) near the best.
 
-    Its `rival` becomes the greatest share, of its own, of those whose taps agree too or that are well below.
-    With fewer than three taps there is no agreement, and the greatest share it is.
+    Its `rival` becomes the largest share among the other candidates whose taps agree or that are clearly
+    weaker. With fewer than three taps, agreement is undefined, and the largest share wins.
     """
     near = [offset for offset in candidates if offset.rival >= MAX_RIVAL]
-    agreed = [o for o in near if _has_most(o)]
+    agreed = [o for o in near if _has_enough_taps(o)]
     chosen = min(agreed, key=lambda offset: offset.std) if agreed else candidates[0]
     sure = bool(agreed) and chosen.std < AGREEMENT_STD
     beaten = [o for o in near if sure and (o.taps < 3 or o.std > RIVAL_STD_RATIO * chosen.std)]
@@ -275,21 +279,21 @@ def _most_agreed(candidates: list[Offset]) -> Offset:
     return replace(chosen, rival=max(others, default=0.0) / chosen.rival)
 
 
-def _has_most(offset: Offset) -> bool:
+def _has_enough_taps(offset: Offset) -> bool:
     return offset.taps >= max(3, offset.each.size - offset.each.size // 5)
 
 
 SAME_SHIFT: Seconds = 0.03
-"""Shifts closer than this are one."""
+"""Shifts closer than this count as one, in s."""
 CANDIDATES = 4
 
 
 def shifts_of_group(
     taps: Floats, when: Floats, notice: Floats, reach: Seconds
 ) -> list[tuple[Seconds, float]]:
-    """Return the shifts at which what is noticed at the taps adds up to peak, with shares of the best.
+    """Return the shifts at which novelty summed over the taps peaks, with their share of the best.
 
-    The best comes first, and there is always one more. `when` (n,) is evenly spaced and `notice` (n,) not
+    The best comes first; there is always a second. `when` (n,) is evenly spaced and `notice` (n,) is not
     negative.
     """
     step = float(when[1] - when[0])

@@ -1,4 +1,4 @@
-"""YAMNet as a feature of Monochord: a plug-in in a package of its own."""
+"""YAMNet as a feature of Monochord: a plug-in in a separate package."""
 
 from monochord_yamnet.feature import Yamnet
 

@@ -1,4 +1,4 @@
-"""A layer of YAMNet over a window: a network trained on other sounds, frozen."""
+"""A layer of YAMNet over a window: a frozen network trained on other sounds."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -22,14 +22,14 @@ from monochord_yamnet.network import (
 )
 
 FINE_HOP: Samples = 16
-"""Samples from frame to frame that make 100 frames of a tenth of a second."""
+"""Hop in samples that gives 100 frames in a tenth of a second."""
 COARSE_HOP: Samples = 160
-"""Samples from frame to frame in training."""
+"""Hop in samples used in training."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Yamnet(Feature):
-    """A layer of YAMNet, averaged over time alone, so that frequency is kept: a touch changes it.
+    """A layer of YAMNet, averaged over time only, to keep frequency, which a touch changes.
 
     Each microphone's sound is resampled to 16 kHz and cut into frames of 25 ms for
     `monochord_yamnet.network`. With the defaults 8 bands x 256 channels of each of two
@@ -43,14 +43,15 @@ class Yamnet(Feature):
     Parameters
     ----------
     layer
-        1 to 27, counted by convolutions.
+        Layer number, 1 to 27, counting convolutions.
     average
-        Over "time", of the frames that hold sound, or over "all": time, silence after it, and frequency.
+        Average over "time", of the frames with sound, or over "all": time, the silence after it, and
+        frequency.
     hop
-        From frame to frame: 0.001 s, or 0.01 s, as in training. Fewer than 96 frames are padded with silence
-        to the 96 of training.
+        Hop of the frames: 0.001 s, or 0.01 s as in training. Fewer than 96 frames are padded with silence to
+        96, as in training.
     weights
-        File of the weights; empty to look where `monochord weights` does.
+        Weights file; empty for the location of `monochord weights`.
     """
 
     layer: int = 9
@@ -82,7 +83,7 @@ class _LayerRows(Extractor):
         self._silence = np.full((sound.channels, missing, BANDS), np.log(LOG_OFFSET), np.float32)
         stride = int(np.prod([one.stride for one in self._convolutions]))
         self._steps = -(-self._mel.frames // stride)
-        """Steps of the layer that hold sound."""
+        """Time steps of the layer with sound."""
         bands = [f" band {band + 1}" for band in range(-(-BANDS // stride))]
         self._columns = tuple(
             f"mic {microphone + 1} layer {self._layer}{band} channel {channel + 1}"

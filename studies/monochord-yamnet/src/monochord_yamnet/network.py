@@ -1,10 +1,10 @@
-"""YAMNet: Google's small convolutional network that names the sounds of AudioSet.
+"""YAMNet: Google's small convolutional network that classifies the sounds of AudioSet.
 
 YAMNet is a MobileNetV1. Its file, known by its checksum, holds 8-bit weights with batch normalisation folded
 in; they become float32 here, each scaled by its channel's scale, and run in NumPy.
 
-The implementation is our own because the published graph cannot be used as it is: TensorFlow Lite fixes its
-input at 1 x 96 x 64, so that neither 100 frames nor two microphones fit, and it gives no inner layer without
+This is a separate implementation because the published graph is not usable here: TensorFlow Lite fixes its
+input at 1 x 96 x 64, which excludes 100 frames or two microphones, and it gives no inner layer without
 running all 27 (8.8 ms of CPU time against 5.4 ms to layer 9 here).
 
 References
@@ -33,13 +33,13 @@ HIGHEST: Hertz = 7500.0
 LOG_OFFSET = 1e-3
 """Added to the magnitude of each band before its logarithm."""
 PATCH = 96
-"""Frames of the patches in training."""
+"""Frames of the training patches."""
 LAYERS = 27
 MAX_ACTIVATION = np.float32(6.0)
 CONVOLUTION, DEPTHWISE, DENSE = 3, 4, 9
 """Operators of TensorFlow Lite with weights, by their numbers in its schema."""
 STRIDE = 1
-"""Field of the stride in the options of either convolution."""
+"""Field of the stride in the options of both convolution types."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,7 +80,7 @@ class YamnetMel:
     size
         Samples of a signal, at 16 kHz.
     hop
-        Samples from frame to frame: 160, as in training, or 16, which makes 100 frames of 0.1 s.
+        Hop in samples: 160, as in training, or 16, which gives 100 frames in 0.1 s.
     centred
         Frames as in `monochord.dsp.frame_indices`.
 
@@ -114,7 +114,7 @@ class YamnetMel:
 
     @property
     def frames(self) -> int:
-        """Frames of a signal."""
+        """Number of frames in a signal."""
         return self._indices.shape[0]
 
     def __call__(self, signal: Audio) -> Audio:

@@ -79,7 +79,7 @@ const strings = new Strings(element("strings"), (name) => send({ do: "show", str
 function showSensor({ range, drivers }) {
   element("legend-range").hidden = !range;
   element("legend-drivers").hidden = !drivers.length;
-  element("where").textContent = range ? `Position is estimated from ${span(range)}, elsewhere contact alone.` : "";
+  element("where").textContent = range ? `Position is estimated from ${span(range)}, elsewhere only contact.` : "";
 }
 
 function simulated(is) {

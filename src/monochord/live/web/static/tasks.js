@@ -25,7 +25,7 @@ export class Tasks {
     const place = element("known-position");
     place.oninput = () => {
       const metres = this.number("known-position") / 1e3, outside = range && (metres < range[0] || metres > range[1]);
-      place.setCustomValidity(outside ? `The sensor tells places from ${span(range)}: choose one there.` : "");
+      place.setCustomValidity(outside ? `The sensing range is ${span(range)}: choose a position inside it.` : "");
     };
   }
 
