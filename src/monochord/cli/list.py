@@ -4,13 +4,10 @@ import dataclasses
 import json
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from importlib import import_module
-from pathlib import Path
 from typing import Any, TypeAlias
 
 import click
 
-import monochord
 from monochord.capture import recording
 from monochord.capture.devices import devices
 from monochord.cli._options import completes
@@ -18,6 +15,7 @@ from monochord.cli._output import echo
 from monochord.core.config import settings_of, to_tree
 from monochord.core.errors import InputError, MonochordError, did_you_mean
 from monochord.core.registry import Registry
+from monochord.front.available import registries
 from monochord.lab.plan import Plan
 from monochord.lab.plans import load_plan, plan_names
 from monochord.live import LiveRun
@@ -86,15 +84,10 @@ def _named(name: str, shelf: str, entries: Iterable[Entry]) -> Sequence[Entry]:
 
 
 def _shelves() -> dict[str, Callable[[], Iterable[Entry]]]:
-    """Return what can be listed: every folder with a registry, found by its ``base.py``, presets and more."""
-    shelves: dict[str, Callable[[], Iterable[Entry]]] = {}
-    root = Path(monochord.__path__[0])
-    for contract in root.rglob("base.py"):
-        folder = ".".join(contract.relative_to(root.parent).parent.parts)
-        for registry in (
-            thing for thing in vars(import_module(folder)).values() if isinstance(thing, Registry)
-        ):
-            shelves[contract.parent.name] = lambda registry=registry: _plugins(registry)
+    """Return what can be listed: every folder with a registry, presets and more."""
+    shelves: dict[str, Callable[[], Iterable[Entry]]] = {
+        name: lambda registry=registry: _plugins(registry) for name, registry in registries().items()
+    }
     shelves |= {"strings": _strings, "sensors": _sensors, "materials": _materials, "plans": _plans}
     shelves |= {"models": _models, "devices": _devices, "settings": _settings}
     return dict(sorted(shelves.items()))

@@ -76,6 +76,12 @@ class Description(Checked):
         Of the programs that recorded it.
     more
         Anything else, as text.
+
+    Examples
+    --------
+    >>> about = Description(name="take", sample_rate=44100, object="finger", notes="third string")
+    >>> Description.load(about.dump()) == about
+    True
     """
 
     name: str

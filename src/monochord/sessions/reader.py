@@ -40,6 +40,15 @@ def read_session(path: Path) -> "SessionReader":
     ------
     InputError
         If the file does not exist, or is not a session.
+
+    Examples
+    --------
+    >>> from tempfile import mkdtemp
+    >>> import monochord as mc
+    >>> twin = ["groups=[{name='hold', grid=[1, 1], hold=0.3}]"]
+    >>> session = mc.read_session(mc.collect("quick", mkdtemp(), settings=twin)[0].path)
+    >>> session.streams, session.audio.samples.shape[0], session.description.material
+    (('wrench', 'pose'), 2, 'plastic')
     """
     return SessionReader(Path(path))
 
@@ -62,6 +71,17 @@ class SessionReader:
     malformed
         Of each topic that was read and had messages that do not hold what they should: how many, and what is
         wrong with the first. They are left out of all that is read.
+
+    Examples
+    --------
+    >>> from tempfile import mkdtemp
+    >>> import monochord as mc
+    >>> twin = ["groups=[{name='hold', grid=[1, 1], hold=0.3}]"]
+    >>> session = mc.read_session(mc.collect("quick", mkdtemp(), settings=twin)[0].path)
+    >>> session.readings("wrench").column("fz").shape == session.readings("wrench").time.shape
+    True
+    >>> sorted(session.labels.columns)[:3]
+    ['contact', 'force', 'position']
     """
 
     def __init__(self, path: Path) -> None:

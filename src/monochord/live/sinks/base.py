@@ -53,6 +53,13 @@ class Update(NamedEstimates):
     monotonic-clock time of the window's first frame at the converter, where the source knows it, and
     `at_hand` that at which the last one was at hand. `string` is the name of the string, of a run that has
     several; empty for one alone. Sinks in several threads share an update.
+
+    Examples
+    --------
+    >>> from monochord import VirtualSensor, listen
+    >>> update = next(listen(VirtualSensor("prototype", seed=1)))
+    >>> update.time, update.contact.valid, update.position.valid, update.truth["contact"]
+    (0.0, True, False, 0.0)
     """
 
     prediction: Prediction
@@ -113,6 +120,12 @@ class Run:
     was given one, and `model` the folder or name of a trained model that answers, empty for none. `controls`
     are there where the string can be touched. `is_output_taken` says that standard output carries the data of
     another sink.
+
+    Examples
+    --------
+    >>> run = Run(signal=Signal(sample_rate=44100, channels=2))
+    >>> run.string, run.is_output_taken
+    ('', False)
     """
 
     signal: Signal
@@ -129,7 +142,18 @@ class NotDeliveredError(Exception):
 
 
 class Writer(ABC):
-    """An open sink."""
+    """An open sink.
+
+    Examples
+    --------
+    >>> class Count(Writer):
+    ...     windows = 0
+    ...
+    ...     def write(self, update: Update) -> None:
+    ...         self.windows += 1
+    >>> Count().windows
+    0
+    """
 
     @abstractmethod
     def write(self, update: Update) -> None:
@@ -141,7 +165,25 @@ class Writer(ABC):
 
 
 class Sink(Checked, ABC):
-    """Options of a sink, as a frozen keyword-only dataclass."""
+    """Options of a sink, as a frozen keyword-only dataclass.
+
+    Examples
+    --------
+    >>> from collections.abc import Iterator
+    >>> from contextlib import contextmanager
+    >>> from dataclasses import dataclass
+    >>> from monochord import Run, Sink, Update, Writer
+    >>> class Lines(Writer):
+    ...     def write(self, update: Update) -> None:
+    ...         print(f"{update.time:.2f} s: {update.position}")
+    >>> @dataclass(frozen=True, slots=True, kw_only=True)
+    ... class Print(Sink):
+    ...     @contextmanager
+    ...     def open(self, run: Run) -> Iterator[Writer]:
+    ...         yield Lines()
+    >>> isinstance(Print(), Sink)
+    True
+    """
 
     @abstractmethod
     def open(self, run: Run) -> AbstractContextManager[Writer]:
