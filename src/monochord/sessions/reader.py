@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 
-def read_session(path: Path) -> "SessionReader":
+def read_session(path: str | Path) -> "SessionReader":
     """Open a session; only its description is read at first.
 
     Raises
