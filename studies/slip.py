@@ -50,7 +50,7 @@ class Slip(Measured):
 
     A: area under the curve of hits against false alarms by sliding speed, with 95 % intervals over runs;
     0.5 is chance, 1 is always; in quiet, and with pink noise. B to D: a touch dragged slowly across:
-    friction's state with the slip label where the string is quiet, the displacements of object and string across,
+    friction's state with the slip label where the string is quiet, the displacements of object and string,
     the friction force. A quiet string sticks and slips; a ringing one is shaken loose sooner, and so it
     gives way more often and by less (its friction is averaged over 2 ms here).
 

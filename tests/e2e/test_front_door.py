@@ -4,7 +4,7 @@ import asyncio
 import re
 import subprocess
 import sys
-from doctest import DocTestParser
+from doctest import SKIP, DocTestParser
 from itertools import islice
 from pathlib import Path
 
@@ -43,7 +43,8 @@ def test_every_name_of_the_front_door_is_there() -> None:
 def test_every_name_of_the_front_door_has_an_example() -> None:
     names = set(mc.__all__) - {"__version__"}
     examples = {name: DocTestParser().get_examples(getattr(mc, name).__doc__) for name in names}
-    assert not {name for name, found in examples.items() if not found}
+    run = {name for name, found in examples.items() if any(not each.options.get(SKIP) for each in found)}
+    assert run == names
 
 
 @pytest.mark.parametrize("page", ["docstring", "docs/reference/python.md"])
