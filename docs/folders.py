@@ -16,6 +16,7 @@ import click
 import monochord
 from monochord.cli import monochord as cli
 from monochord.core.registry import Registry
+from monochord.front.available import registries
 
 PRESETS = ("sensors", "strings", "materials")
 NOT_IN_LIBRARY = ("cli", "benchmarks", "figures")
@@ -63,16 +64,10 @@ def plugins() -> str:
         "# Plug-ins\n",
         "Options of a plug-in are set in its table of a configuration file or with `--set`.\n",
     ]
-    for registry in _registries():
+    for registry in registries().values():
         parts.append(f"## {registry.package.rpartition('.')[2].capitalize()}\n")
         parts += [_plugin(registry, name) for name in registry.names()]
     return "\n".join(parts)
-
-
-def _registries() -> Iterator[Registry[Any]]:
-    for package in walk_packages(monochord.__path__, "monochord."):
-        values = list(vars(import_module(package.name)).values()) if package.ispkg else []
-        yield from (v for v in values if isinstance(v, Registry) and v.package == package.name)
 
 
 def _plugin(registry: Registry[Any], name: str) -> str:
@@ -108,12 +103,12 @@ def packages() -> list[str]:
 def library(package: str) -> str:
     """Return the page of a package: every public module with its docstrings."""
     root = import_module(f"monochord.{package}")
-    registries = {registry.package for registry in _registries()}
+    packages = {registry.package for registry in registries().values()}
     parts = [f"# monochord.{package}\n", _automodule(root)]
     for info in walk_packages(root.__path__, f"{root.__name__}."):
         parent, _, name = info.name.rpartition(".")
         private = any(part.startswith("_") for part in info.name.split("."))
-        plugin = parent in registries and name != "base"
+        plugin = parent in packages and name != "base"
         if not private and not plugin:
             parts += [f"## {info.name.removeprefix('monochord.')}\n", _automodule(import_module(info.name))]
     return "\n".join(parts)

@@ -8,24 +8,18 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from monochord.datasets.audit import audit
-from monochord.datasets.augment import Augmentation
-from monochord.datasets.build import build_dataset
+import monochord as mc
 from monochord.datasets.kinds import KINDS, table_of
-from monochord.datasets.split import split_dataset
-from monochord.lab.offline import make
-from monochord.lab.plan import assignments
-from monochord.lab.plans import load_plan
 
 
 def main() -> None:
     """Print the number of windows of each kind, and the properties of a training batch."""
     with TemporaryDirectory() as name:
         folder = Path(name)
-        sessions = [make(session, folder).path for session in assignments(load_plan("small"))]
-        dataset = build_dataset(sessions, folder / "dataset")
-        split = split_dataset(dataset, by="time", seed=1)
-        audit(dataset, split).refuse_leaks()
+        sessions = mc.collect("small", folder / "sessions")
+        data = mc.build(sessions, folder / "dataset", split="time", seed=1)
+        dataset, split = data.dataset, data.split
+        assert mc.audit(data).clean  # `mc.build` refuses a split that leaks
 
         print(f"{'simulated':<10}" + "".join(f"{kind:>12}" for kind in KINDS))
         for part, objects in table_of(dataset, split).items():
@@ -35,7 +29,7 @@ def main() -> None:
         train = split.train[dataset.usable[split.train] & dataset.valid["force"][split.train]]
         rows = np.random.default_rng(0).choice(train, 64, replace=False)
         clean = dataset.batch(rows)
-        noisy = Augmentation()(clean, rows, seed=1)
+        noisy = mc.Augmentation()(clean, rows, seed=1)
         ratio = 20.0 * np.log10(clean.std(axis=(1, 2)) / (noisy - clean).std(axis=(1, 2)))
         force = dataset.label("force")[rows]
         print(f"a batch of {noisy.shape[0]} windows, {noisy.shape[1]} microphones, {noisy.shape[2]} frames")

@@ -10,9 +10,7 @@ import numpy as np
 
 import monochord as mc
 from monochord.capture.sources.twin import ScriptedTouch, TwinSource
-from monochord.core.types import Contact
-from monochord.physics.strings import load_string
-from monochord.physics.theory import contact_bound, frequency_sensitivities, open_frequency
+from monochord.physics.theory import frequency_sensitivities
 
 SHARE, FORCE = 1 / 3, 1.0  # the touch: share of the length, and N
 SNR = 10.0 ** (20 / 10)  # 20 dB, of each partial to white noise, in a window of 0.1 s
@@ -25,13 +23,13 @@ def main() -> None:
     print("Least standard errors of position and force, by two lines and the untouched pitch. Not known are:")
     print("length  by position  by force |  white noise alone   | tuning and ends too  | contact, mount too")
     for length in np.arange(0.1, 0.45, 0.1):
-        string = replace(load_string("prototype").string, length=float(length))
-        touch = Contact(position=SHARE * string.length, force=FORCE)
+        string = replace(mc.load_string("prototype").string, length=float(length))
+        touch = mc.Contact(position=SHARE * string.length, force=FORCE)
         by_position, by_force = frequency_sensitivities(string, touch, "geometric")[0]
-        noise = partial(contact_bound, string, touch, SNR, duration=0.1, sample_rate=44100.0)
+        noise = partial(mc.contact_bound, string, touch, SNR, duration=0.1, sample_rate=44100.0)
         noise = partial(noise, highest=16000.0, law="geometric")
         built = partial(noise, tension_std=TENSION * string.tension, end_std=ENDS)
-        built = partial(built, open_frequency_std=PITCH * open_frequency(string))
+        built = partial(built, open_frequency_std=PITCH * mc.open_frequency(string))
         print(f"{1e3 * length:3.0f} mm {1e-3 * by_position:7.1f} Hz/mm {by_force:5.2f} Hz/N", end="")
         for bound in (noise, built, partial(built, lengthening_std=LENGTHENING)):
             x, force = bound()

@@ -8,24 +8,20 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from monochord.datasets.build import build_dataset
+import monochord as mc
 from monochord.evaluation.noise import Disturbance
 from monochord.evaluation.replay import Selection, replay
-from monochord.lab.offline import make
-from monochord.lab.plan import assignments
-from monochord.lab.plans import load_plan
-from monochord.metrics import finite_rows, mean_absolute_error
+from monochord.metrics import finite_rows
 from monochord.perception.estimators.closed_form import ClosedForm
-from monochord.physics.sensors import load_sensor
 
 
 def main() -> None:
     """Print the error of position in three conditions."""
     with TemporaryDirectory() as name:
         folder = Path(name)
-        sessions = [make(session, folder).path for session in assignments(load_plan("small"))]
-        dataset = build_dataset(sessions, folder / "dataset")
-        string = load_sensor("prototype").string
+        sessions = mc.collect("small", folder / "sessions")
+        dataset = mc.build(sessions, folder / "dataset", split="time").dataset
+        string = mc.load_sensor("prototype").string
         selection = Selection(dataset=dataset, rows=np.arange(len(dataset)), string=string)
         estimator = ClosedForm(tension_law="geometric")
         print(f"{'simulated':<12}{'answered':>10}{'mean error':>12}")
@@ -34,7 +30,7 @@ def main() -> None:
             touched = results.where(results.label("contact") == 1.0)
             truth, estimate = touched.label("position"), touched.estimate("position")
             answered = finite_rows(truth, estimate)
-            error = 1e3 * mean_absolute_error(truth[answered], estimate[answered])
+            error = 1e3 * mc.mean_absolute_error(truth[answered], estimate[answered])
             print(f"{results.trials[0].condition:<12}{answered.mean():>10.1%}{error:>9.2f} mm")
 
 

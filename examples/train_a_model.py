@@ -8,34 +8,25 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from monochord.datasets.build import build_dataset
-from monochord.datasets.split import split_dataset
-from monochord.lab.offline import make
-from monochord.lab.plan import assignments
-from monochord.lab.plans import load_plan
-from monochord.perception.model import ModelState, load
-from monochord.perception.training.settings import TrainingSettings
-from monochord.perception.training.train import train, window_of
+import monochord as mc
+from monochord.perception.model import ModelState
+from monochord.perception.training.train import window_of
 
 
 def main() -> None:
     """Print the errors of the model on the validation and the test part."""
     with TemporaryDirectory() as name:
         folder = Path(name)
-        sessions = [make(session, folder).path for session in assignments(load_plan("small"))]
-        dataset = build_dataset(sessions, folder / "dataset")
-        split = split_dataset(dataset, by="time", seed=3)
-        split.write(dataset.path / "split.json")
-        settings = TrainingSettings.read(
-            {"dataset": str(dataset.path), "optimiser": {"batch": 64, "epochs": 20, "decay": 1.0}}
-        )
-        result = train(settings, folder / "run")
-        error = 1e3 * result.scores["position"]["mae"]
+        sessions = mc.collect("small", folder / "sessions")
+        data = mc.build(sessions, folder / "dataset", split="time", seed=3)
+        settings = ["optimiser.batch=64", "optimiser.epochs=20", "optimiser.decay=1.0"]
+        model = mc.train(data, folder / "run", settings=settings)
+        error = 1e3 * model.scores["position"]["mae"]
         print(f"simulated, on validation: {error:.1f} mm mean error of position")
 
-        model, state = load(folder / "run"), ModelState()
+        dataset, state = data.dataset, ModelState()
         errors: list[float] = []
-        for row in split.test.tolist():
+        for row in data.split.test.tolist():
             state, estimates = model.step(state, window_of(dataset, row))
             position = estimates["position"]
             if position.valid and dataset.label("contact")[row] == 1.0:

@@ -34,6 +34,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MARKS = "os^vDPX<>"
+GUITARS = ("green", "shiny")
+"""The guitars as the recordings' file names call them; a figure numbers them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,7 +90,7 @@ def drawn(ratios: tuple[float, ...] = (20.0, 15.0, 10.0, 5.0, 0.0), seed: int = 
     """
     page = style.canvas(80.0)
     errors, curves = page.subplots(1, 2)
-    style.dress(errors, "A", "recorded strings, open note known", "fret position x (mm)", "error (mm)")
+    style.dress(errors, "A", "recorded strings, open string known", "fret position x (mm)", "error (mm)")
     style.dress(curves, "B", "interference mixed in", "signal-to-noise ratio (dB)", "share (%)")
     _draw_errors(errors)
     for number, (name, sound) in enumerate(interference_recordings().items()):
@@ -125,8 +127,9 @@ def _draw_errors(axes: "Axes") -> None:
     for mark, (name, takes) in zip(cycle(MARKS), sorted(string_errors().items()), strict=False):
         x = np.concatenate([np.full(e.size, 1e3 * p) for p, e in takes])
         y = 1e3 * np.concatenate([e for _, e in takes])
-        colour = style.SEGMENTS[1 if name.startswith("shiny") else 0]
-        label = name.replace("_plucked", "").replace("_2ch", "")
+        guitar, _, string = name.partition(" ")
+        number = GUITARS.index(guitar.partition("_")[0])
+        colour, label = style.SEGMENTS[number], f"guitar {number + 1}, {string.partition('(')[0]}"
         axes.plot(x, y, mark, ms=2.6, mfc="none", mew=0.6, color=colour, alpha=0.8, label=label)
     axes.set_ylim(-8.5, 6.0)
 

@@ -53,7 +53,7 @@ class Slip(Measured):
 
     A: area under the curve of hits against false alarms by sliding speed, with 95 % intervals over runs;
     0.5 is chance, 1 is always; in quiet, and with pink noise. B to D: a touch dragged slowly across:
-    friction's state with the slip label where the string is quiet, the places of object and string aside,
+    friction's state with the slip label where the string is quiet, the displacements of object and string,
     the friction force. A quiet string sticks and slips; a ringing one is shaken loose sooner, and so it
     gives way more often and by less (its friction is averaged over 2 ms here).
 
@@ -116,7 +116,7 @@ class Slip(Measured):
         quiet, ringing = self.dragged(drivers=False), self.dragged(drivers=True)
         slow = f"simulated, {1e3 * self.speed:g} mm/s across, {self.force:g} N"
         style.dress(panels["B"], "B", slow, "", "")
-        style.dress(panels["C"], "C", "", "", "place aside (\N{MICRO SIGN}m)")
+        style.dress(panels["C"], "C", "", "", "displacement (\N{MICRO SIGN}m)")
         style.dress(panels["D"], "D", "", "time (ms)", "friction (N)")
         _draw_states(panels["B"], quiet)
         time, size = 1e3 * quiet.time, round(MEAN * RATE)

@@ -418,6 +418,20 @@ def _interval(row: SummaryRow, name: str) -> str:
     return f" ({low_high[0]:.3g} to {low_high[1]:.3g})" if low_high else ""
 
 
+def plain_name(model: str) -> str:
+    """Return the name of a model in the legend of a figure.
+
+    >>> plain_name("demo"), plain_name("demo, ridge"), plain_name("my_model")
+    ('trained model', 'ridge regression, same feature', 'my model')
+    """
+    names = {
+        "demo": "trained model",
+        "demo, ridge": "ridge regression, same feature",
+        SCRATCH: "ridge regression, known touches alone",
+    }
+    return names.get(model, model.replace("_", " "))
+
+
 def drawn(rows: Sequence[SummaryRow]) -> "Figure":
     """Return a figure of position and force errors and coverage over the known touches, a line per estimator.
 
@@ -434,7 +448,7 @@ def drawn(rows: Sequence[SummaryRow]) -> "Figure":
             at = [counts.index(row["touches"]) for row in own]
             colour = COLOURS[number % len(COLOURS)]
             values = [factor * row[column] for row in own]
-            axes.plot(at, values, marker="o", ms=3.0, lw=1.0, color=colour, label=model.replace("_", " "))
+            axes.plot(at, values, marker="o", ms=3.0, lw=1.0, color=colour, label=plain_name(model))
             bounds = [row.get("intervals", {}).get(column) or (row[column], row[column]) for row in own]
             low, high = factor * np.array(bounds, float).reshape(-1, 2).T
             axes.fill_between(at, low, high, color=colour, alpha=0.15, lw=0)

@@ -4,47 +4,38 @@ import re
 import runpy
 import shutil
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from monochord.lab.offline import CollectedSession, make
-from monochord.lab.plan import Assignment
+import monochord as mc
+from monochord.front.collect import CollectedSessions
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 Output = Callable[[str], str]
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> Callable[[Assignment, Path], CollectedSession]:
-    """Return `make` for several scripts: each session is simulated once, and copied from then on."""
-    home, known = tmp_path_factory.mktemp("sessions"), dict[str, tuple[Assignment, CollectedSession]]()
-
-    def copied(session: Assignment, folder: Path) -> CollectedSession:
-        if session.name not in known:
-            known[session.name] = session, make(session, home)
-        same, once = known[session.name]
-        assert session == same
-        return replace(once, path=Path(shutil.copy(once.path, folder)))
-
-    return copied
+def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of the sessions that several scripts collect, which are simulated once."""
+    return mc.collect("small", tmp_path_factory.mktemp("examples") / "sessions").out
 
 
 @pytest.fixture
-def output(
-    made: Callable[[Assignment, Path], CollectedSession],
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> Output:
+def output(small: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Output:
     """Return the function that runs a script as `python` would, and returns its output."""
-    monkeypatch.setattr("monochord.lab.offline.make", made)
+    collect = mc.collect
+
+    def kept(plan: str, out: Path) -> CollectedSessions:
+        shutil.copytree(small, out)
+        return collect(plan, out)
 
     def run(name: str) -> str:
         runpy.run_path(str(EXAMPLES / name), run_name="__main__")
         return capsys.readouterr().out
 
+    monkeypatch.setattr(mc, "collect", kept)
     return run
 
 

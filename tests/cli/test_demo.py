@@ -16,7 +16,8 @@ import psutil
 import pytest
 
 from monochord.cli import run
-from monochord.cli.demo import TRAINED_BUILDS, UNWATCHED
+from monochord.cli.demo import UNWATCHED
+from monochord.lab.demonstration import TRAINED_BUILDS
 from monochord.lab.plans import load_plan
 
 

@@ -96,3 +96,8 @@ def test_the_documentation_builds_without_a_warning(tmp_path: Path) -> None:
     made = subprocess.run(build, cwd=ROOT, capture_output=True, text=True, check=False)
     assert made.returncode == 0, made.stderr
     assert (tmp_path / "index.html").is_file()
+    pages = {page.name: page.read_text(encoding="utf-8") for page in tmp_path.rglob("*.html")}
+    assert "<math" in pages["first-sound.html"]
+    assert not {
+        name for name, text in pages.items() if re.search(r'<(script|link)[^>]*(src|href)="https?:', text)
+    }

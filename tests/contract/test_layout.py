@@ -85,3 +85,31 @@ def test_names_paths_and_links_lead_somewhere() -> None:
     assert len(quoted) > 20
     absent += [f"ARCHITECTURE.md: {path}" for path in quoted if not (ROOT / path).exists()]
     assert not absent
+
+
+def code_lines(file: Path) -> tuple[int, int]:
+    """Return how many lines of code a command's file has, and how many commands.
+
+    Imports, docstrings and comments do not count, nor what declares options: decorators and parameters.
+    """
+    tree = ast.parse(file.read_text(encoding="utf-8"))
+    counted, left_out, commands = set[int](), set[int](), 0
+    for node in ast.walk(tree):
+        if isinstance(node, ast.stmt | ast.expr):
+            counted |= {node.lineno, node.end_lineno or 0}
+        is_text = isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+        if isinstance(node, ast.Import | ast.ImportFrom) or is_text:
+            left_out |= set(range(node.lineno, (node.end_lineno or 0) + 1))  # pyright: ignore[reportAttributeAccessIssue]
+        if isinstance(node, ast.FunctionDef) and node.decorator_list:
+            is_command = any(re.search(r"\bcommand\(", ast.unparse(each)) for each in node.decorator_list)
+            commands += is_command
+            if is_command:
+                left_out |= set(range(node.decorator_list[0].lineno, node.body[0].lineno))
+    return len(counted - left_out), commands
+
+
+def test_a_command_has_at_most_sixty_lines_beyond_its_options() -> None:
+    counts = {file.stem: code_lines(file) for file in (SRC / "cli").glob("[!_]*.py")}
+    assert {"live", "sessions"} <= counts.keys()
+    assert all(commands for _, commands in counts.values())
+    assert not {name: count for name, count in counts.items() if count[0] > 60 * count[1]}

@@ -138,16 +138,25 @@ def test_a_calibrated_model_estimates_as_it_did() -> None:
 def test_a_script_of_0_1_runs_with_warnings() -> None:
     script = """
 import monochord as mc
+from monochord.core.errors import InputError
+from monochord.live.sinks.base import Moment
+from monochord.perception.model import load, save
+from monochord.physics.sensors import load_sensor
 
 for prediction in mc.listen("touches.mcap", model="model", seconds=1.3):
     position, force = prediction["position"], prediction["force"]
+try:
+    load_sensor("prototpye")
+except InputError as error:
+    print(isinstance(prediction, Moment), error.given, "prototype" in error.allowed, error.remedy)
 print(prediction.time, prediction.start, prediction.latency < 10.0, sorted(prediction.estimates))
 print(position.value, position.std, force.valid, prediction.estimate("hardness").why_not)
 """
     run = subprocess.run(
         [sys.executable, "-W", "always", "-c", script], cwd=V0_1, capture_output=True, text=True, check=True
     )
-    first, second = run.stdout.splitlines()
+    refusal, first, second = run.stdout.splitlines()
+    assert refusal == "True sensor 'prototpye' True did you mean 'prototype'?"
     assert first == "1.2 19200 True ['contact', 'force', 'position', 'slip']"
     place, std, *rest = second.split()
     assert float(place) == pytest.approx(PLACE, abs=5e-4)
@@ -158,6 +167,7 @@ print(position.value, position.std, force.valid, prediction.estimate("hardness")
         "update['position'] is deprecated: use update.position",
         "update['force'] is deprecated: use update.force",
         "Estimate.why_not is deprecated: use Estimate.reason",
+        "Moment is deprecated: use Update",
     }
 
 

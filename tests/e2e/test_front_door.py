@@ -1,6 +1,10 @@
 """What a program types first: import monochord as mc."""
 
 import asyncio
+import re
+import subprocess
+import sys
+from doctest import SKIP, DocTestParser
 from itertools import islice
 from pathlib import Path
 
@@ -12,6 +16,8 @@ from tests.sessions.made import plain_readings
 import monochord as mc
 from monochord.core.types import WRENCH, Block, Feed
 from monochord.sessions import Description, SessionClock, SessionWriter
+
+ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture(scope="module")
@@ -32,6 +38,40 @@ def test_every_name_of_the_front_door_is_there() -> None:
     assert set(mc.__all__) == set(dir(mc))
     with pytest.raises(AttributeError, match="listne"):
         _ = mc.listne  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def test_every_name_of_the_front_door_has_an_example() -> None:
+    names = set(mc.__all__) - {"__version__"}
+    examples = {name: DocTestParser().get_examples(getattr(mc, name).__doc__) for name in names}
+    run = {name for name, found in examples.items() if any(not each.options.get(SKIP) for each in found)}
+    assert run == names
+
+
+@pytest.mark.parametrize("page", ["docstring", "docs/reference/python.md"])
+def test_the_front_door_shows_its_names_by_group(page: str) -> None:
+    if page == "docstring":
+        shown = re.findall(r"`(\w+)`", str(mc.__doc__))
+    else:
+        table = (ROOT / page).read_text(encoding="utf-8").partition("## Names")[2].partition("\n## ")[0]
+        shown = re.findall(r"`mc\.(\w+)`", table)
+    assert sorted(shown) == sorted(set(mc.__all__) - {"__version__"})
+
+
+def test_types_and_base_classes_load_no_kernels() -> None:
+    names = "Source Instrument Feature Head Estimator Sink Block Window Estimate Contact InputError"
+    code = (
+        "import sys, monochord as mc\n"
+        f"assert all(getattr(mc, name) for name in {names.split()})\n"
+        "print({'numba', 'scipy', 'torch', 'matplotlib', 'pandas'} & set(sys.modules))"
+    )
+    assert subprocess.check_output([sys.executable, "-c", code], text=True) == "set()\n"
+
+
+def test_what_is_available_is_what_the_list_shows() -> None:
+    assert {"jack", "twin", "wav"} <= set(mc.available("sources"))
+    assert mc.available("models") == ["demo"]
+    with pytest.raises(mc.InputError, match="did you mean 'sinks'"):
+        mc.available("sink")
 
 
 def test_a_file_is_listened_to_with_the_bundled_model(touched: Path) -> None:

@@ -61,5 +61,5 @@ def test_every_estimate_is_the_same(
     assert np.isfinite(results.value["position"]).sum() > 10
     settled = results.truth["settled"] == 1.0
     assert np.nanmax(np.abs(results.value["position"] - results.truth["position"])[settled]) < 2e-3
-    reasons = [results.reasons[number] for number in results.why["position"].tolist()]
+    reasons = [results.reasons[number] for number in results.reason_index["position"].tolist()]
     assert reasons == [line_of[start]["why_not"] for start in starts]

@@ -1,6 +1,8 @@
 """A session in a notebook: what objects show of themselves, as text, as HTML and as a plot."""
 
+import re
 import sys
+from base64 import b64decode
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -126,3 +128,51 @@ def test_a_plot_without_matplotlib_is_refused_in_one_line(monkeypatch: pytest.Mo
     with pytest.raises(MissingLibraryError, match=r"^A plot requires matplotlib .*pip install") as refusal:
         sound.plot()
     assert "\n" not in str(refusal.value)
+
+
+CELLS = {
+    "model": "import monochord as mc\nmodel = mc.load('demo')\nmodel",
+    "work": """twin = ["groups=[{name='hold', sessions=3, grid=[2, 1], hold=0.3}]"]
+sessions = mc.collect("quick", "sessions", settings=twin, workers=1)""",
+    "session": "session = mc.read_session(sessions[0].path)\nsession",
+    "plot": "session.plot();",
+    "table": "table = model.predict(session.audio.samples, sensor='prototype')\ntable",
+    "estimate": "mc.Estimate(value=0.0824, std=3e-4, unit='m')",
+    "data": "mc.build(sessions, 'dataset')",
+    "error": "mc.load_sensor('prototpye')",
+}
+
+
+@pytest.mark.slow
+def test_a_real_notebook_shows_reprs_tables_a_plot_and_progress(tmp_path: Path) -> None:
+    nbclient, nbformat = pytest.importorskip("nbclient"), pytest.importorskip("nbformat")
+    pytest.importorskip("ipykernel")
+    states: list[str] = []
+
+    class Client(nbclient.NotebookClient):
+        """Remembers the states of the bar, as a front end is told of them."""
+
+        def process_message(self, msg: Any, cell: Any, cell_index: int) -> Any:
+            if msg["msg_type"] in {"display_data", "update_display_data"}:
+                states.append(msg["content"]["data"].get("text/html", ""))
+            return super().process_message(msg, cell, cell_index)
+
+    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(code) for code in CELLS.values()])
+    Client(notebook, timeout=240, allow_errors=True, resources={"metadata": {"path": tmp_path}}).execute()
+    shown = {name: cell.outputs for name, cell in zip(CELLS, notebook.cells, strict=True)}
+    tables = {"model": "prototype", "session": "wrench", "table": "position (mm)", "data": "windows"}
+    for name, said in tables.items():
+        html = shown[name][-1]["data"]["text/html"]
+        assert html.startswith("<table>")
+        assert said in html
+    assert "1442 sessions" in shown["model"][-1]["data"]["text/plain"]
+    assert b64decode(shown["plot"][-1]["data"]["image/png"]).startswith(b"\x89PNG")
+    assert shown["estimate"][-1]["data"]["text/plain"] == "82.4 +- 0.3 mm"
+    (error,) = shown["error"]
+    assert error["ename"] == "InputError"
+    assert error["evalue"].endswith("did you mean 'prototype'?")
+    bars = [state for state in states if "<progress" in state]
+    assert bars[-1].endswith(" 3/3")
+    assert any(re.fullmatch(r'<progress value="\d+" max="\d+"></progress> .* \d+/\d+', each) for each in bars)
+    (bar,) = shown["work"]  # which is empty at the end
+    assert bar["data"]["text/plain"] == ""

@@ -10,45 +10,121 @@ from pathlib import Path
 from zipfile import ZipFile
 
 import pytest
+import soundfile
+from tests.conftest import Play
 from tests.e2e.requirements import link
+
+import monochord as mc
+from monochord.capture.jack.server import JackServer
 
 ROOT = Path(__file__).parents[2]
 PIP = (sys.executable, "-m", "pip", "--disable-pip-version-check", "--quiet")
-PROGRAM = """
+BLOCK_HEAD = """
 from pathlib import Path
 import sys
+import numpy as np
 import monochord as mc
 
-assert Path(mc.__file__).is_relative_to(sys.argv[1]), mc.__file__
-times = []
-for update in mc.listen("twin", model="demo", seconds=2.0):
-    times.append((update.time, update.position.value, update.position.std))
-assert times
+assert Path(mc.__file__).is_relative_to(sys.prefix), mc.__file__
+"""
+CORE = """
+twin = mc.VirtualSensor("prototype", seed=1)
+for update in mc.listen(twin, model="demo"):  # advances it a hop an update
+    if update.time == 0.3:
+        twin.press(0.08, 1.0)
+    update.position.value, float(update.force), update.events, update.notes
+    update.tracked.position, update.truth
+    if update.time == 1.0:
+        break
+assert abs(update.position.value - 0.08) < 1e-3 and abs(float(update.force) - 1.0) < 0.5, str(update)
+sound, labels = twin.advance(0.5)
+for update in mc.listen(sound, sample_rate=44100, sensor="prototype"):
+    assert abs(update.position.value - 0.08) < 1e-3
 
 model = mc.load("demo")
-session = mc.read_session("sessions/hold_000.mcap")
-frame = session.to_pandas("wrench")
-assert frame.index.is_monotonic_increasing and len(frame) > 100
+table = model.predict(sound, sample_rate=44100)  # a row a window
+assert len(table) == 41 and not any(name in sys.modules for name in ("torch", "pandas", "matplotlib"))
+try:
+    table.to_pandas()
+except mc.InputError as error:
+    line = str(error)
+assert "requires pandas >= 2.2. Install it: " in line and "pip install" in line and "\\n" not in line, line
 
+sessions = mc.collect("quick", out="sessions")
+data = mc.build(sessions, out="dataset")
+report = mc.evaluate(model, data)
+report.table()
+model.save("mine")
+assert mc.load("mine").definition == model.definition
+next(mc.listen(sessions[0].path, model="mine"))
+
+twin = mc.VirtualSensor("prototype", seed=2)
+known = mc.Description(name="touches", sample_rate=44100, string=twin.sensor.string, simulated=True)
+with mc.SessionWriter(Path("touches.mcap"), known) as writer:
+    for position, force in [(0.06, 0.5), (0.08, 1.0), (0.1, 1.5), (0.12, 0.8)]:
+        for press in (True, False):
+            twin.press(position, force) if press else twin.release()
+            start, (sound, labels) = round(twin.time * 44100), twin.advance(0.7)
+            time = writer.clock.origin + (start + np.arange(sound.shape[1])) / 44100
+            writer.audio(mc.Block(samples=sound, start=start, adc_time=time[0]))
+            columns = {name: labels[name][::44] for name in ("contact", "position", "force", "slip")}
+            writer.labels(time[::44], columns)
+better = mc.calibrate(model, "touches.mcap")
+assert better.calibration.heads["force"].touches == 4
+next(mc.listen("touches.mcap", model="demo"))
+
+rows = mc.features(sound)
+assert len(rows.columns) == rows.shape[1] == 300
+
+try:
+    mc.load("demmo")
+except mc.InputError as error:
+    told = error.given, error.expected, error.remedy
+assert "demmo" in told[0] and "demo" in told[1], told
+try:
+    mc.train(data, out="run")
+except mc.InputError as error:
+    line = str(error)
+assert "requires torch >= 2.6. Install it: " in line and "\\n" not in line, line
+"""
+JACK = """
+for update in mc.listen("jack", seconds=0.3):  # the server's own inputs: silence
+    assert not update.contact.valid
+try:
+    mc.tune("jack", sensor="prototype", seconds=0.5)
+except mc.InputError as error:
+    assert "silen" in str(error), str(error)
+string = mc.tune("jack", ports="player:.*", sensor="prototype").string
+assert abs(mc.open_frequency(string) - OPEN) < 1.0, string
+for update in mc.listen("jack", ports="player:.*", seconds=0.5):
+    assert update.adc_time
+with mc.record("take.mcap", source="jack") as recording:
+    pass
+assert mc.read_session("take.mcap").complete and recording.summary
+"""
+PANDAS = """
+table = mc.load("demo").predict(mc.VirtualSensor("prototype", seed=1).advance(0.5)[0], sample_rate=44100)
+frame = table.to_pandas()
+assert len(frame) == len(table) == 41 and "position" in frame
+assert len(mc.read_session("sessions/hold_000.mcap").to_pandas("wrench")) > 100
+"""
+TRAIN = """
 data = mc.load_dataset("dataset")
-x, y, parts = data.arrays("fft_harmonic")
-assert x.shape[1] == 300 and all(len(column) == len(x) for column in y.values())
-assert {"train", "validation"} <= set(parts.tolist())
+model = mc.train(data, out="run", settings=["optimiser.epochs=3"])
+report = mc.evaluate(model, data)
+print(report.table())
+model.save("trained")
 assert len(data.torch("train")) > 100
-
-twin = mc.VirtualSensor("prototype", seed=1)
-twin.press(0.08, 1.0, material="plastic")
-sound, labels = twin.advance(0.2)
-twin.release()
-rows = mc.features(sound, sensor="prototype")
-assert rows.shape[1] == 300
+sound = mc.VirtualSensor("prototype", seed=1).advance(0.5)[0]
+assert len(mc.load("trained").predict(sound, sample_rate=44100)) == 41
 """
 
 
 def run(*command: str | Path, folder: Path | None = None, **environment: str) -> str:
     """What a command prints that is run in a folder; it has to succeed."""
+    own = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     done = subprocess.run(
-        command, cwd=folder, env=os.environ | environment, capture_output=True, text=True, check=False
+        command, cwd=folder, env=own | environment, capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, f"{command}: {done.stdout[-1000:]} {done.stderr[-3000:]}"
     return done.stdout
@@ -141,18 +217,28 @@ def test_an_empty_environment_simulates_and_locates(environment: Path, tmp_path:
     assert len(rows) > 80
 
 
-@pytest.fixture(scope="module")
-def site(wheels: dict[str, Path]) -> Path:
-    """A folder into which the wheel is installed, and nothing else."""
-    folder = wheels["wheel"].parent / "site"
-    run(*PIP, "install", "--no-deps", "--target", folder, wheels["wheel"])
-    return folder
-
-
 @pytest.mark.slow
+@pytest.mark.jack
 @pytest.mark.timeout(900)
-def test_every_line_of_the_front_door_runs_from_a_wheel(site: Path, tmp_path: Path) -> None:
-    python = [sys.executable, "-P"]
-    for line in ("collect small --out sessions", "build sessions --out dataset"):
-        run(*python, "-m", "monochord", *line.split(), folder=tmp_path, PYTHONPATH=str(site))
-    run(*python, "-c", PROGRAM, site, folder=tmp_path, PYTHONPATH=str(site))
+@pytest.mark.parametrize("environment", ["wheel"], indirect=True)
+def test_every_line_of_the_front_door_runs_from_a_wheel(
+    environment: Path, tmp_path: Path, jack_server: JackServer, play: Play
+) -> None:
+    def python(program: str, **values: object) -> None:
+        given = "".join(f"{name} = {value!r}\n" for name, value in values.items())
+        place = {
+            "NUMBA_CACHE_DIR": str(environment.parent / "kernels"),
+            "JACK_DEFAULT_SERVER": jack_server.name,
+        }
+        run(environment / "bin/python", "-P", "-c", BLOCK_HEAD + given + program, folder=tmp_path, **place)
+
+    (site,) = environment.glob("lib/python3*/site-packages")
+    python(CORE)
+    link("pandas", site)
+    python(PANDAS)
+    link("torch", site)
+    python(TRAIN)
+    twin = mc.VirtualSensor("prototype", seed=3)
+    soundfile.write(tmp_path / "untouched.wav", twin.advance(10.0)[0].T, twin.sample_rate, subtype="FLOAT")
+    play(tmp_path / "untouched.wav")
+    python(JACK, OPEN=mc.open_frequency(twin.sensor.string))

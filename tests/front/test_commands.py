@@ -3,9 +3,11 @@
 import json
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import soundfile
 from tests.cli.running import Capture, records
@@ -161,6 +163,68 @@ def test_tune(tmp_path: Path, capsys: Capture) -> None:
     measured = plain({name: getattr(tuned.measured(), name) for name in printed["tuning"]})
     assert {**measured, "time": ""} == {**printed["tuning"], "time": ""}
     assert (tuned.nominal, tuned.deviation) == (printed["nominal"], printed["deviation"])
+
+
+@pytest.fixture
+def touched(tmp_path: Path) -> Path:
+    """A second of a virtual sensor that is pressed, as a file."""
+    twin = mc.VirtualSensor("prototype", seed=1)
+    twin.press(0.08, 1.0, material="plastic")
+    soundfile.write(tmp_path / "touched.wav", twin.advance(1.0)[0].T, twin.sample_rate, subtype="FLOAT")
+    return tmp_path / "touched.wav"
+
+
+@pytest.mark.parametrize("words", [("live", "demo"), ("locate", "demo"), ("locate",)])
+def test_listen(touched: Path, capsys: Capture, words: tuple[str, ...]) -> None:
+    printed = records(capsys, *words, touched, "--string", "prototype")
+    model = "demo" if "demo" in words else "closed_form"
+    updates = list(mc.listen(touched, model, string="prototype"))
+    assert len(updates) == len(printed) == 91
+    for update, line in zip(updates, printed, strict=True):
+        values = update.position.value, update.position.std
+        assert line["time"] == update.time
+        assert [line["position"], line["position_std"]] == [None if np.isnan(x) else x for x in values]
+        assert (line["valid"], line["why_not"]) == (update.position.valid, update.position.reason)
+    if words[0] == "live":
+        tracked = [update.tracked.estimate("position") for update in updates]
+        assert [line["tracked_position"] for line in printed] == [
+            each.value if each.valid else None for each in tracked
+        ]
+        events = [[event.name for event in update.events] for update in updates]
+        assert [[event["name"] for event in line["events"]] for line in printed] == events
+
+
+def test_simulate(tmp_path: Path, capsys: Capture) -> None:
+    words = ["simulate", "appendix", "--at", "0.2275", "--force", "0.5", "--route", "modal"]
+    (printed,) = records(capsys, *words, "--out", tmp_path / "sound.wav")
+    sound = mc.simulate("appendix", position=0.2275, force=0.5, route="modal")
+    assert plain(sound.summary).items() <= printed.items()
+    written, rate = soundfile.read(tmp_path / "sound.wav", dtype="float64", always_2d=True)
+    assert rate == printed["sample_rate"] == sound.sample_rate
+    np.testing.assert_allclose(written.T, printed["gain"] * sound.microphones, atol=2**-23)
+
+
+def test_record(touched: Path, tmp_path: Path, capsys: Capture) -> None:
+    about = {"object": "a rod", "material": "plastic", "radius": 0.004, "notes": "one touch"}
+    options = [word for name, value in about.items() for word in (f"--{name}", value)]
+    source = ["--source", "wav", "--set", f"source.path={touched}"]
+    (printed,) = records(capsys, "record", tmp_path / "command.mcap", *source, *options)
+    with mc.record(tmp_path / "function.mcap", touched, **about) as recording:  # pyright: ignore[reportArgumentType]
+        assert recording.wait(60.0)
+    assert recording.summary is not None
+    by_clock = {"path", "seconds", "size"}
+    summary = {name: value for name, value in recording.summary.tree().items() if name not in by_clock}
+    assert plain(summary) == {name: value for name, value in printed.items() if name not in by_clock}
+    one, other = (mc.read_session(tmp_path / f"{name}.mcap") for name in ("command", "function"))
+    assert np.array_equal(one.audio.samples, other.audio.samples)
+    assert one.description.object == other.description.object == "a rod"
+    assert replace(one.description, name="same") == replace(other.description, name="same")
+
+
+@pytest.mark.parametrize("kind", ["sources", "sinks", "estimators", "exports", "sensors", "plans", "models"])
+def test_available(kind: str, capsys: Capture) -> None:
+    (listed,) = records(capsys, "list", kind)
+    assert mc.available(kind) == [entry["name"] for entry in listed[kind]]
 
 
 @pytest.mark.slow

@@ -29,11 +29,11 @@ from tests.sessions.forged import (
 )
 from tests.sessions.made import EPOCH, make
 
-from monochord.cli.sessions import facts_lines, facts_of
 from monochord.core.errors import InputError
 from monochord.sessions import SessionReader, check, codec, read_session, walk
 from monochord.sessions.alignment import align
 from monochord.sessions.bounds import ALWAYS_UNPACKED, MAX_COLUMNS, MAX_DURATION
+from monochord.sessions.facts import facts_lines, facts_of
 
 MEMORY = 1 << 30
 """Bytes of address space that a child may add to what the interpreter and its libraries take."""

@@ -3,44 +3,35 @@
 import dataclasses
 import json
 import math
-import shlex
 import sys
-from collections.abc import Mapping
 from contextlib import ExitStack
-from pathlib import Path
 from typing import Any, get_args
 
 import click
 
-from monochord.capture.sources import SOURCES
 from monochord.cli._options import allow_host_option, amount, completes, refuse_without
 from monochord.cli._output import echo
-from monochord.core.errors import DeviceError, InputError, did_you_mean
+from monochord.core.errors import InputError, did_you_mean
 from monochord.core.interruption import interruption
 from monochord.core.ownership import scratch_folder
+from monochord.lab.demonstration import (
+    LEARNED,
+    PHYSICS,
+    estimator_options,
+    jack_server,
+    refuse_unlearned,
+    remarks_on_model,
+    remarks_on_physics,
+    twin_options,
+    write_tuned,
+)
 from monochord.live import LiveRun, Scorer, run
-from monochord.live.tuning import tuned
-from monochord.perception.tuning.sessions import LENGTH_TOLERANCE
 from monochord.physics.materials import load_material, material_names
-from monochord.physics.sensors import load_sensor, sensor_names
+from monochord.physics.sensors import sensor_names
 from monochord.physics.twin.world import World
 
 UNWATCHED = 20.0
-"""Duration of a demonstration that prints only its result, in s."""
-LEARNED, PHYSICS = "model", "closed_form"
-BUNDLED = "demo"
-"""Name of the bundled model in the demonstration."""
-JACK_PERIOD = 256
-"""JACK period of a server started here, in frames."""
-TRAINED_SENSOR, TRAINED_BUILDS = "prototype", range(1, 73)
-"""The sensor, and its builds, that this model was trained on (plan builds)."""
-UNSEEN: Mapping[str, Any] = {
-    "world": "plausible",
-    "build": 131,
-    "day": 51,
-    "materials": ["plastic", "wood", "metal_tube", "allen_key"],
-}
-"""A build, a day and objects outside that plan's training sessions."""
+"""Seconds of a demonstration whose only output is its result."""
 
 
 @click.command()
@@ -119,8 +110,12 @@ def demo(sensor: str, **options: Any) -> None:
     for material in options["material"]:
         load_material(material)
     if name == LEARNED:
-        _refuse_unlearned(sensor)
-    source, estimator = _twin(sensor, options), _estimator(name)
+        refuse_unlearned(sensor)
+    source = twin_options(
+        sensor, options["seed"], materials=[*options["material"]],
+        **{key: options[key] for key in ("world", "build", "day")},
+    )  # fmt: skip
+    estimator = estimator_options(name)
     quiet, score = options["as_json"], Scorer()
     seconds = options["seconds"] or (UNWATCHED if quiet else math.inf)
     if quiet:
@@ -138,11 +133,11 @@ def demo(sensor: str, **options: Any) -> None:
 
             stop = stack.enter_context(interruption())
             stack.enter_context(stop.at_once())  # an end while all is started ends the server, too
-            server = _jack_server(stack)
+            server = jack_server(stack)
             played = {name: value for name, value in source.items() if name != "name"}
             setup = dataclasses.replace(setup, source=JackTwin(server=server, twin=played))
         begun = [stack.enter_context(sink.ahead()) for sink in setup.sinks]
-        as_tuned = _write_tuned(source, stack.enter_context(scratch_folder()) / "sensor.toml")
+        as_tuned = write_tuned(source, stack.enter_context(scratch_folder()) / "sensor.toml")
         summary = run(dataclasses.replace(setup, sinks=(*begun, score), sensor=as_tuned))
     if options["as_json"]:
         facts = {key: source.get(key) for key in ("sensor", "world", "build", "day", "seed", "materials")}
@@ -150,78 +145,5 @@ def demo(sensor: str, **options: Any) -> None:
         json.dump(about | score.tree() | summary.tree(), sys.stdout)
         echo()
         return
-    remarks = _of_the_model(source) if name == LEARNED else _of_the_physics(score)
+    remarks = remarks_on_model(source) if name == LEARNED else remarks_on_physics(score)
     echo("", *summary.lines(), "", *score.lines(), "", *remarks)
-
-
-def _twin(sensor: str, options: dict[str, Any]) -> dict[str, Any]:
-    """Return the twin's options: by default a build, a day and objects outside the model's training data."""
-    given = {key: options[key] for key in ("world", "build", "day")}
-    given["materials"] = [*options["material"]]
-    chosen = {key: value for key, value in given.items() if value not in (None, [])}
-    return {"name": "twin", "sensor": sensor, "seed": options["seed"], **UNSEEN, **chosen}
-
-
-def _refuse_unlearned(sensor: str) -> None:
-    """Raise `InputError` for a sensor whose string length differs from the model's training."""
-    own, trained = load_sensor(sensor).string.length, load_sensor(TRAINED_SENSOR).string.length
-    if abs(own / trained - 1.0) > LENGTH_TOLERANCE:
-        given = f"sensor '{sensor}', whose string is {own:g} m long, for the bundled model"
-        remedy = f"monochord demo {shlex.quote(sensor)} --estimator closed_form"
-        raise InputError(given, f"{trained:g} m, as in its training", remedy)
-
-
-def _jack_server(stack: ExitStack) -> str:
-    """Return the name of the JACK server: the default one, or one started here until the stack closes."""
-    from monochord.capture.jack.client import JackClient  # noqa: PLC0415  (loads libjack)
-    from monochord.capture.jack.server import JackServer  # noqa: PLC0415
-
-    try:
-        JackClient("monochord-probe").close()
-    except DeviceError:
-        return stack.enter_context(JackServer(period=JACK_PERIOD)).name
-    return ""
-
-
-def _write_tuned(source: dict[str, Any], path: Path) -> str:
-    """Write the tuned sensor, estimated from its untouched sound, and return the file."""
-    later = {"start": 3600.0, "position": 0.1, "force": 1.0}
-    untouched: dict[str, Any] = {**source, "script": [later], "speed": 0.0}
-    twin = SOURCES.build(untouched.pop("name"), untouched)
-    path.write_text(tuned([twin], ["twin"], source["sensor"]).toml(), encoding="utf-8")
-    return str(path)
-
-
-def _estimator(name: str) -> dict[str, Any]:
-    return {"name": name, "path": BUNDLED} if name == LEARNED else {"name": name, "tension_law": "geometric"}
-
-
-def _of_the_model(source: dict[str, Any]) -> list[str]:
-    """Return the limits of the score: which parts of this run the model was trained on."""
-    first = f"All of this is simulated, sound and training alike; the model is '{BUNDLED}'."
-    builds = f"builds {TRAINED_BUILDS[0]} to {TRAINED_BUILDS[-1]}"
-    build = source.get("build")
-    if source["sensor"] != TRAINED_SENSOR:
-        trained = "It was trained on another sensor, not on this one."
-    elif build in TRAINED_BUILDS:
-        trained = f"It was trained on this very build, {build}, though not on these touches."
-    else:
-        which = "the design itself" if build is None else f"build {build}"
-        trained = f"It was trained on {builds} of this sensor, not on {which}."
-    objects = f"None of these objects was in its training data: {', '.join(source.get('materials', []))}."
-    rolling = "Some objects roll. None did in training, and the model mistakes most of them for sliding."
-    return [first, trained, objects, rolling]
-
-
-def _of_the_physics(score: Scorer) -> list[str]:
-    """Return the limits of the score: simulated sound, and the share of abstentions."""
-    lines = ["All sound is simulated by the twin, not recorded from a sensor."]
-    tree = score.tree()
-    answered, abstained = tree["answered"] or 0, tree["abstained"] or 0
-    if abstained:
-        share = abstained / (answered + abstained)
-        lines.append(
-            "The closed-form estimator assumes that a touch clamps the string;"
-            f" it abstained in the {share:.0%} of windows whose sound did not fit."
-        )
-    return lines

@@ -1,8 +1,6 @@
 """The command `live`: estimates from a running source as they arrive."""
 
 import dataclasses
-from collections.abc import Generator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -27,11 +25,11 @@ from monochord.cli._options import (
 from monochord.cli._output import echo
 from monochord.core.config import Tree, dump_toml, load_toml, override, table
 from monochord.core.errors import InputError
-from monochord.core.files import replacing
 from monochord.live import LiveRun, run
+from monochord.live.saved_settings import SavedSettings
 from monochord.live.settings import NAME
 from monochord.live.sinks import SINKS
-from monochord.live.sinks.base import Listener, Run, Sink, Update, Writer
+from monochord.live.sinks.base import Sink
 from monochord.perception.model.bundled import bundled_names
 from monochord.physics.sensors import sensor_names
 
@@ -104,7 +102,7 @@ def live(inputs: tuple[str, ...], **options: Any) -> int:
     setup = LiveRun.read(tree)
     saving: tuple[Sink, ...] = ()
     if options["save_config"]:
-        saving = (_SavedSettings(options["save_config"], dump_toml(setup.resolved())),)
+        saving = (SavedSettings(options["save_config"], dump_toml(setup.resolved())),)
     summary = run(dataclasses.replace(setup, sinks=(*saving, *setup.sinks)))
     refuse_short(opened or table(tree, "source")["name"], setup, summary)
     # Standard output may carry data, of which the summary is no part.
@@ -159,23 +157,3 @@ def _allow(sinks: Tree, names: list[str]) -> None:
         given = " ".join(f"--allow-host {name}" for name in names)
         raise InputError(f"{given} without a page", f"--sink {PAGE}", "add that sink")
     sinks[PAGE] = {**table(sinks, PAGE), "allow_host": names}
-
-
-class _SavedSettings(Listener):
-    """Writes the settings to a file once the source is open and the estimator has accepted its signal."""
-
-    def __init__(self, path: Path, text: str) -> None:
-        self._path, self._text = path, text
-
-    @contextmanager
-    def open(self, run: Run) -> Generator[Writer]:  # noqa: ARG002
-        try:
-            with replacing(self._path) as part:
-                part.write_text(self._text, encoding="utf-8")
-        except OSError as error:
-            given = f"file {self._path} ({error.strerror})"
-            raise InputError(given, "a writable path") from error
-        yield self
-
-    def write(self, update: Update) -> None:
-        """Do nothing."""

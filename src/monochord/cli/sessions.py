@@ -3,7 +3,6 @@
 import dataclasses
 import json
 from collections.abc import Callable
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -15,23 +14,22 @@ from monochord.capture.sources.base import MAX_RATE, MIN_RATE
 from monochord.cli._options import radius, refuse_unwritable, sensor_option, set_option
 from monochord.cli._output import echo
 from monochord.cli.figure import SUFFIXES
-from monochord.core.config import Tree, override, to_tree
+from monochord.core.config import override, to_tree
 from monochord.core.errors import InputError
 from monochord.core.files import replacing
 from monochord.core.ownership import part_folder
 from monochord.figures import FIGURES
 from monochord.live.touches import touch_spans, touch_table
 from monochord.physics.strings import load_string
-from monochord.sessions import SessionReader, read_session
 from monochord.sessions import check as check_session
+from monochord.sessions import read_session
 from monochord.sessions import recover as recover_session
 from monochord.sessions.alignment import Lateness, align
 from monochord.sessions.exports import EXPORTS, form_of
 from monochord.sessions.exports.base import new_folder
+from monochord.sessions.facts import facts_lines, facts_of
 from monochord.sessions.resample import resample as resample_session
 
-LABEL_WIDTH = 12
-MAX_KINDS = 8
 FILE = click.Path(path_type=Path)
 USUAL_RATE = 44100
 OVERVIEW = "session"  # the figure that shows one
@@ -322,100 +320,3 @@ def _known(late: Lateness) -> list[float]:
 
 def _counted(number: int, noun: str) -> str:
     return f"{number} {noun}{'' if number == 1 else 'es' if noun.endswith('ch') else 's'}"
-
-
-def facts_of(session: SessionReader) -> Tree:
-    """Return a session's content as values for JSON."""
-    description, audio = session.description, session.audio
-    rate, begin = audio.line
-    frames = audio.samples.shape[1]
-    about = to_tree(description)
-    for name in ("name", "sample_rate", "channels", "feeds", "plan"):
-        about.pop(name, None)
-    ending = "closed" if session.complete else "repaired" if session.recovered else "cut off"
-    return {
-        "path": str(session.path),
-        "name": description.name,
-        "begin": datetime.fromtimestamp(session.clock.epoch_ns / 1e9, UTC).isoformat(timespec="milliseconds"),
-        "ending": ending,
-        "seconds": frames / description.sample_rate,
-        "content_checksum": session.ending.get("checksum"),
-        "audio": {
-            "channels": description.channels,
-            "sample_rate": description.sample_rate,
-            "measured_rate": rate,
-            "first_frame": begin,
-            "frames": frames,
-            "gaps": len(audio.gaps),
-            "lost_frames": sum(stop - first for first, stop in audio.gaps),
-        },
-        "streams": {stream: _stream(session, stream) for stream in session.streams},
-        "labels": {"columns": list(session.labels.columns), "rows": len(session.labels.time)},
-        "events": _kinds(session),
-        "about": about,
-    }
-
-
-def _stream(session: SessionReader, stream: str) -> Tree:
-    track = session.readings(stream)
-    count = len(track.time)
-    span = float(track.time[-1] - track.time[0]) if count > 1 else 0.0
-    return {
-        "columns": list(track.feed.columns),
-        "units": list(track.feed.units),
-        "rate": track.feed.rate,
-        "measured_rate": (count - 1) / span if span > 0.0 else None,
-        "readings": count,
-        "missing": track.missing,
-        "faulty": int((track.status != 0).sum()),
-    }
-
-
-def _kinds(session: SessionReader) -> dict[str, int]:
-    kinds = [event.kind for event in session.events]
-    return {kind: kinds.count(kind) for kind in dict.fromkeys(kinds)}
-
-
-def facts_lines(facts: Tree) -> list[str]:
-    """Return the facts as text lines."""
-    about, audio = facts["about"], facts["audio"]
-    lines = [f"{facts['name']}  ({facts['path']})"]
-
-    def say(name: str, text: str) -> None:
-        lines.append(f"  {name:<{LABEL_WIDTH}} {text}")
-
-    say("touched by", _touched(about))
-    if about.get("simulated"):
-        drawn = (f"{key} {about[key]}" for key in ("day", "build", "seed") if key in about)
-        say("simulated", ", ".join(drawn) or "yes")
-    say("begun", str(facts["begin"]))
-    say("length", f"{facts['seconds']:.2f} s, {facts['ending']}")
-    channels = f"{audio['channels']} channel{'' if audio['channels'] == 1 else 's'}"
-    measured = f"{channels} at {audio['sample_rate']} Hz ({audio['measured_rate']:.2f} measured)"
-    say("audio", f"{measured}; {audio['lost_frames']} frames lost in {audio['gaps']} gaps")
-    for stream, each in facts["streams"].items():
-        came = "" if each["measured_rate"] is None else f" ({each['measured_rate']:.2f} measured)"
-        lost = f"{each['missing']} missing, {each['faulty']} faulty of {each['readings']}"
-        due = f"{each['rate']:g} Hz" if each["rate"] else "rate unknown"
-        say(stream, f"{' '.join(each['columns'])} at {due}{came}; {lost}")
-    labels = facts["labels"]
-    say("labels", f"{' '.join(labels['columns']) or 'none'}; {labels['rows']} rows")
-    counted = [f"{count} {kind}" for kind, count in facts["events"].items()]
-    more = [f"{len(counted) - MAX_KINDS} more kinds"] if len(counted) > MAX_KINDS else []
-    say("events", ", ".join(counted[:MAX_KINDS] + more) or "none")
-    if about.get("notes"):
-        say("notes", " ".join(about["notes"].split()))
-    if facts["content_checksum"]:
-        say("content", facts["content_checksum"])
-    if "figure" in facts:
-        say("figure", facts["figure"])
-    return lines
-
-
-def _touched(about: dict[str, Any]) -> str:
-    parts = [about["material"]]
-    if "radius" in about:
-        parts.append(f"radius {1e3 * about['radius']:g} mm")
-    # The bench names an object by its material and radius.
-    details = [part for part in parts if part and part not in about["object"]]
-    return ", ".join(part for part in (about["object"], *details) if part) or "unknown"

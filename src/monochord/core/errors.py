@@ -14,7 +14,17 @@ LONGEST_GIVEN = 1000
 
 
 class MonochordError(Exception):
-    """Base class of every error that Monochord raises intentionally."""
+    """Base class of every error that Monochord raises on purpose.
+
+    Examples
+    --------
+    >>> import monochord as mc
+    >>> try:
+    ...     mc.load_sensor("prototpye")
+    ... except mc.MonochordError as error:
+    ...     print(error)
+    sensor 'prototpye': expected ...prototype...; did you mean 'prototype'?
+    """
 
 
 class InputError(MonochordError, ValueError):
@@ -97,7 +107,17 @@ def installation(extra: str) -> str:
 
 
 class DeviceError(MonochordError, RuntimeError):
-    """A missing or lost device or server."""
+    """A required device or server is absent, or was lost for good.
+
+    Examples
+    --------
+    >>> import monochord as mc
+    >>> try:
+    ...     next(mc.listen("jack", server="no_such_server"))
+    ... except mc.DeviceError as error:
+    ...     print(type(error).__name__)
+    DeviceError
+    """
 
 
 def _shortened(given: str) -> str:

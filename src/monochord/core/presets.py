@@ -67,6 +67,14 @@ class Presets(Generic[Preset]):
         ------
         InputError
             If there is no such preset, or the file cannot be used.
+
+        Examples
+        --------
+        >>> import monochord as mc
+        >>> mc.load_sensor("prototype").string.length, mc.load_string("appendix").string.tension
+        (0.2, 65.0)
+        >>> mc.load_material("wood", ["radius=0.004"]).radius
+        0.004
         """
         path = preset_path(self.package, self.kind, name)
         name_of = {"name": path.stem} if self.named else {}

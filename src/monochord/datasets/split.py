@@ -184,7 +184,13 @@ def split_dataset(
 
     Examples
     --------
-    ``examples/build_a_dataset.py`` does so with two simulated sessions.
+    >>> from tempfile import mkdtemp
+    >>> import monochord as mc
+    >>> folder, twin = mkdtemp(), ["groups=[{name='hold', grid=[2, 1], hold=0.3}]"]
+    >>> data = mc.build(mc.collect("quick", folder, settings=twin), f"{folder}/dataset")
+    >>> split = mc.split_dataset(data.dataset, by="time", seed=7)
+    >>> split.seed, mc.audit(data, split).clean
+    (7, True)
     """
     refuse_impossible(by, fractions, held_out)
     size, hop, rate = dataset.manifest.window, dataset.manifest.hop, dataset.manifest.sample_rate

@@ -14,7 +14,20 @@ if TYPE_CHECKING:
 
 
 class Figure(Checked, ABC):
-    """Options of a figure, as a frozen keyword-only dataclass."""
+    """Options of a figure, as a frozen keyword-only dataclass.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> import monochord as mc
+    >>> @dataclass(frozen=True, slots=True, kw_only=True)
+    ... class Empty(mc.Figure):
+    ...     def draw(self):
+    ...         from matplotlib.figure import Figure as Canvas
+    ...         return Canvas()
+    >>> len(Empty().draw().axes)
+    0
+    """
 
     @abstractmethod
     def draw(self) -> Canvas:

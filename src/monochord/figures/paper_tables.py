@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from monochord.core.errors import InputError, did_you_mean
-from monochord.evaluation.paper import NOISE, PAPER, PaperRow, reported
+from monochord.evaluation.paper import NOISE, PAPER, RANDOM_WEIGHTS, PaperRow, reported
 from monochord.evaluation.results import CLEAN
 from monochord.figures import _style
 from monochord.figures.base import Measured
@@ -82,7 +82,7 @@ class PaperTables(Measured):
             axes.yaxis.set_minor_locator(NullLocator())
             axes.set_xticks(range(len(bodies)), [body.replace("_", " ") for body in bodies])
         kind = "simulated" if all(row["simulated"] for row in rows) else "features by object"
-        page.suptitle(f"{kind}; full: clean, pale: {self.noise or 'none'}", fontsize=_style.LABEL)
+        page.suptitle(f"{kind}; solid: clean, pale: {self.noise or 'none'}", fontsize=_style.LABEL)
         _style.key(page, *panels, columns=COLUMNS)
         return page
 
@@ -121,7 +121,7 @@ class PaperTables(Measured):
                     across, [errors[bodies[place]] for place in at], ls="",
                     marker=MARKS[number // len(_style.COLOURS) % len(MARKS)], ms=4.0, mec="none",
                     color=_style.COLOURS[number % len(_style.COLOURS)], alpha=1.0 if clean else 0.35,
-                    label=feature if clean else None,
+                    label=_plain(feature) if clean else None,
                 )  # fmt: skip
 
     def _paper_lines(self, axes: Axes, quantity: str, bodies: list[str], factor: float) -> None:
@@ -133,6 +133,16 @@ class PaperTables(Measured):
                 label = "the paper's sensor (real)" if condition == CLEAN else f"the same, {NOISE}"
                 begins, ends = [place - 0.42 for place in places], [place + 0.42 for place in places]
                 axes.hlines(errors, begins, ends, lw=1.0, color=_style.INK, ls=dash, label=label)
+
+
+def _plain(feature: str) -> str:
+    """Return the name of a feature in a person's words.
+
+    >>> _plain("ast random weights every 1 s"), _plain("fft_harmonic without tones")
+    ('ast (random weights), a window a second', 'fft_harmonic without tones')
+    """
+    name = feature.replace(RANDOM_WEIGHTS, f" ({RANDOM_WEIGHTS.strip()})")
+    return name.replace(" every 1 s", ", a window a second")
 
 
 def _of(rows: list[PaperRow], feature: str, condition: str) -> list[PaperRow]:

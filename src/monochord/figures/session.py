@@ -110,7 +110,7 @@ def _force(axes: Axes, session: SessionReader, step: Seconds) -> None:  # noqa: 
     labels = session.labels
     if "force" in labels.columns:
         known = np.nan_to_num(labels.columns["force"])
-        axes.plot(*thinned(labels.time, known), linewidth=0.7, color=_style.SEGMENTS[1], label="known")
+        axes.plot(*thinned(labels.time, known), linewidth=0.7, color=_style.SEGMENTS[1], label="true")
     axes.set_ylabel("normal force (N)")
     _key(axes)
 

@@ -106,12 +106,14 @@ def train(
 
     Examples
     --------
-    It takes a minute, so that the tests do not run it:
-
+    >>> from tempfile import mkdtemp
     >>> import monochord as mc
-    >>> model = mc.train(data, "run", settings=["optimiser.epochs=20"])  # doctest: +SKIP
-    >>> model.scores["position"]["mae"]  # doctest: +SKIP
-    0.0021
+    >>> folder, twin = mkdtemp(), ["groups=[{name='hold', sessions=3, grid=[3, 2], hold=0.3}]"]
+    >>> data = mc.build(mc.collect("quick", f"{folder}/sessions", settings=twin), f"{folder}/dataset")
+    >>> few = ["heads={contact={}, position={}}", "optimiser.epochs=2"]
+    >>> model = mc.train(data, f"{folder}/run", settings=few)
+    >>> model.epochs, sorted(model.scores)
+    (2, ['contact', 'position'])
     """
     refuse_both(workers, cluster)
     tree = load_toml(config_path(str(config)))

@@ -183,7 +183,17 @@ def load_dataset(path: str | Path, split: str | Path | None = None) -> "Labelled
     Raises
     ------
     InputError
-        If the folder holds no dataset, or the dataset or the split is damaged.
+        If there is no dataset, or it or its split is damaged.
+
+    Examples
+    --------
+    >>> from tempfile import mkdtemp
+    >>> import monochord as mc
+    >>> folder, twin = mkdtemp(), ["groups=[{name='hold', grid=[2, 1], hold=0.3}]"]
+    >>> data = mc.build(mc.collect("quick", folder, settings=twin), f"{folder}/dataset")
+    >>> x, y, parts = load_dataset(f"{folder}/dataset").arrays()
+    >>> x.shape[1], len(y["position"]) == len(parts) == len(x)
+    (300, True)
     """
     dataset = open_dataset(Path(path))
     file = Path(split or dataset.path / SPLIT_FILE)

@@ -75,7 +75,13 @@ class Description(Checked):
     versions
         Versions of the programs that recorded the session.
     more
-        Further values, as text.
+        Anything else, as text.
+
+    Examples
+    --------
+    >>> about = Description(name="take", sample_rate=44100, object="finger", notes="third string")
+    >>> Description.load(about.dump()) == about
+    True
     """
 
     name: str

@@ -33,13 +33,22 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 
-def read_session(path: Path) -> "SessionReader":
-    """Open a session; reads only its description at first.
+def read_session(path: str | Path) -> "SessionReader":
+    """Open a session; only its description is read at first.
 
     Raises
     ------
     InputError
-        If the file does not exist or is not a session.
+        If the file does not exist, or is not a session.
+
+    Examples
+    --------
+    >>> from tempfile import mkdtemp
+    >>> import monochord as mc
+    >>> twin = ["groups=[{name='hold', grid=[1, 1], hold=0.3}]"]
+    >>> session = mc.read_session(mc.collect("quick", mkdtemp(), settings=twin)[0].path)
+    >>> session.streams, session.audio.samples.shape[0], session.description.material
+    (('wrench', 'pose'), 2, 'plastic')
     """
     return SessionReader(Path(path))
 
@@ -60,8 +69,19 @@ class SessionReader:
     recovered
         Whether the session was repaired after damage.
     malformed
-        For each topic read so far: the number of malformed messages, and the error of the first. All reads
-        leave malformed messages out.
+        Of each topic that was read and had messages that do not hold what they should: how many, and what is
+        wrong with the first. They are left out of all that is read.
+
+    Examples
+    --------
+    >>> from tempfile import mkdtemp
+    >>> import monochord as mc
+    >>> twin = ["groups=[{name='hold', grid=[1, 1], hold=0.3}]"]
+    >>> session = mc.read_session(mc.collect("quick", mkdtemp(), settings=twin)[0].path)
+    >>> session.readings("wrench").column("fz").shape == session.readings("wrench").time.shape
+    True
+    >>> sorted(session.labels.columns)[:3]
+    ['contact', 'force', 'position']
     """
 
     def __init__(self, path: Path) -> None:

@@ -54,7 +54,19 @@ class SessionWriter(Closing):
     Raises
     ------
     InputError
-        If the file exists or cannot be created.
+        If the file exists or cannot be made.
+
+    Examples
+    --------
+    >>> from tempfile import mkdtemp
+    >>> import monochord as mc
+    >>> twin = mc.VirtualSensor("prototype", seed=1)
+    >>> about = mc.Description(name="take", sample_rate=twin.sample_rate, string=twin.sensor.string)
+    >>> with mc.SessionWriter(Path(mkdtemp()) / "take.mcap", about) as writer:
+    ...     sound, _ = twin.advance(0.5)
+    ...     writer.audio(mc.Block(samples=sound, start=0, adc_time=writer.clock.origin))
+    >>> mc.read_session(writer.path).length
+    0.5
     """
 
     def __init__(self, path: Path, description: Description, clock: SessionClock | None = None) -> None:

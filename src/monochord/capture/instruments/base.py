@@ -10,8 +10,21 @@ from monochord.core.types import Feed, InstrumentHealth, Readings
 class Connection(ABC):
     """An open instrument, read by polling: frequent polls lose nothing, and it needs no thread.
 
-    A silent or absent instrument is not an error: `poll` returns no readings and tries to reconnect, and
-    `health` counts. Lost readings are never filled in.
+    An instrument that falls silent or goes away is no error: `poll` returns nothing and tries to reconnect,
+    and `health` counts. Lost readings are never made up.
+
+    Examples
+    --------
+    >>> from monochord import Connection, Feed, Readings
+    >>> from monochord.core.types import InstrumentHealth
+    >>> class Nothing(Connection):
+    ...     feed = Feed(stream="room", columns=("temperature",), units=("K",))
+    ...     health = InstrumentHealth()
+    ...
+    ...     def poll(self) -> list[Readings]:
+    ...         return []
+    >>> Nothing().poll()
+    []
     """
 
     @property
@@ -32,7 +45,24 @@ class Connection(ABC):
 class Instrument(Checked, ABC):
     """Options of an instrument, as a frozen keyword-only dataclass whose first field is its address.
 
-    `open` raises `InputError` for invalid options, and `DeviceError` for a missing device.
+    `open` raises `InputError` for options that cannot be used, and `DeviceError` for a device that is not
+    there.
+
+    Examples
+    --------
+    >>> from collections.abc import Iterator
+    >>> from contextlib import contextmanager
+    >>> from dataclasses import dataclass
+    >>> from monochord import Connection, Instrument
+    >>> @dataclass(frozen=True, slots=True, kw_only=True)
+    ... class Thermometer(Instrument):
+    ...     port: str = "/dev/ttyUSB0"
+    ...
+    ...     @contextmanager
+    ...     def open(self) -> Iterator[Connection]:
+    ...         raise NotImplementedError
+    >>> Thermometer(port="/dev/ttyUSB1")
+    Thermometer(port='/dev/ttyUSB1')
     """
 
     @abstractmethod

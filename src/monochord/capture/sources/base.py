@@ -65,9 +65,24 @@ class Controls(ABC):
 class Stream(ABC):
     """An open source. Iterating yields blocks in order until the source ends.
 
-    Frame indices never go back: ``block.start == previous end + block.dropped``. Lost frames are counted in
-    `health` and marked on the next block; a stream never invents samples. `close` (or leaving the context)
-    may be called from another thread and ends the iteration.
+    Frame indices never go back: ``block.start == previous end + block.dropped``. Lost frames are counted
+    in `health` and marked on the next block; a stream never makes up samples. `close` (or leaving the
+    context) may be called from another thread and ends the iteration.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from monochord import Block, Signal, Stream
+    >>> class Silence(Stream):
+    ...     @property
+    ...     def signal(self) -> Signal:
+    ...         return Signal(sample_rate=44100, channels=2)
+    ...
+    ...     def __iter__(self) -> Iterator[Block]:
+    ...         for start in range(0, 44100, 441):
+    ...             yield Block(samples=np.zeros((2, 441), np.float32), start=start)
+    >>> sum(block.samples.shape[1] for block in Silence())
+    44100
     """
 
     @property
@@ -114,8 +129,27 @@ class Stream(ABC):
 class Source(Checked, ABC):
     """Options of a source, as a frozen keyword-only dataclass whose first field is the input.
 
-    The command line's INPUT argument sets that first field. `open` raises `InputError` for invalid options or
-    an unusable file, and `DeviceError` for a missing device or server.
+    The command line's INPUT argument fills that first field. A source's `open` raises `InputError` for
+    options or a file that cannot be used, and `DeviceError` for a device or server that is not there.
+
+    Examples
+    --------
+    >>> from contextlib import contextmanager
+    >>> from dataclasses import dataclass
+    >>> import numpy as np
+    >>> import monochord as mc
+    >>> class Silence(mc.Stream):
+    ...     signal = mc.Signal(sample_rate=44100, channels=2)
+    ...
+    ...     def __iter__(self) -> Iterator[mc.Block]:
+    ...         yield mc.Block(samples=np.zeros((2, 8820), np.float32), start=0)
+    >>> @dataclass(frozen=True, slots=True, kw_only=True)
+    ... class Quiet(mc.Source):
+    ...     @contextmanager
+    ...     def open(self) -> Iterator[mc.Stream]:
+    ...         yield Silence()
+    >>> [update.contact.reason for update in mc.listen(Quiet(), hop=0.1)]
+    ['silence', 'silence']
     """
 
     @abstractmethod

@@ -42,7 +42,20 @@ class Watching(ABC):
 
 
 class Estimator(Checked, ABC):
-    """Options of an estimator, as a frozen keyword-only dataclass."""
+    """Options of an estimator, as a frozen keyword-only dataclass.
+
+    Examples
+    --------
+    >>> import monochord as mc
+    >>> @dataclass(frozen=True, slots=True, kw_only=True)
+    ... class Level(mc.Estimator):
+    ...     def prepare(self, signal: mc.Signal, size: int) -> Prepared:
+    ...         return lambda window: {"level": mc.Estimate(value=window.samples.std(), std=0.0, unit="1")}
+    >>> twin = mc.VirtualSensor("prototype", seed=1)
+    >>> update = next(mc.listen(twin, model=Level()))
+    >>> 0.0 < float(update.level) < 1.0
+    True
+    """
 
     @abstractmethod
     def prepare(self, signal: Signal, size: Samples) -> Prepared:

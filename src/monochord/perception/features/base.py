@@ -10,8 +10,22 @@ from monochord.core.units import Samples
 class Extractor(ABC):
     """A feature prepared for windows of one length.
 
-    A row depends on its own window alone: a window gives the same bits in any batch, offline and live. An
-    extractor never raises on audio. Silence and samples that are not numbers give finite rows.
+    A row depends on its own window alone: the same window gives the same bits alone, in any batch and at any
+    place in it, offline and live. It never raises on audio: windows of silence or of samples that are not
+    numbers give finite rows.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> import numpy as np
+    >>> import monochord as mc
+    >>> class Levels(mc.Extractor):
+    ...     columns = ("mic 1 level", "mic 2 level")
+    ...
+    ...     def __call__(self, windows: np.ndarray) -> np.ndarray:
+    ...         return np.nan_to_num(windows).std(axis=2).astype(np.float32)
+    >>> Levels()(np.ones((3, 2, 4410), np.float32)).tolist()
+    [[0.0, 0.0], [0.0, 0.0], [0.0, 0.0]]
     """
 
     @property
@@ -25,9 +39,25 @@ class Extractor(ABC):
 
 
 class Feature(Checked, ABC):
-    """Options of a feature, as a frozen keyword-only dataclass.
+    """Options of a feature, a frozen keyword-only dataclass; they and its name define it, for caches too.
 
-    The feature's name and options identify it, also in caches.
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> import numpy as np
+    >>> import monochord as mc
+    >>> class Levels(mc.Extractor):
+    ...     columns = ("mic 1 level", "mic 2 level")
+    ...
+    ...     def __call__(self, windows: np.ndarray) -> np.ndarray:
+    ...         return np.nan_to_num(windows).std(axis=2).astype(np.float32)
+    >>> @dataclass(frozen=True, slots=True, kw_only=True)
+    ... class Level(mc.Feature):
+    ...     def prepare(self, signal: mc.Signal, size: int) -> mc.Extractor:
+    ...         return Levels()
+    >>> extractor = Level().prepare(mc.Signal(sample_rate=44100, channels=2), 4410)
+    >>> extractor(np.zeros((3, 2, 4410), np.float32)).shape
+    (3, 2)
     """
 
     @abstractmethod

@@ -58,7 +58,12 @@ class Task(Checked):
     blur
         Standard deviation of the normal noise that training adds to the scaled inputs.
     drop
-        Dropout: share of the hidden units that each training step leaves out.
+        Share of the hidden units that are left out at each step of the training.
+
+    Examples
+    --------
+    >>> Task(label="force", unit="N", loss="laplace", hidden=(64, 64)).outputs
+    2
     """
 
     label: str
@@ -98,7 +103,18 @@ class Task(Checked):
 
 
 class Head(Checked, ABC):
-    """Options of a head, as a frozen keyword-only dataclass."""
+    """Options of a head, as a frozen keyword-only dataclass.
+
+    Examples
+    --------
+    >>> from monochord import Head, Task
+    >>> @dataclass(frozen=True, slots=True, kw_only=True)
+    ... class SlipVelocity(Head):
+    ...     def task(self) -> Task:
+    ...         return Task(label="slip_velocity", unit="m/s", loss="gauss")
+    >>> SlipVelocity().task().touched
+    True
+    """
 
     @abstractmethod
     def task(self) -> Task:

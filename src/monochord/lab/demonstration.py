@@ -1,0 +1,111 @@
+"""The parts of a demonstration: the twin as it is shown, its tuning, and what a score is worth."""
+
+import shlex
+from collections.abc import Mapping
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+from monochord.capture.sources import SOURCES
+from monochord.core.errors import DeviceError, InputError
+from monochord.live import Scorer
+from monochord.live.tuning import tuned
+from monochord.perception.tuning.sessions import LENGTH_TOLERANCE
+from monochord.physics.sensors import load_sensor
+
+LEARNED, PHYSICS = "model", "closed_form"
+BUNDLED = "demo"
+"""Name of the bundled model that the demonstration shows."""
+JACK_PERIOD = 256
+"""Frames a period of a JACK server that is started here."""
+TRAINED_SENSOR, TRAINED_BUILDS = "prototype", range(1, 73)
+"""The sensor and the builds of it that this model was trained on, by the plan builds."""
+UNSEEN: Mapping[str, Any] = {
+    "world": "plausible",
+    "build": 131,
+    "day": 51,
+    "materials": ["plastic", "wood", "metal_tube", "allen_key"],
+}
+"""A build, a day and objects that no training session of that plan is of."""
+
+
+def twin_options(sensor: str, seed: int, **given: Any) -> dict[str, Any]:
+    """Return the options of the twin: by default a build, a day and objects that the model does not know.
+
+    What is given as None or as an empty list stays as it is by default.
+
+    >>> twin_options("prototype", 1, build=None, day=7, materials=[])["build"]
+    131
+    """
+    chosen = {key: value for key, value in given.items() if value not in (None, [])}
+    return {"name": "twin", "sensor": sensor, "seed": seed, **UNSEEN, **chosen}
+
+
+def refuse_unlearned(sensor: str) -> None:
+    """Raise `InputError` for a sensor whose string is of another length than the model was trained on."""
+    own, trained = load_sensor(sensor).string.length, load_sensor(TRAINED_SENSOR).string.length
+    if abs(own / trained - 1.0) > LENGTH_TOLERANCE:
+        given = f"sensor '{sensor}', whose string is {own:g} m long, for the bundled model"
+        remedy = f"monochord demo {shlex.quote(sensor)} --estimator closed_form"
+        raise InputError(given, f"{trained:g} m, as it was trained", remedy)
+
+
+def jack_server(stack: ExitStack) -> str:
+    """Return the name of the JACK server: the default one, or one of our own while the stack is open."""
+    from monochord.capture.jack.client import JackClient  # noqa: PLC0415  (loads libjack)
+    from monochord.capture.jack.server import JackServer  # noqa: PLC0415
+
+    try:
+        JackClient("monochord-probe").close()
+    except DeviceError:
+        return stack.enter_context(JackServer(period=JACK_PERIOD)).name
+    return ""
+
+
+def write_tuned(source: dict[str, Any], path: Path) -> str:
+    """Write the sensor as tuned, estimated from its untouched sound, and return the file."""
+    later = {"start": 3600.0, "position": 0.1, "force": 1.0}
+    untouched: dict[str, Any] = {**source, "script": [later], "speed": 0.0}
+    twin = SOURCES.build(untouched.pop("name"), untouched)
+    path.write_text(tuned([twin], ["twin"], source["sensor"]).toml(), encoding="utf-8")
+    return str(path)
+
+
+def estimator_options(name: str) -> dict[str, Any]:
+    """Return the options of the estimator of this name.
+
+    >>> estimator_options(PHYSICS)["tension_law"]
+    'geometric'
+    """
+    return {"name": name, "path": BUNDLED} if name == LEARNED else {"name": name, "tension_law": "geometric"}
+
+
+def remarks_on_model(source: dict[str, Any]) -> list[str]:
+    """Return what the score is worth: what of this run the model was trained on."""
+    first = f"All of this is simulated, sound and training alike; the model is '{BUNDLED}'."
+    builds = f"builds {TRAINED_BUILDS[0]} to {TRAINED_BUILDS[-1]}"
+    build = source.get("build")
+    if source["sensor"] != TRAINED_SENSOR:
+        trained = "It was trained on another sensor than this one, and knows nothing of this one."
+    elif build in TRAINED_BUILDS:
+        trained = f"It was trained on this very build, {build}, though not on these touches."
+    else:
+        which = "the design itself" if build is None else f"build {build}"
+        trained = f"It was trained on {builds} of this sensor, never on {which}."
+    objects = f"No object that it was trained on is one of these: {', '.join(source.get('materials', []))}."
+    rolling = "Some objects roll. None did in training, and the model takes most of them for sliding."
+    return [first, trained, objects, rolling]
+
+
+def remarks_on_physics(score: Scorer) -> list[str]:
+    """Return what the score is worth: that the sound is simulated, and how often the estimator abstained."""
+    lines = ["All of this is simulated sound. It is made by the twin, not by a sensor."]
+    tree = score.tree()
+    answered, abstained = tree["answered"] or 0, tree["abstained"] or 0
+    if abstained:
+        share = abstained / (answered + abstained)
+        lines.append(
+            f"The closed-form estimator takes a touch for a clamp; in {share:.0%} of the windows the sound"
+            " did not fit that, and it abstained."
+        )
+    return lines
