@@ -31,7 +31,7 @@ from monochord.physics.sensors import sensor_names
 from monochord.physics.twin.world import World
 
 UNWATCHED = 20.0
-"""Seconds of a demonstration whose only output is its result."""
+"""Duration of a demonstration that prints only its result, in s."""
 
 
 @click.command()

@@ -14,7 +14,7 @@ LONGEST_GIVEN = 1000
 
 
 class MonochordError(Exception):
-    """Base class of every error that Monochord raises on purpose.
+    """Base class of every error that Monochord raises intentionally.
 
     Examples
     --------
@@ -107,7 +107,7 @@ def installation(extra: str) -> str:
 
 
 class DeviceError(MonochordError, RuntimeError):
-    """A required device or server is absent, or was lost for good.
+    """A missing or lost device or server.
 
     Examples
     --------

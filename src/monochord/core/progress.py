@@ -16,7 +16,7 @@ REFRESH: Seconds = 0.1
 
 
 def shows_progress() -> bool:
-    """Return whether there is a place for a bar: standard error on a terminal, or a notebook."""
+    """Return whether a bar can be shown: standard error on a terminal, or a notebook."""
     return in_notebook() or sys.stderr.isatty()
 
 

@@ -47,9 +47,9 @@ Progress: TypeAlias = Callable[[str, int, int], None]
 class StringParams:
     """A string as built: the parameters of its vibration when untouched.
 
-    `tension_per_force` is the paper's k_T (Eq. 6), `damping` its d_0 and `damping_per_force` its k_d
-    (Eq. 7). `core_diameter` is the load-bearing wire's, which stiffness and stretch depend on; zero
-    means an ideally flexible string.
+    `tension_per_force` is the paper's k_T (Eq. 6), `damping` its d_0 and `damping_per_force` its k_d (Eq. 7).
+    `core_diameter` is that of the load-bearing wire, which sets stiffness and stretch; zero means an ideally
+    flexible string.
 
     Examples
     --------
@@ -71,7 +71,7 @@ class StringParams:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Contact:
-    """One touch; no contact is ``None``, never a force of zero. `position` is from pickup 1.
+    """One touch. `position` is from pickup 1, in m; no contact is ``None``, not a force of zero.
 
     Examples
     --------
@@ -88,10 +88,10 @@ class Contact:
 class Block:
     """Consecutive sample frames from a source.
 
-    `samples` is (channels, n) float32; `start` is the sample index of the first frame. `dropped` frames
-    were lost just before it (so `start` has already skipped them): a gap is data. `adc_time` is the
-    monotonic-clock time of the block's first frame at the converter, where the source knows it, and
-    `frame_time` the device's own count of frames there (JACK's frame time, modulo 2^32).
+    `samples` is (channels, n) float32; `start` is the sample index of the first frame. `dropped` frames were
+    lost just before it (`start` already skips them): a gap is data. `adc_time` is the monotonic time of the
+    first frame at the converter, where the source knows it, and `frame_time` the device's frame count there
+    (JACK's frame time, modulo 2^32).
 
     Examples
     --------
@@ -111,7 +111,7 @@ class Block:
 class Window:
     """A window of audio to analyse; `samples` is (channels, n) float32 from index `start` on.
 
-    Samples of another type are converted. Raises `InputError` for another shape, or without a sample.
+    Samples of another type are converted. Raises `InputError` for a wrong shape or no samples.
 
     Examples
     --------
@@ -304,7 +304,7 @@ class Prediction(NamedEstimates):
     """The estimates of one window by name, on the sample clock; further names may occur.
 
     `time` is the start of the window in seconds since the stream began; `latency` is the time from the
-    window's last sample being at hand to this prediction.
+    window's last sample being available to this prediction.
 
     Examples
     --------
@@ -338,10 +338,10 @@ class Prediction(NamedEstimates):
 class Signal:
     """An open source's audio format: rate, channels, and the string if known.
 
-    `string` is as it is tuned. `design` is the same wire as something learned knows it, where that is tuned
-    otherwise: a feature in hertz or newtons is then stated as of that one. `sensing_range` is where along the
-    string the sensor can tell the place of a touch, None where no sensor is known. `drivers` are the places
-    of the coils of each driver that is on, sense and drive; empty where none is known.
+    `string` is the tuned string. `design` is the same wire as in training, where the tuning differs: features
+    in hertz or newtons are then stated relative to it. `sensing_range` is the part of the string where the
+    sensor can resolve position, None for an unknown sensor. `drivers` holds the coil positions (sense and
+    drive) of each driver that is on; empty if unknown.
 
     Examples
     --------
@@ -385,10 +385,10 @@ class StreamHealth:
 class Feed:
     """An open instrument's description of its readings.
 
-    `stream` is what kind they are, and their topic in a session: ``wrench``, ``pose``, or a name of its own.
-    `columns` name the values of a reading and `units` their units, one each. `rate` is how many readings a
-    second are due, and `ticks` how many ticks a second the device's own clock has; 0 where that is not known.
-    `details` is whatever else is needed to read them again: calibration, serial number, address.
+    `stream` is the kind of reading, and its topic in a session: ``wrench``, ``pose``, or a custom name.
+    `columns` names the values of a reading and `units` their units, one each. `rate` is the expected number
+    of readings per second, and `ticks` the rate of the device's clock in ticks per second; 0 where unknown.
+    `details` holds other metadata: calibration, serial number, address.
 
     Examples
     --------
@@ -415,10 +415,10 @@ POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
 class Readings:
     """Consecutive readings of one instrument, n of them, in order of arrival.
 
-    `time` (n,) is when each arrived at this machine, in seconds of the monotonic clock, as near to the wire
-    as could be had; `values` (n, columns) are in the units of the `Feed`. `sequence` (n,) is the sender's own
-    count and `device_time` (n,) its own clock in ticks, both -1 where it sends none; `status` (n,) is its
-    status word, 0 where all is well. What was lost leaves a gap in `sequence`; nothing is made up for it.
+    `time` (n,) is the time of arrival at this machine, in seconds of the monotonic clock, taken as close to
+    the wire as possible; `values` (n, columns) are in the units of the `Feed`. `sequence` (n,) is the
+    sender's count and `device_time` (n,) the sender's clock in ticks, both -1 where it sends none; `status`
+    (n,) is its status word, 0 for no fault. Lost readings leave a gap in `sequence` and are never filled in.
 
     Examples
     --------

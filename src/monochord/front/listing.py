@@ -31,13 +31,13 @@ SETTINGS: Mapping[str, tuple[str, type]] = {
     "collect": ("A plan of 'monochord collect'.", Plan),
     "train": ("A run of 'monochord train', also its CONFIG.", TrainingSettings),
 }
-"""By name what a set of settings is for, and the dataclass that defines it."""
+"""Purpose of each set of settings, and the dataclass that defines it."""
 ON_REQUEST = ("devices", "settings")
-"""Kinds that are shown only by their name: one looks at hardware, the other is long."""
+"""Kinds that are listed only by name: one queries hardware, the other is long."""
 
 
 def shelves() -> dict[str, Callable[[], Iterable[Entry]]]:
-    """Return what can be listed: the function that yields the entries of each kind, by its name.
+    """Return everything that can be listed: the function that yields the entries of each kind, by its name.
 
     >>> [entry["name"] for entry in shelves()["heads"]()]
     ['contact', 'force', 'position', 'slip']
@@ -51,7 +51,7 @@ def shelves() -> dict[str, Callable[[], Iterable[Entry]]]:
 
 
 def _each(names: Iterable[str], entry: Callable[[str], Entry]) -> Iterable[Entry]:
-    """Yield the entry of each name; one that cannot be loaded says so in its place, and hides no other."""
+    """Yield the entry of each name; one that cannot be loaded shows its error and hides no other."""
     for name in names:
         try:
             yield {"name": name, **entry(name)}
@@ -70,7 +70,7 @@ def _plugins(registry: Registry[Any]) -> Iterable[Entry]:
 
 
 def _options(kind: type) -> Sequence[Entry]:
-    """Return the settings of a dataclass as values that JSON can hold."""
+    """Return the settings of a dataclass as values for JSON."""
     return [
         {
             "name": each.name,
@@ -83,7 +83,7 @@ def _options(kind: type) -> Sequence[Entry]:
 
 
 def _plain(value: Any) -> Any:
-    """Return a value of a configuration as JSON can hold it, which has no infinity."""
+    """Return a configuration value for JSON, which has no infinity."""
     if isinstance(value, float) and not math.isfinite(value):
         return str(value)
     if isinstance(value, dict):
@@ -146,6 +146,6 @@ def _plans() -> Iterable[Entry]:
 
 
 def _preset(tree: Entry, kind: str) -> Entry:
-    """Return a preset as an entry: its title, source and notes beside its values, under its kind."""
+    """Return a preset as an entry: title, source and notes beside its values, under its kind."""
     facts = {"summary": tree.pop("title"), "source": tree.pop("source"), "notes": tree.pop("notes")}
     return {**facts, kind: {key: value for key, value in tree.items() if key != "name"}}

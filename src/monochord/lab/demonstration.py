@@ -15,22 +15,22 @@ from monochord.physics.sensors import load_sensor
 
 LEARNED, PHYSICS = "model", "closed_form"
 BUNDLED = "demo"
-"""Name of the bundled model that the demonstration shows."""
+"""Name of the bundled model in the demonstration."""
 JACK_PERIOD = 256
-"""Frames a period of a JACK server that is started here."""
+"""JACK period of a server started here, in frames."""
 TRAINED_SENSOR, TRAINED_BUILDS = "prototype", range(1, 73)
-"""The sensor and the builds of it that this model was trained on, by the plan builds."""
+"""The sensor, and its builds, that this model was trained on (plan builds)."""
 UNSEEN: Mapping[str, Any] = {
     "world": "plausible",
     "build": 131,
     "day": 51,
     "materials": ["plastic", "wood", "metal_tube", "allen_key"],
 }
-"""A build, a day and objects that no training session of that plan is of."""
+"""A build, a day and objects outside that plan's training sessions."""
 
 
 def twin_options(sensor: str, seed: int, **given: Any) -> dict[str, Any]:
-    """Return the options of the twin: by default a build, a day and objects that the model does not know.
+    """Return the options of the twin: by default, a build, a day and objects that no training had.
 
     What is given as None or as an empty list stays as it is by default.
 
@@ -42,16 +42,16 @@ def twin_options(sensor: str, seed: int, **given: Any) -> dict[str, Any]:
 
 
 def refuse_unlearned(sensor: str) -> None:
-    """Raise `InputError` for a sensor whose string is of another length than the model was trained on."""
+    """Raise `InputError` for a sensor whose string length differs from the model's training."""
     own, trained = load_sensor(sensor).string.length, load_sensor(TRAINED_SENSOR).string.length
     if abs(own / trained - 1.0) > LENGTH_TOLERANCE:
         given = f"sensor '{sensor}', whose string is {own:g} m long, for the bundled model"
         remedy = f"monochord demo {shlex.quote(sensor)} --estimator closed_form"
-        raise InputError(given, f"{trained:g} m, as it was trained", remedy)
+        raise InputError(given, f"{trained:g} m, as in its training", remedy)
 
 
 def jack_server(stack: ExitStack) -> str:
-    """Return the name of the JACK server: the default one, or one of our own while the stack is open."""
+    """Return the name of the JACK server: the default one, or one started here until the stack closes."""
     from monochord.capture.jack.client import JackClient  # noqa: PLC0415  (loads libjack)
     from monochord.capture.jack.server import JackServer  # noqa: PLC0415
 
@@ -63,7 +63,7 @@ def jack_server(stack: ExitStack) -> str:
 
 
 def write_tuned(source: dict[str, Any], path: Path) -> str:
-    """Write the sensor as tuned, estimated from its untouched sound, and return the file."""
+    """Write the tuned sensor, estimated from its untouched sound, and return the file."""
     later = {"start": 3600.0, "position": 0.1, "force": 1.0}
     untouched: dict[str, Any] = {**source, "script": [later], "speed": 0.0}
     twin = SOURCES.build(untouched.pop("name"), untouched)
@@ -81,31 +81,31 @@ def estimator_options(name: str) -> dict[str, Any]:
 
 
 def remarks_on_model(source: dict[str, Any]) -> list[str]:
-    """Return what the score is worth: what of this run the model was trained on."""
+    """Return the limits of the score: which parts of this run the model was trained on."""
     first = f"All of this is simulated, sound and training alike; the model is '{BUNDLED}'."
     builds = f"builds {TRAINED_BUILDS[0]} to {TRAINED_BUILDS[-1]}"
     build = source.get("build")
     if source["sensor"] != TRAINED_SENSOR:
-        trained = "It was trained on another sensor than this one, and knows nothing of this one."
+        trained = "It was trained on another sensor, not on this one."
     elif build in TRAINED_BUILDS:
         trained = f"It was trained on this very build, {build}, though not on these touches."
     else:
         which = "the design itself" if build is None else f"build {build}"
-        trained = f"It was trained on {builds} of this sensor, never on {which}."
-    objects = f"No object that it was trained on is one of these: {', '.join(source.get('materials', []))}."
-    rolling = "Some objects roll. None did in training, and the model takes most of them for sliding."
+        trained = f"It was trained on {builds} of this sensor, not on {which}."
+    objects = f"None of these objects was in its training data: {', '.join(source.get('materials', []))}."
+    rolling = "Some objects roll. None did in training, and the model mistakes most of them for sliding."
     return [first, trained, objects, rolling]
 
 
 def remarks_on_physics(score: Scorer) -> list[str]:
-    """Return what the score is worth: that the sound is simulated, and how often the estimator abstained."""
-    lines = ["All of this is simulated sound. It is made by the twin, not by a sensor."]
+    """Return the limits of the score: simulated sound, and the share of abstentions."""
+    lines = ["All sound is simulated by the twin, not recorded from a sensor."]
     tree = score.tree()
     answered, abstained = tree["answered"] or 0, tree["abstained"] or 0
     if abstained:
         share = abstained / (answered + abstained)
         lines.append(
-            f"The closed-form estimator takes a touch for a clamp; in {share:.0%} of the windows the sound"
-            " did not fit that, and it abstained."
+            "The closed-form estimator assumes that a touch clamps the string;"
+            f" it abstained in the {share:.0%} of windows whose sound did not fit."
         )
     return lines

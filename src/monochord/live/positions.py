@@ -10,11 +10,11 @@ import numpy as np
 from monochord.live.sinks.base import Listener, Run, Update, Writer
 
 CONTACT = "contact"
-"""The estimate that only the two-sided form makes."""
+"""The estimate that only the two-segment form provides."""
 
 
 class PositionTable(Listener):
-    """A sink that collects the positions of a recording, 24 bytes a window, and summarises them as lines.
+    """A sink that collects the positions of a recording, 24 bytes per window, and summarises them as lines.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ class PositionTable(Listener):
         return lines + [f"  no position              {count} windows: {why}" for why, count in reasons]
 
     def _assumptions(self, valid: int) -> list[str]:
-        """Return what the positions of a stopped string rest on."""
+        """Return the assumptions behind positions on a stopped string."""
         lines = ["  assumes                  the sound is this string's: position follows from its pitch"]
         if self._two_channels:
             split = (

@@ -10,7 +10,7 @@ from monochord.live.sinks.base import Listener, Run, Update, Writer
 
 
 class SavedSettings(Listener):
-    """A sink that writes settings into a file once the source is open and the estimator takes its signal.
+    """A sink that writes settings to a file once the source is open and the estimator accepts its signal.
 
     Parameters
     ----------
@@ -31,8 +31,8 @@ class SavedSettings(Listener):
                 part.write_text(self._text, encoding="utf-8")
         except OSError as error:
             given = f"file {self._path} ({error.strerror})"
-            raise InputError(given, "a path that can be written") from error
+            raise InputError(given, "a writable path") from error
         yield self
 
     def write(self, update: Update) -> None:
-        """Write nothing."""
+        """Do nothing."""

@@ -75,7 +75,7 @@ class Description(Checked):
     versions
         Versions of the programs that recorded the session.
     more
-        Anything else, as text.
+        Further values, as text.
 
     Examples
     --------

@@ -12,7 +12,7 @@ MAX_KINDS = 8
 
 
 def facts_of(session: SessionReader) -> Tree:
-    """Return what a session holds as values that JSON can hold."""
+    """Return a session's content as values for JSON."""
     description, audio = session.description, session.audio
     rate, begin = audio.line
     frames = audio.samples.shape[1]
@@ -64,7 +64,7 @@ def _kinds(session: SessionReader) -> dict[str, int]:
 
 
 def facts_lines(facts: Tree) -> list[str]:
-    """Return the facts as lines for a person."""
+    """Return the facts as text lines."""
     about, audio = facts["about"], facts["audio"]
     lines = [f"{facts['name']}  ({facts['path']})"]
 

@@ -34,12 +34,12 @@ if TYPE_CHECKING:
 
 
 def read_session(path: str | Path) -> "SessionReader":
-    """Open a session; only its description is read at first.
+    """Open a session; reads only its description at first.
 
     Raises
     ------
     InputError
-        If the file does not exist, or is not a session.
+        If the file does not exist or is not a session.
 
     Examples
     --------
@@ -69,8 +69,8 @@ class SessionReader:
     recovered
         Whether the session was repaired after damage.
     malformed
-        Of each topic that was read and had messages that do not hold what they should: how many, and what is
-        wrong with the first. They are left out of all that is read.
+        For each topic read so far: the number of malformed messages, and the error of the first. All reads
+        leave malformed messages out.
 
     Examples
     --------

@@ -54,7 +54,7 @@ class SessionWriter(Closing):
     Raises
     ------
     InputError
-        If the file exists or cannot be made.
+        If the file exists or cannot be created.
 
     Examples
     --------

@@ -10,8 +10,8 @@ from monochord.core.types import Feed, InstrumentHealth, Readings
 class Connection(ABC):
     """An open instrument, read by polling: frequent polls lose nothing, and it needs no thread.
 
-    An instrument that falls silent or goes away is no error: `poll` returns nothing and tries to reconnect,
-    and `health` counts. Lost readings are never made up.
+    A silent or absent instrument is not an error: `poll` returns no readings and tries to reconnect, and
+    `health` counts. Lost readings are never filled in.
 
     Examples
     --------
@@ -45,8 +45,7 @@ class Connection(ABC):
 class Instrument(Checked, ABC):
     """Options of an instrument, as a frozen keyword-only dataclass whose first field is its address.
 
-    `open` raises `InputError` for options that cannot be used, and `DeviceError` for a device that is not
-    there.
+    `open` raises `InputError` for invalid options, and `DeviceError` for a missing device.
 
     Examples
     --------

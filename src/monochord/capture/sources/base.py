@@ -65,9 +65,9 @@ class Controls(ABC):
 class Stream(ABC):
     """An open source. Iterating yields blocks in order until the source ends.
 
-    Frame indices never go back: ``block.start == previous end + block.dropped``. Lost frames are counted
-    in `health` and marked on the next block; a stream never makes up samples. `close` (or leaving the
-    context) may be called from another thread and ends the iteration.
+    Frame indices never go back: ``block.start == previous end + block.dropped``. Lost frames are counted in
+    `health` and marked on the next block; a stream never invents samples. `close` (or leaving the context)
+    may be called from another thread and ends the iteration.
 
     Examples
     --------
@@ -129,8 +129,8 @@ class Stream(ABC):
 class Source(Checked, ABC):
     """Options of a source, as a frozen keyword-only dataclass whose first field is the input.
 
-    The command line's INPUT argument fills that first field. A source's `open` raises `InputError` for
-    options or a file that cannot be used, and `DeviceError` for a device or server that is not there.
+    The command line's INPUT argument sets that first field. `open` raises `InputError` for invalid options or
+    an unusable file, and `DeviceError` for a missing device or server.
 
     Examples
     --------

@@ -48,12 +48,12 @@ class Update(NamedEstimates):
     ``slip`` without flicker; a name is missing while undecided. `events` are those of this window, and
     `notes` the present messages about the sensor.
 
-    `prediction` is the estimator's answer to `window` alone, and `condition` what the estimator knows of the
-    string by then, None where it does not watch it. `truth` is empty for real hardware; `skipped` counts
-    windows left out so far because the reader was late, and `health` what the source lost. `adc_time` is the
-    monotonic-clock time of the window's first frame at the converter, where the source knows it, and
-    `at_hand` that at which the last one was at hand. `string` is the name of the string, of a run that has
-    several; empty for one alone. Sinks in several threads share an update.
+    `prediction` is the estimator's result for `window` alone, and `condition` the estimator's knowledge of
+    the string, None where it does not watch it. `truth` is empty for real hardware; `skipped` counts the
+    windows skipped so far because the reader was late, and `health` the source's losses. `adc_time` is the
+    monotonic time of the window's first frame at the converter, where the source knows it, and `at_hand` the
+    time at which its last frame became available. `string` is the string's name in a run with several; empty
+    for one. Sinks in several threads share an update.
 
     Examples
     --------
@@ -115,12 +115,11 @@ class Update(NamedEstimates):
 class Run:
     """The run that a sink is opened for.
 
-    `signal` is what the source says of its audio, with the string; of several strings, that of the first or
-    of the sink's own. `string` is the name of the string that the sink is for, empty for one alone or for all
-    of `strings`, whose signals these are by name. `length` is that of the string, in m, where the estimator
-    was given one, and `model` the folder or name of a trained model that answers, empty for none. `controls`
-    are there where the string can be touched. `is_output_taken` says that standard output carries the data of
-    another sink.
+    `signal` is the source's audio format with the string; with several strings, that of the first or of this
+    sink's string. `string` is the name of the sink's string; empty for a single string, or for a sink of all
+    `strings`, which holds their signals by name. `length` is the string's length in m, where the estimator
+    was given one, and `model` the trained model's folder or name, empty for none. `controls` is set where the
+    string can be touched. `is_output_taken` is true where another sink writes data to standard output.
 
     Examples
     --------
