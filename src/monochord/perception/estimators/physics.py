@@ -46,7 +46,8 @@ class Physics(Estimator):
     def prepare(self, signal: Signal, size: Samples) -> Prepared:
         """Prepare it; raises `InputError` unless the signal has two channels of a known string."""
         if signal.channels != 2 or signal.string is None:
-            given = f"{signal.channels} channel(s) of {'an unknown' if signal.string is None else 'a known'} string"
+            known = "an unknown" if signal.string is None else "a known"
+            given = f"{signal.channels} channel(s) of {known} string"
             raise InputError(given, "two channels of a known string", "name it with --string")
         return _Physics(self, signal, Tuner.of(signal, size))
 
@@ -70,9 +71,11 @@ class _Physics(Watching):
     def __call__(self, window: Window) -> Estimates:
         before, self._state = self._state.tuning, self._tuner.step(self._state, window)
         tuning = self._state.tuning
-        if tuning is not before:
-            known = tuning is not None
-            self._reader = self._reader.tuned(tuning.tuned(self._tuner.string)) if known else self._unknown
+        if tuning is None:
+            self._reader = self._unknown
+        elif tuning is not before:
+            pitch_std = tuning.frequency_std / tuning.frequency
+            self._reader = self._unknown.tuned(tuning.tuned(self._tuner.string), pitch_std)
         reason = why_unusable(window)
         reading = None if reason else self._reader.read(window.samples)
         if reading is None:
@@ -83,23 +86,21 @@ class _Physics(Watching):
         probability = 0.5 + 0.5 * math.tanh(0.5 * reading.contact)
         if abs(reading.contact) < MIN_CONTACT:
             return _abstain("two candidates")
-        contact = Estimate(value=probability, std=math.sqrt(probability * (1.0 - probability)), unit="")
-        frequency = Estimate(value=reading.strongest[0], std=reading.strongest[1], unit="Hz")
+        told = {
+            "contact": Estimate(value=probability, std=math.sqrt(probability * (1.0 - probability)), unit=""),
+            "frequency": Estimate(value=reading.strongest[0], std=reading.strongest[1], unit="Hz"),
+        }
         if reading.contact < 0.0:
-            return _abstain("no contact") | {"contact": contact, "frequency": frequency}
+            return _abstain("no contact") | told
         if reading.lead < MIN_LEAD:
-            return _abstain("two candidates") | {"contact": contact}
-        told = {"contact": contact, "frequency": frequency}
-        if not reading.both:
-            if not self._range[0] <= reading.place <= self._range[1]:
-                return _abstain(OUTSIDE_RANGE) | told
-            place = Estimate(value=reading.place, std=reading.std, unit="m")
-            return _abstain(ONE_SEGMENT) | told | {"position": place}
+            return _abstain("two candidates") | told
         touch = self._reader.touch(reading)
         if not self._range[0] <= touch.position <= self._range[1]:
             return _abstain(OUTSIDE_RANGE) | told
+        told["position"] = Estimate(value=touch.position, std=touch.position_std, unit="m")
+        if not reading.both:
+            return _abstain(ONE_SEGMENT) | told
         return told | {
-            "position": Estimate(value=touch.position, std=touch.position_std, unit="m"),
             "force": Estimate(value=touch.force, std=touch.force_std, unit="N"),
             "tension": Estimate(value=touch.tension, std=touch.tension_std, unit="N"),
         }

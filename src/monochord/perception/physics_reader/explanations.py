@@ -5,14 +5,15 @@ A touch at x splits the string into two segments with the stiff partials
     f_n = n f0 L r / l sqrt(1 + beta n^2 / l^2),  l = x - s or L - x - s,
 
 where f0 is the open frequency, r what tension and the contact's give make of it, beta = pi^2 E I / T, and s
-the length that a point support takes from each side. Each line is a partial of one segment, a sum or difference
-of multiples of the two lines that drivers sustain, or clutter, so that the lines have the likelihood
+the length that a point support takes from each side. Each line is a partial of one segment, a sum or
+difference of multiples of the two lines that drivers sustain, or clutter. Lines have the likelihood
 
-    prod_k [c_k + d D(f_k) + a sum_i S_i D_i / (sqrt(2 pi) s_k) exp(-(f_k - f_n)^2 / (2 s_k^2))],
+    prod_k [c_k + (1 - c_k) (a sum_i S_i D_i N(f_k - f_n, s_k) + (1 - a) D(f_k))]
 
-against lines anywhere. D_i is the distance of a segment's partials, which weighs every mode alike: a line that
-fits a denser comb says less. S_i is how likely its share at microphone 1 is. Two lines with two mode numbers
-give x and r, and what the likelihood integrates to near there; one line gives x for every r.
+against lines anywhere, with N the normal density about the nearest partial n of segment i. D_i is the
+distance of its partials, which weighs every mode alike: a line that fits a denser comb says less. S_i is how
+likely its share at microphone 1 is. Two lines with two mode numbers give x and r, and the likelihood is
+integrated about them; one line gives x for every r.
 """
 
 from typing import NamedTuple
@@ -27,22 +28,25 @@ from monochord.perception.physics_reader.lines import FREQUENCY, LEVEL, MIN_LEVE
 PARTIAL = 0.67
 """Share of partials among the lines that are no clutter; the others are distortion."""
 LEAST_CLUTTER, MOST_CLUTTER = 0.03, 0.75
-"""Share of clutter among the strongest lines, and among the faintest."""
+"""Share of clutter among strong lines, and among the faintest."""
+STRONGEST_CLUTTER = 1.0e-3
+"""The same of the strongest line of a window, which a driver sustains."""
 NOISE_LEVEL, DECADES = 3.0, 5.0
 """Nepers over which clutter of noise becomes e times as rare, and decades of power in which other lines that
 the model leaves out become usual."""
 MODEL_STD = 1.5e-3
-"""Standard deviation of a partial about its model, as a share: contacts, mounts and ends shift each by itself."""
+"""Standard deviation of a partial about its model as a share: contact, mount and ends shift each."""
 PITCH_STD = 3.0e-3
 """The same of r: of the open pitch 2e-3 (tuning), and drivers pull what they sustain by 2e-3."""
 SOFTEST, HARDEST = 1.0e4, 1.0e7
 """Stiffness in N/m of contact, object and mount, one after the other, drawn evenly in its logarithm."""
-LOWEST_RATIO, RATIO_STEP = 0.9, 2.5e-4
-RATIOS = LOWEST_RATIO + RATIO_STEP * np.arange(601)
+LOWEST_RATIO, HIGHEST_RATIO, RATIO_STEP = 0.9, 1.05, 2.5e-4
+RATIOS = np.arange(LOWEST_RATIO, HIGHEST_RATIO + RATIO_STEP, RATIO_STEP)
+"""Values of r at which its density is kept."""
 MAX_MODE_1, MAX_MODE_2 = 6, 8
 DRIVEN = 4
 """Strongest lines of each end that a driver may sustain."""
-MAX_ORDER = 8
+MAX_ORDER = 6
 """Highest order of a sum or difference."""
 END_MARGIN = 0.04
 """Least distance of a touch from either end, as a share of the length."""
@@ -51,7 +55,7 @@ STEPS = 9
 MAX_EXPLANATIONS = 600
 
 PLACE, RATIO, MODE_1, MODE_2, LINE_1, LINE_2, SCORE = range(7)
-"""Columns of explanations: x in m, r, mode numbers (0 for a silent segment), rows of lines, and log evidence."""
+"""Columns of explanations: x in m, r, modes (0 of a silent segment), rows of lines, and log evidence."""
 
 
 class OpenString(NamedTuple):
@@ -120,17 +124,19 @@ def _nearest(frequency: Hertz, side: Metres, ratio: float, string: OpenString) -
 
 @kernel()
 def clutter_of(lines: Floats) -> Floats:
-    """Return of each line (n,) how likely it is clutter: near the floor, or far below the strongest line."""
+    """Return how likely each line (n,) is clutter: more near the floor, and far below the strongest."""
     clutter = np.exp(-(lines[:, LEVEL] - MIN_LEVEL) / NOISE_LEVEL)
     clutter = np.maximum(
         clutter, np.minimum(np.log10(lines[:, POWER].max() / lines[:, POWER]) / DECADES, 1.0)
     )
-    return LEAST_CLUTTER + (MOST_CLUTTER - LEAST_CLUTTER) * clutter
+    share = LEAST_CLUTTER + (MOST_CLUTTER - LEAST_CLUTTER) * clutter
+    share[lines[:, POWER].argmax()] = STRONGEST_CLUTTER
+    return share
 
 
 @part()
 def _distortion(lines: Floats, a: int, b: int, spacing: Hertz, highest: Hertz, density: Floats) -> None:
-    """Fill in of each line (n,) the density of sums and differences of two lines, but for these themselves."""
+    """Fill in the density of each line (n,) as distortion of two lines, which of a itself is 0."""
     fa, fb = lines[a, FREQUENCY], lines[b, FREQUENCY]
     density[:] = 0.0
     total = 0.0
@@ -151,6 +157,28 @@ def _distortion(lines: Floats, a: int, b: int, spacing: Hertz, highest: Hertz, d
                     density[k] += weight * highest / (2.5066 * std) * np.exp(-0.5 * z * z)
     if total > 0.0:
         density /= total
+    density[a] = 0.0
+
+
+@part()
+def _tooth(line: Floats, side: Metres, ratio: float, string: OpenString) -> tuple[float, float]:
+    """Return how near a line is to a partial of a side, 0 to 1, and the density that this has."""
+    frequency = line[FREQUENCY]
+    variance = line[STD] ** 2 + (MODEL_STD * frequency) ** 2
+    miss, spacing = _nearest(frequency, side, ratio, string)
+    near = np.exp(-0.5 * miss * miss / variance)
+    return near, near * spacing / np.sqrt(2.0 * np.pi * variance)
+
+
+@part()
+def _fit(line: Floats, one: Metres, other: Metres, ratio: float, string: OpenString) -> float:
+    """Return the density of a line by both segments; one that may be of either is as loud at any end."""
+    near_1, density_1 = _tooth(line, one, ratio, string)
+    near_2, density_2 = _tooth(line, other, ratio, string)
+    own_1, own_2 = _of_a_side(line[OWN]), _of_a_side(1.0 - line[OWN])
+    own_1 += near_2 * max(1.0 - own_1, 0.0)
+    own_2 += near_1 * max(1.0 - own_2, 0.0)
+    return 0.5 * (own_1 * density_1 + own_2 * density_2)
 
 
 @part()
@@ -170,14 +198,7 @@ def _evidence(
     for k in range(lines.shape[0]):
         if k in (a, b):
             continue
-        frequency, own = lines[k, FREQUENCY], lines[k, OWN]
-        variance = lines[k, STD] ** 2 + (MODEL_STD * frequency) ** 2
-        fits = 0.0
-        miss, spacing = _nearest(frequency, one, ratio, string)
-        fits += _of_a_side(own) * spacing * np.exp(-0.5 * miss * miss / variance)
-        miss, spacing = _nearest(frequency, other, ratio, string)
-        fits += _of_a_side(1.0 - own) * spacing * np.exp(-0.5 * miss * miss / variance)
-        fits *= 0.5 / np.sqrt(2.0 * np.pi * variance)
+        fits = _fit(lines[k], one, other, ratio, string)
         fits = PARTIAL * fits + (1.0 - PARTIAL) * distortion[k]
         total += np.log(clutter[k] + (1.0 - clutter[k]) * fits)
     return total
@@ -189,20 +210,16 @@ def untouched_evidence(lines: Floats, spacing: Hertz, highest: Hertz, string: Op
     clutter, distortion = clutter_of(lines), np.zeros(lines.shape[0])
     strongest = np.argsort(-lines[:, POWER])[:2]
     _distortion(lines, strongest[0], strongest[-1], spacing, highest, distortion)
-    best = -np.inf
+    evidence = -np.inf
     for step in range(-6, 7):
         ratio = 1.0 + step / 3.0 * PITCH_STD
-        total = -0.5 * (step / 3.0) ** 2
+        total = -0.5 * (step / 3.0) ** 2 - 2.018  # the density of a step of a third of its deviation
         for k in range(lines.shape[0]):
-            frequency, own = lines[k, FREQUENCY], lines[k, OWN]
-            variance = lines[k, STD] ** 2 + (MODEL_STD * frequency) ** 2
-            miss, apart = _nearest(frequency, string.length, ratio, string)
-            fits = _of_the_whole(own) * apart / np.sqrt(2.0 * np.pi * variance)
-            fits *= np.exp(-0.5 * miss * miss / variance)
+            fits = _of_the_whole(lines[k, OWN]) * _tooth(lines[k], string.length, ratio, string)[1]
             fits = PARTIAL * fits + (1.0 - PARTIAL) * distortion[k]
             total += np.log(clutter[k] + (1.0 - clutter[k]) * fits)
-        best = max(best, total)
-    return best
+        evidence = np.logaddexp(evidence, total)
+    return evidence
 
 
 @part()
@@ -222,73 +239,102 @@ def _located(a: Hertz, n1: float, b: Hertz, n2: float, string: OpenString) -> tu
 
 @kernel()
 def explanations_of(lines: Floats, spacing: Hertz, highest: Hertz, string: OpenString) -> Floats:
-    """Return the explanations (n, 7) of lines by a touch, by both drivers' lines or by one."""
+    """Return the explanations (n, 7) of lines by a touch: by the lines of both drivers, then by one alone.
+
+    `spacing` is that of the transform's bins, and `highest` the highest frequency of a line.
+    """
     found = np.zeros((MAX_EXPLANATIONS, 7))
-    count = 0
     clutter, distortion = clutter_of(lines), np.zeros(lines.shape[0])
     first = np.argsort(-lines[:, POWER] * lines[:, OWN])[:DRIVEN]
     second = np.argsort(-lines[:, POWER] * (1.0 - lines[:, OWN]))[:DRIVEN]
-    nearest_end = END_MARGIN * string.length
+    count = 0
     for a in first:
         for b in second:
-            if a == b:
-                continue
-            filled = False
-            own, other = lines[a, OWN], 1.0 - lines[b, OWN]
-            for n1 in range(1, MAX_MODE_1 + 1):
-                for n2 in range(1, MAX_MODE_2 + 1):
-                    x, ratio = _located(lines[a, FREQUENCY], n1, lines[b, FREQUENCY], n2, string)
-                    if not 0.9 < ratio < 1.05 or not nearest_end < x < string.length - nearest_end:
-                        continue
-                    if count == MAX_EXPLANATIONS:
-                        continue
-                    if not filled:
-                        _distortion(lines, a, b, spacing, highest, distortion)
-                        filled = True
-                    score = np.log(
-                        0.25
-                        * PARTIAL**2
-                        * (1.0 - clutter[a])
-                        * (1.0 - clutter[b])
-                        * _of_a_side(own)
-                        * _of_a_side(other)
-                        * x
-                        * (string.length - x)
-                        / (n1 * n2 * string.length**2)
-                    ) + _prior(ratio, string)
-                    score += _evidence(lines, clutter, distortion, x, ratio, a, b, string)
-                    row = (x, ratio, float(n1), float(n2), float(a), float(b), score)
-                    for column in range(len(row)):
-                        found[count, column] = row[column]
-                    count += 1
-    low, high = 1.0 - 4.0 * PITCH_STD, 1.0 + 4.0 * PITCH_STD
+            if a != b:
+                _distortion(lines, a, b, spacing, highest, distortion)
+                count = _explain_by_both(lines, clutter, distortion, a, b, string, found, count)
     for side in range(2):
         a = first[0] if side == 0 else second[0]
-        own = lines[a, OWN] if side == 0 else 1.0 - lines[a, OWN]
         _distortion(lines, a, a, spacing, highest, distortion)
-        for n in range(1, MAX_MODE_2 + 1):
-            for step in range(STEPS):
-                ratio = low + (high - low) * (step + 0.5) / STEPS
-                half = n * string.frequency * string.length * ratio / lines[a, FREQUENCY]
-                for _ in range(3):
-                    stretch = np.sqrt(1.0 + string.stiffness * (n / half) ** 2)
-                    half = n * string.frequency * string.length * ratio / lines[a, FREQUENCY] * stretch
-                x = half + string.shortening if side == 0 else string.length - half - string.shortening
-                if not nearest_end < x < string.length - nearest_end or count == MAX_EXPLANATIONS:
-                    continue
-                score = np.log(
-                    0.5
-                    * PARTIAL
-                    * (1.0 - clutter[a])
-                    * _of_a_side(own)
-                    * half
-                    / (n * string.length)
-                    * (high - low)
-                    / STEPS
-                ) + _prior(ratio, string)
-                score += _evidence(lines, clutter, distortion, x, ratio, a, a, string)
-                row = (x, ratio, float(n * (1 - side)), float(n * side), float(a), float(a), score)
-                for column in range(len(row)):
-                    found[count, column] = row[column]
-                count += 1
+        count = _explain_by_one(lines, clutter, distortion, a, side, string, found, count)
     return found[:count]
+
+
+@part()
+def _explain_by_both(
+    lines: Floats,
+    clutter: Floats,
+    distortion: Floats,
+    a: int,
+    b: int,
+    string: OpenString,
+    found: Floats,
+    count: int,
+) -> int:
+    """Add what two lines may be; return the number of explanations.
+
+    The integral over x and r of both lines' likelihood is x (L - x) / (n1 n2 L) times the densities there.
+    """
+    length = string.length
+    of_drivers = 0.25 * PARTIAL**2 * (1.0 - clutter[a]) * (1.0 - clutter[b])
+    of_drivers *= _of_a_side(lines[a, OWN]) * _of_a_side(1.0 - lines[b, OWN])
+    for n1 in range(1, MAX_MODE_1 + 1):
+        for n2 in range(1, MAX_MODE_2 + 1):
+            x, ratio = _located(lines[a, FREQUENCY], n1, lines[b, FREQUENCY], n2, string)
+            if LOWEST_RATIO < ratio < HIGHEST_RATIO and _is_inside(x, length) and count < MAX_EXPLANATIONS:
+                integral = x * (length - x) / (n1 * n2 * length**2)
+                score = np.log(of_drivers * integral) + _prior(ratio, string)
+                score += _evidence(lines, clutter, distortion, x, ratio, a, b, string)
+                _fill(found[count], (x, ratio, float(n1), float(n2), float(a), float(b), score))
+                count += 1
+    return count
+
+
+@part()
+def _explain_by_one(
+    lines: Floats,
+    clutter: Floats,
+    distortion: Floats,
+    a: int,
+    side: int,
+    string: OpenString,
+    found: Floats,
+    count: int,
+) -> int:
+    """Add what one line of a side may be while the other is silent; return the number of explanations.
+
+    The integral over x of its likelihood is l / (n L), at each of some values of r.
+    """
+    length, short = string.length, string.shortening
+    loud = _of_a_side(lines[a, OWN] if side == 0 else 1.0 - lines[a, OWN])
+    low, high = 1.0 - 4.0 * PITCH_STD, 1.0 + 4.0 * PITCH_STD
+    for n in range(1, MAX_MODE_2 + 1):
+        for step in range(STEPS):
+            ratio = low + (high - low) * (step + 0.5) / STEPS
+            flexible = n * string.frequency * length * ratio / lines[a, FREQUENCY]
+            half = flexible
+            for _ in range(3):
+                half = flexible * np.sqrt(1.0 + string.stiffness * (n / half) ** 2)
+            x = half + short if side == 0 else length - half - short
+            if not _is_inside(x, length) or count == MAX_EXPLANATIONS:
+                continue
+            near, _ = _tooth(lines[a], length - half - 2.0 * short, ratio, string)
+            of_driver = 0.5 * PARTIAL * (1.0 - clutter[a]) * (loud + near * max(1.0 - loud, 0.0))
+            integral = half / (n * length) * (high - low) / STEPS
+            score = np.log(of_driver * integral) + _prior(ratio, string)
+            score += _evidence(lines, clutter, distortion, x, ratio, a, a, string)
+            modes = (float(n), 0.0) if side == 0 else (0.0, float(n))
+            _fill(found[count], (x, ratio, modes[0], modes[1], float(a), float(a), score))
+            count += 1
+    return count
+
+
+@part()
+def _is_inside(x: Metres, length: Metres) -> bool:
+    return END_MARGIN * length < x < (1.0 - END_MARGIN) * length
+
+
+@part()
+def _fill(row: Floats, values: tuple[float, float, float, float, float, float, float]) -> None:
+    for k in range(len(values)):  # one assignment of a row compiles numba's messages about shapes: 6 s
+        row[k] = values[k]

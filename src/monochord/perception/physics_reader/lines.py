@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monochord.core.kernels import kernel, part
+from monochord.core.shapes import sound
 from monochord.core.types import Audio, Floats
 from monochord.core.units import Hertz
 
@@ -19,6 +20,8 @@ FLOOR_BINS = 48
 MIN_LEVEL = 2.2
 """Least height of a line over the floor's median, in nepers of power: 9 medians, which of 4,000 bins of noise
 8 reach."""
+SAME_LINE = 1.5
+"""Bins within which peaks at both microphones are one line."""
 BEAT, BLUR = 0.02, 0.55
 """Error of a line in bins: of a strong one, that others beat with, and at no height over the floor."""
 
@@ -60,20 +63,13 @@ def lines_of(
     lines = np.zeros((MAX_LINES, 5))
     count = 0
     for k in range(max(int(lowest / spacing), 3), min(int(highest / spacing), bins - 3)):
-        level, of = MIN_LEVEL, -1
-        for c in range(2):
-            peak = power[c, k]
-            if max(power[c, k - 2], power[c, k - 1]) >= peak or peak < max(power[c, k + 1], power[c, k + 2]):
-                continue
-            height = np.log(peak + 1e-300) - _floor_at(floor, c, k)
-            if height > level:
-                level, of = height, c
+        level, of = _peak(power, floor, k)
         if of < 0:
             continue
         value = 0.5 * transform[of, k] - 0.25 * (transform[of, k - 1] + transform[of, k + 1])
         shift = 0.25 * ((transform[of, k - 1] - transform[of, k + 1]) / value).real
         frequency = (k + min(max(shift, -1.0), 1.0)) * spacing
-        if count > 0 and frequency - lines[count - 1, FREQUENCY] < 1.5 * spacing:  # one line, by both ends
+        if count > 0 and frequency - lines[count - 1, FREQUENCY] < SAME_LINE * spacing:
             if lines[count - 1, LEVEL] >= level:
                 continue
             count -= 1
@@ -92,16 +88,34 @@ def lines_of(
     return lines[:count]
 
 
+@part()
+def _peak(power: Floats, floor: Floats, k: int) -> tuple[float, int]:
+    """Return the height over the floor of a peak at bin k, and the microphone where it is higher, else -1."""
+    level, of = MIN_LEVEL, -1
+    for c in range(2):
+        peak = power[c, k]
+        below, above = max(power[c, k - 2], power[c, k - 1]), max(power[c, k + 1], power[c, k + 2])
+        height = np.log(peak + 1e-300) - _floor_at(floor, c, k)
+        if below < peak and peak >= above and height > level:
+            level, of = height, c
+    return level, of
+
+
 def window_lines(samples: Audio, sample_rate: int, lowest: Hertz, highest: Hertz) -> Floats:
     """Return the lines (n, 5) of a window (2, n) between two frequencies, in rising order.
 
+    Raises `InputError` unless there are two channels.
+
     >>> time = np.arange(4410) / 44100.0
     >>> tones = np.stack([np.sin(2.0 * np.pi * f * time) for f in (2436.2, 1730.7)])
-    >>> window = np.array([[0.8, 0.2], [0.2, 0.8]]) @ tones + 1e-4 * np.random.default_rng(0).normal(size=(2, 4410))
-    >>> window_lines(window, 44100, 800.0, 16000.0)[:, :3].round(2)[:, [0, 2]]
+    >>> noise = 1e-4 * np.random.default_rng(0).normal(size=(2, 4410))
+    >>> window = np.array([[0.8, 0.2], [0.2, 0.8]]) @ tones + noise
+    >>> lines = window_lines(window, 44100, 800.0, 16000.0)
+    >>> lines[lines[:, POWER] > 1e-3][:, [FREQUENCY, OWN]].round(2)
     array([[1.73070e+03, 6.00000e-02],
            [2.43620e+03, 9.40000e-01]])
     """
-    centred = samples - samples.mean(axis=1, keepdims=True)
+    samples = sound(samples, 2)
     size = samples.shape[1]
+    centred = samples - samples.mean(axis=1, keepdims=True)
     return lines_of(np.fft.rfft(centred), size, sample_rate / size, lowest, highest)

@@ -39,10 +39,15 @@ SAME_PLACE = 0.01
 """Share of the length within which explanations are of one place."""
 UNKNOWN_PITCH_STD = 1.0e-2
 """Standard deviation of r while the open pitch has not been measured: 17 cents."""
-DRIVER_STD = 2.0e-3
-"""Standard deviation of each driven line as a share: drivers pull it, and a mount gives otherwise at each."""
+DRIVER_STD, MOUNT_STD = 1.0e-3, 2.0e-3
+"""Standard deviations of each driven line as a share: what drivers pull it by, and what a mount that
+resonates moves it by, which counts for the place alone."""
+RULER_STD = 2.5e-3
+"""Standard deviation of the length as a share: 0.5 mm of 200, as a ruler tells it."""
 WIDTH: Metres = 3.0e-4
 """Mean width of a contact, which shortens both segments together by it."""
+STIFFENING = 0.5
+"""Power of the press with which a contact's stiffness grows: 1/3 of Hertz's, 1 of rough surfaces."""
 PRESSES, GIVES = 24, 24
 """Parts of the same probability in which force and stiffness are drawn."""
 
@@ -80,6 +85,7 @@ class PhysicsReader:
     law: TensionLaw
     most_force: Newtons
     open: OpenString
+    pitch_std: float
 
     @classmethod
     def of(
@@ -98,9 +104,18 @@ class PhysicsReader:
             frequency=open_frequency(string),
             stiffness=pi**2 * bending_stiffness(string) / string.tension,
             shortening=support_shortening(string),
-            prior=ratio_prior((most / string.tension) ** 0.5 - 1.0, softness(string), pitch_std),
+            prior=ratio_prior(
+                (most / string.tension) ** 0.5 - 1.0, softness(string), max(pitch_std, PITCH_STD)
+            ),
         )
-        return cls(string=string, sample_rate=sample_rate, law=law, most_force=most_force, open=model)
+        return cls(
+            string=string,
+            sample_rate=sample_rate,
+            law=law,
+            most_force=most_force,
+            open=model,
+            pitch_std=pitch_std,
+        )
 
     def read(self, window: Audio) -> Reading | None:
         """Return what a window (2, n) is of, None without a line."""
@@ -127,7 +142,7 @@ class PhysicsReader:
         off_1, off_2 = (hypot(DRIVER_STD, line[STD] / line[FREQUENCY]) for line in (one, two))
         length, x = self.open.length, float(row[PLACE])
         if min(modes):
-            std = hypot(std, x * (length - x) / length * hypot(off_1, off_2))
+            std = hypot(std, x * (length - x) / length * hypot(off_1, off_2, 2.0**0.5 * MOUNT_STD))
             ratio_std = hypot(x * off_1, (length - x) * off_2) / length
         else:
             std, ratio_std = hypot(std, (x if modes[0] else length - x) * off_1), inf
@@ -153,26 +168,28 @@ class PhysicsReader:
         forces = self.most_force * parts
         tensions = tension_from_force(string, forces, np.full(PRESSES, reading.place), self.law)
         stiffness = SOFTEST * (HARDEST / SOFTEST) ** ((np.arange(GIVES) + 0.5) / GIVES)
-        lengthening = string.tension / stiffness
+        lengthening = string.tension / (stiffness * forces[:, None] ** STIFFENING)
         expected = np.sqrt(tensions / string.tension)[:, None] + (WIDTH - 2.0 * lengthening) / length
-        ratio_std = hypot(PITCH_STD, reading.ratio_std, WIDTH / length)
+        ratio_std = hypot(self.pitch_std, reading.ratio_std, WIDTH / length)
         weight = np.exp(-0.5 * np.square((reading.ratio - expected) / ratio_std)) + 1e-300
         force, force_std = _moments(np.broadcast_to(forces[:, None], weight.shape), weight)
         tension, tension_std = _moments(np.broadcast_to(tensions[:, None], weight.shape), weight)
-        give, give_std = _moments(np.broadcast_to(lengthening, weight.shape), weight)
-        lever = 1.0 - 2.0 * reading.place / length
+        give, give_std = _moments(lengthening, weight)
+        lever = (1.0 - 2.0 * reading.place / length) if reading.both else 0.0
         return PressedTouch(
             position=reading.place - lever * give,
-            position_std=hypot(reading.std, lever * give_std),
+            position_std=hypot(reading.std, lever * give_std, RULER_STD * reading.place),
             force=force,
             force_std=force_std,
             tension=tension,
-            tension_std=hypot(tension_std, 2.0 * PITCH_STD * tension),
+            tension_std=hypot(tension_std, 2.0 * self.pitch_std * tension),
         )
 
-    def tuned(self, string: StringParams) -> "PhysicsReader":
-        """Return the reader of the same wire at a measured pitch."""
-        return PhysicsReader.of(string, self.sample_rate, law=self.law, most_force=self.most_force)
+    def tuned(self, string: StringParams, pitch_std: float) -> "PhysicsReader":
+        """Return the reader of the same wire at a measured pitch, of relative error `pitch_std`."""
+        return PhysicsReader.of(
+            string, self.sample_rate, law=self.law, most_force=self.most_force, pitch_std=pitch_std
+        )
 
 
 class PressedTouch(NamedTuple):
