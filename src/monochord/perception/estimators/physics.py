@@ -69,11 +69,11 @@ class _Physics(Watching):
         self._reader.read(np.zeros((2, tuner.size), np.float32))
 
     def __call__(self, window: Window) -> Estimates:
+        if window.start <= self._state.start:
+            self._reader = self._unknown
         before, self._state = self._state.tuning, self._tuner.step(self._state, window)
         tuning = self._state.tuning
-        if tuning is None:
-            self._reader = self._unknown
-        elif tuning is not before:
+        if tuning is not None and tuning is not before:
             pitch_std = tuning.frequency_std / tuning.frequency
             self._reader = self._unknown.tuned(tuning.tuned(self._tuner.string), pitch_std)
         reason = why_unusable(window)

@@ -112,8 +112,8 @@ def window_lines(samples: Audio, sample_rate: int, lowest: Hertz, highest: Hertz
     >>> window = np.array([[0.8, 0.2], [0.2, 0.8]]) @ tones + noise
     >>> lines = window_lines(window, 44100, 800.0, 16000.0)
     >>> lines[lines[:, POWER] > 1e-3][:, [FREQUENCY, OWN]].round(2)
-    array([[1.73070e+03, 6.00000e-02],
-           [2.43620e+03, 9.40000e-01]])
+    array([[1.7307e+03, 6.0000e-02],
+           [2.4362e+03, 9.4000e-01]])
     """
     samples = sound(samples, 2)
     size = samples.shape[1]
