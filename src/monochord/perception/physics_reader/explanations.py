@@ -48,6 +48,9 @@ DRIVEN = 4
 """Strongest lines of each end that a driver may sustain."""
 MAX_ORDER = 6
 """Highest order of a sum or difference."""
+SOURCES, TONE_DECAY, TONE_BINS = 3, 0.7, 0.3
+"""Most lines whose sums and differences count, by how much one is rarer than of one order less, and the
+error of one in bins."""
 END_MARGIN = 0.04
 """Least distance of a touch from either end, as a share of the length."""
 STEPS = 9
@@ -134,30 +137,44 @@ def clutter_of(lines: Floats) -> Floats:
     return share
 
 
+@kernel()
+def distortion_of(lines: Floats, spacing: Hertz, highest: Hertz) -> Floats:
+    """Return the density of each line (n,) as a sum or difference of multiples of stronger ones.
+
+    These are the strongest lines that are none of those before them, up to `SOURCES`; of them it is 0. No
+    explanation is credited for it: a line that sounds beside another makes the same tones whatever it is.
+    """
+    density, sources, count = np.zeros(lines.shape[0]), np.zeros(SOURCES), 0
+    for k in np.argsort(-lines[:, POWER]):
+        of_stronger = _tones(lines[k], sources[:count], spacing, highest)
+        if count < SOURCES and (1.0 - PARTIAL) * of_stronger < 1.0:
+            sources[count] = lines[k, FREQUENCY]
+            count += 1
+        else:
+            density[k] = of_stronger
+    return density
+
+
 @part()
-def _distortion(lines: Floats, a: int, b: int, spacing: Hertz, highest: Hertz, density: Floats) -> None:
-    """Fill in the density of each line (n,) as distortion of two lines, which of a itself is 0."""
-    fa, fb = lines[a, FREQUENCY], lines[b, FREQUENCY]
-    density[:] = 0.0
-    total = 0.0
-    for p in range(MAX_ORDER + 1):
-        for q in range(-MAX_ORDER, MAX_ORDER + 1):
-            order = p + abs(q)
-            if order < 2 or order > MAX_ORDER or (p == 0 and q < 0) or (a == b and q != 0):
-                continue
-            tone = abs(p * fa + q * fb)
-            if not spacing < tone < highest:
-                continue
-            weight = 0.7**order
-            total += weight
-            for k in range(lines.shape[0]):
-                std = np.hypot(lines[k, STD], 0.3 * spacing)
-                z = (lines[k, FREQUENCY] - tone) / std
-                if abs(z) < 4.0:
-                    density[k] += weight * highest / (2.5066 * std) * np.exp(-0.5 * z * z)
-    if total > 0.0:
-        density /= total
-    density[a] = 0.0
+def _tones(line: Floats, sources: Floats, spacing: Hertz, highest: Hertz) -> float:
+    """Return the density of a line among the tones of pairs of sources, likelier the lower their order."""
+    frequency, std = line[FREQUENCY], np.hypot(line[STD], TONE_BINS * spacing)
+    density = total = 0.0
+    for i in range(sources.size):
+        for j in range(i, sources.size):
+            for p in range(MAX_ORDER + 1):
+                for q in range(-MAX_ORDER, MAX_ORDER + 1):
+                    order = p + abs(q)
+                    alone = q == 0 or p == 0
+                    if not 2 <= order <= MAX_ORDER or (p == 0 and q < 0) or (i == j) != (alone and q == 0):
+                        continue
+                    tone = abs(p * sources[i] + q * sources[j])
+                    if spacing < tone < highest:
+                        weight = TONE_DECAY**order
+                        total += weight
+                        z = (frequency - tone) / std
+                        density += weight * np.exp(-0.5 * z * z)
+    return density / max(total, 1e-9) * highest / (np.sqrt(2.0 * np.pi) * std)
 
 
 @part()
@@ -205,11 +222,9 @@ def _evidence(
 
 
 @kernel()
-def untouched_evidence(lines: Floats, spacing: Hertz, highest: Hertz, string: OpenString) -> float:
+def untouched_evidence(lines: Floats, distortion: Floats, string: OpenString) -> float:
     """Return the log evidence of the untouched string, whose partials are alike at both ends."""
-    clutter, distortion = clutter_of(lines), np.zeros(lines.shape[0])
-    strongest = np.argsort(-lines[:, POWER])[:2]
-    _distortion(lines, strongest[0], strongest[-1], spacing, highest, distortion)
+    clutter = clutter_of(lines)
     evidence = -np.inf
     for step in range(-6, 7):
         ratio = 1.0 + step / 3.0 * PITCH_STD
@@ -238,24 +253,22 @@ def _located(a: Hertz, n1: float, b: Hertz, n2: float, string: OpenString) -> tu
 
 
 @kernel()
-def explanations_of(lines: Floats, spacing: Hertz, highest: Hertz, string: OpenString) -> Floats:
+def explanations_of(lines: Floats, distortion: Floats, string: OpenString) -> Floats:
     """Return the explanations (n, 7) of lines by a touch: by the lines of both drivers, then by one alone.
 
-    `spacing` is that of the transform's bins, and `highest` the highest frequency of a line.
+    `distortion` is what `distortion_of` returns of them.
     """
     found = np.zeros((MAX_EXPLANATIONS, 7))
-    clutter, distortion = clutter_of(lines), np.zeros(lines.shape[0])
+    clutter = clutter_of(lines)
     first = np.argsort(-lines[:, POWER] * lines[:, OWN])[:DRIVEN]
     second = np.argsort(-lines[:, POWER] * (1.0 - lines[:, OWN]))[:DRIVEN]
     count = 0
     for a in first:
         for b in second:
             if a != b:
-                _distortion(lines, a, b, spacing, highest, distortion)
                 count = _explain_by_both(lines, clutter, distortion, a, b, string, found, count)
     for side in range(2):
         a = first[0] if side == 0 else second[0]
-        _distortion(lines, a, a, spacing, highest, distortion)
         count = _explain_by_one(lines, clutter, distortion, a, side, string, found, count)
     return found[:count]
 

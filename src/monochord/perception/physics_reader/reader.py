@@ -20,6 +20,7 @@ from monochord.perception.physics_reader.explanations import (
     SCORE,
     SOFTEST,
     OpenString,
+    distortion_of,
     explanations_of,
     ratio_prior,
     untouched_evidence,
@@ -124,8 +125,9 @@ class PhysicsReader:
         if not len(lines):
             return None
         strongest = lines[lines[:, POWER].argmax()]
-        untouched = untouched_evidence(lines, spacing, HIGHEST, self.open)
-        every = explanations_of(lines, spacing, HIGHEST, self.open)
+        distortion = distortion_of(lines, spacing, HIGHEST)
+        untouched = untouched_evidence(lines, distortion, self.open)
+        every = explanations_of(lines, distortion, self.open)
         nothing = Reading(-inf, 0.0, 0.0, inf, 1.0, inf, (0, 0), (0.0, 0.0), (strongest[0], strongest[1]))
         if not len(every):
             return nothing
