@@ -17,8 +17,8 @@ from monochord.perception.tuning import Tuner, TunerState, Tuning
 from monochord.physics.theory import TensionLaw
 
 UNITS = {"contact": "", "frequency": "Hz", "position": "m", "force": "N", "tension": "N"}
-MIN_CONTACT, MIN_LEAD = 1.5, 3.0
-"""Least log odds of contact or none, and of a place over all others: 4 to 1, and 20 to 1."""
+MIN_CONTACT, MIN_LEAD = 1.5, 2.0
+"""Least log odds of contact or none, and of a place over all others: 4 to 1, and 7 to 1."""
 ONE_SEGMENT = "one segment alone does not tell force"
 
 
@@ -28,7 +28,7 @@ class Physics(Estimator):
 
     The lines of a window are explained as partials of two stiff segments, or of one, or of the untouched
     string (`monochord.perception.physics_reader`). All explanations together give the odds of contact and of
-    each place; the place with its error is given where it is 20 times as likely as all others. Force follows
+    each place; the place with its error is given where it is 7 times as likely as all others. Force follows
     from the tension, with the give of contact and mount unknown, so its error is that of physics: what is
     left out are resonances of the mount at single lines, contacts that turn, and wide ones.
 

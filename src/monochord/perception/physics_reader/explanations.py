@@ -27,14 +27,14 @@ from monochord.perception.physics_reader.lines import FREQUENCY, LEVEL, MIN_LEVE
 
 PARTIAL = 0.67
 """Share of partials among the lines that are no clutter; the others are distortion."""
-LEAST_CLUTTER, MOST_CLUTTER = 0.03, 0.75
+LEAST_CLUTTER, MOST_CLUTTER = 0.03, 0.8
 """Share of clutter among strong lines, and among the faintest."""
 STRONGEST_CLUTTER = 1.0e-3
 """The same of the strongest line of a window, which a driver sustains."""
 NOISE_LEVEL, DECADES = 3.0, 5.0
 """Nepers over which clutter of noise becomes e times as rare, and decades of power in which other lines that
 the model leaves out become usual."""
-MODEL_STD = 1.5e-3
+MODEL_STD = 2.0e-3
 """Standard deviation of a partial about its model as a share: contact, mount and ends shift each."""
 PITCH_STD = 3.0e-3
 """The same of r: of the open pitch 2e-3 (tuning), and drivers pull what they sustain by 2e-3."""
