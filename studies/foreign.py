@@ -1,9 +1,9 @@
 """Estimators on sensors that nothing learned from, beside the twin's: physics alone, models, and baselines.
 
-Two simulators of the tests share no line with the twin or with each other: finite differences and beam
-elements. Each draws its sensor by seed. Of every sensor the estimators know the length, as by a ruler, and the
-design; the pitch they find for themselves. Ridge regression and extra trees are fitted to other builds of the
-twin. In some four minutes on one core: ``python -m studies.foreign``.
+Two simulators of the tests share no line with the twin or with each other, finite differences and beam
+elements. Each draws its sensor by seed. Of every sensor the estimators know the length, as by a ruler, and
+the design; the pitch they find for themselves. Ridge regression and extra trees are fitted to other builds of
+the twin. In some four minutes on one core: ``python -m studies.foreign``.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -87,7 +87,15 @@ def of_take(take: Take) -> Recording:
 
 def of_twin(seed: int, world: str) -> Recording:
     """Return the recording of a build of the twin, of touches at random."""
-    options = {"world": world, "build": seed, "day": seed, "seed": seed, "speed": 0.0, "hold": 0.8, "slips": 0.2}
+    options = {
+        "world": world,
+        "build": seed,
+        "day": seed,
+        "seed": seed,
+        "speed": 0.0,
+        "hold": 0.8,
+        "slips": 0.2,
+    }
     with SOURCES.build("twin", options).open() as stream:
         frames = round(TWIN_SECONDS * RATE)
         blocks = [block.samples for block in takewhile(lambda block: block.start < frames, stream)]
@@ -169,7 +177,9 @@ def _features(recording: Recording) -> Floats:
     for window in windows:
         state = tuner.step(state, window)
     own = state.tuning.tuned(recording.string) if state.tuning else recording.string
-    extract = FEATURES.build("fft_harmonic").prepare(replace(signal, string=own, design=recording.string), SIZE)
+    extract = FEATURES.build("fft_harmonic").prepare(
+        replace(signal, string=own, design=recording.string), SIZE
+    )
     return extract(np.stack([window.samples for window in windows])).astype(np.float64)
 
 
@@ -197,14 +207,28 @@ def scores(recordings: list[Recording], said: list[tuple[Values, Values]]) -> tu
     )
 
 
-HEADS = ("sensor", "estimator", "answered", "median", "mean", "< 5 mm", "< 1 se", "force", "told", "contact", "ms")
+HEADS = (
+    "sensor",
+    "estimator",
+    "answered",
+    "median",
+    "mean",
+    "< 5 mm",
+    "< 1 se",
+    "force",
+    "told",
+    "contact",
+    "ms",
+)
 
 
 @click.command(help=__doc__)
 @click.option("--builds", type=click.IntRange(1), default=12, help="Builds of each simulator.")
 @click.option("--touches", type=click.IntRange(1), default=10, help="Touches of each foreign build.")
 @click.option("--seed", type=int, default=SEED, help="First seed of the builds.")
-@click.option("--estimator", "names", multiple=True, default=("physics", "closed_form", "model"), help="By name.")
+@click.option(
+    "--estimator", "names", multiple=True, default=("physics", "closed_form", "model"), help="By name."
+)
 @click.option("--training", type=click.IntRange(0), default=24, help="Builds that baselines are fitted to.")
 def foreign(builds: int, touches: int, seed: int, names: tuple[str, ...], training: int) -> None:
     """Render the sensors, run the estimators and print the table."""

@@ -43,6 +43,8 @@ UNKNOWN_PITCH_STD = 1.0e-2
 DRIVER_STD, MOUNT_STD = 1.0e-3, 2.0e-3
 """Standard deviations of each driven line as a share: what drivers pull it by, and what a mount that
 resonates moves it by, which counts for the place alone."""
+BOTH_LEAD = 4.0
+"""Largest lead in log evidence of one line over two lines at the same place, which then stand for it."""
 RULER_STD = 2.5e-3
 """Standard deviation of the length as a share: 0.5 mm of 200, as a ruler tells it."""
 WIDTH: Metres = 3.0e-4
@@ -136,7 +138,7 @@ class PhysicsReader:
         near = np.abs(every[:, PLACE, None] - every[:, PLACE]) < SAME_PLACE * self.open.length
         place = int((near @ mass).argmax())
         own = near[place]
-        row = every[np.flatnonzero(own)[every[own, SCORE].argmax()]]
+        row = _chosen(every[own])
         share, other = mass[own], mass[~own].sum()
         one, two = lines[int(row[LINE_1])], lines[int(row[LINE_2])]
         modes = int(row[MODE_1]), int(row[MODE_2])
@@ -208,6 +210,17 @@ class PressedTouch(NamedTuple):
 def softness(string: StringParams) -> float:
     """Return the share by which a contact of 1 N/m would lower both segments' lines, to first order."""
     return 2.0 * string.tension / string.length
+
+
+def _chosen(every: Floats) -> Floats:
+    """Return the likeliest explanation (7,) of one place (n, 7), by two lines rather than by one of them."""
+    best = every[:, SCORE].argmax()
+    both = np.flatnonzero((every[:, MODE_1] > 0.0) & (every[:, MODE_2] > 0.0))
+    if len(both):
+        other = both[every[both, SCORE].argmax()]
+        if every[other, SCORE] > every[best, SCORE] - BOTH_LEAD:
+            best = other
+    return every[best]
 
 
 def _moments(values: Floats, weight: Floats) -> tuple[float, float]:
