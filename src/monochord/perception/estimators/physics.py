@@ -66,7 +66,10 @@ class _Physics(Watching):
             pitch_std=UNKNOWN_PITCH_STD,
         )
         self._reader: PhysicsReader = self._unknown
-        self._reader.read(np.zeros((2, tuner.size), np.float32))
+        turns = np.outer(
+            (2.5, 5.0 / 3.0), 2.0 * math.pi * tuner.nominal / signal.sample_rate * np.arange(tuner.size)
+        )
+        self._reader.read((np.array([[0.8, 0.2], [0.2, 0.8]]) @ np.sin(turns)).astype(np.float32))  # compiles
 
     def __call__(self, window: Window) -> Estimates:
         if window.start <= self._state.start:

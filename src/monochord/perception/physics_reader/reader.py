@@ -60,7 +60,7 @@ class Reading(NamedTuple):
 
     `contact` are the log odds of a touch over none, `lead` those of the place over any other. `place` and its
     `std` in m; `ratio` is r of its best explanation, `modes` its mode numbers, 0 for a segment that does not
-    sound, and `lines` the frequencies in Hz that it reads. `strongest` is the line of most power.
+    sound. `strongest` is the line of most power, in Hz, and its error.
     """
 
     contact: float
@@ -70,7 +70,6 @@ class Reading(NamedTuple):
     ratio: float
     ratio_std: float
     modes: tuple[int, int]
-    lines: tuple[Hertz, Hertz]
     strongest: tuple[Hertz, Hertz]
 
     @property
@@ -130,7 +129,7 @@ class PhysicsReader:
         distortion = distortion_of(lines, spacing, HIGHEST)
         untouched = untouched_evidence(lines, distortion, self.open)
         every = explanations_of(lines, distortion, self.open)
-        nothing = Reading(-inf, 0.0, 0.0, inf, 1.0, inf, (0, 0), (0.0, 0.0), (strongest[0], strongest[1]))
+        nothing = Reading(-inf, 0.0, 0.0, inf, 1.0, inf, (0, 0), (strongest[0], strongest[1]))
         if not len(every):
             return nothing
         best = every[:, SCORE].max()
@@ -158,7 +157,6 @@ class PhysicsReader:
             ratio=float(row[RATIO]),
             ratio_std=ratio_std,
             modes=modes,
-            lines=(float(one[FREQUENCY]), float(two[FREQUENCY])),
         )
 
     def touch(self, reading: Reading) -> "PressedTouch":
