@@ -24,12 +24,16 @@ REST, HELD, RAMP = 0.7, 0.6, 0.03
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Take:
-    """Sound (2, n) and truth (n,): whether something touches, where in m, and with how many newtons."""
+    """Sound (2, n) and truth (n,): whether something touches, where in m, and with how many newtons.
+
+    `length` is the string's in m.
+    """
 
     sound: Audio
     contact: Floats
     position: Floats
     force: Floats
+    length: float = LENGTH
 
     @property
     def touches(self) -> list[tuple[int, int]]:
@@ -45,6 +49,7 @@ class Take:
             contact=self.contact[cut],
             position=self.position[cut],
             force=self.force[cut],
+            length=self.length,
         )
 
 

@@ -104,6 +104,8 @@ WHO_CHECKS = {
     "perception.model.anomaly": {"step": "itself"},
     "perception.model.network": {"outputs": "the kernel", "scaled": "itself"},
     "perception.model.rise": {"rises": "itself"},
+    "perception.physics_reader.lines": {"window_lines": "itself"},
+    "perception.physics_reader.reader": {"read": "window_lines"},
     "perception.tuning.lines": {"window_lines": "spectrum_of", "lasting_lines": "window_lines"},
     "perception.tuning.tuner": {"_tuning": "window_lines"},
     "physics.split_string.stream": {"_ring_on": "SplitString"},

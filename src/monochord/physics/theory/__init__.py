@@ -40,6 +40,7 @@ from monochord.physics.theory.stiffness import (
     outer_diameter,
     partial_numbers,
     stiff_partials,
+    support_shortening,
 )
 from monochord.physics.theory.tension import (
     TensionLaw,
@@ -87,6 +88,7 @@ __all__ = [
     "step_limit",
     "stiff_partials",
     "stretch_stiffness",
+    "support_shortening",
     "tension_from_force",
     "tension_from_segments",
     "tone_bound",

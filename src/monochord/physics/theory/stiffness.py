@@ -73,6 +73,44 @@ def bending_stiffness(string: StringParams) -> float:
     return string.young_modulus * math.pi * string.core_diameter**4 / 64.0
 
 
+def support_shortening(string: StringParams) -> Metres:
+    """Return by how much a point that supports a stiff string shortens the segment on either side.
+
+    lambda / 2 with lambda = sqrt(E I / T), the distance over which a bent string comes straight. A hinge
+    leaves a segment as long as it is and a clamp shortens it by lambda; over a point support the slope goes
+    on, so that the other side's bending is half of a clamp. Holds for partials whose waves are long beside
+    lambda, on a segment whose neighbour does not sound with it.
+
+    Parameters
+    ----------
+    string
+        The string; zero `core_diameter` gives zero.
+
+    Returns
+    -------
+    float
+        In m.
+
+    Raises
+    ------
+    InputError
+        If the tension is not above zero.
+
+    References
+    ----------
+    Fletcher and Rossing (1998), The Physics of Musical Instruments, section 2.18: hinged and clamped ends;
+    the point support is derived here from the same beam.
+
+    Examples
+    --------
+    >>> plain = StringParams(length=0.2, linear_density=3.978e-4, tension=65.0, core_diameter=2.54e-4)
+    >>> round(1e3 * support_shortening(plain), 3)
+    0.396
+    """
+    refuse_not_positive(tension=string.tension)
+    return 0.5 * math.sqrt(bending_stiffness(string) / string.tension)
+
+
 def inharmonicity(string: StringParams, length: Metres | None = None) -> float:
     """Return the inharmonicity coefficient of the untouched string, or of a segment of it.
 
