@@ -10,7 +10,7 @@ from msgspec import Meta
 from monochord.core.errors import InputError
 from monochord.core.types import OUTSIDE_RANGE, Estimate, Estimates, Prepared, Signal, Window
 from monochord.core.units import Newtons, Samples
-from monochord.perception.closed_form.usable import why_unusable
+from monochord.perception.closed_form.usable import unusable_reason
 from monochord.perception.estimators.base import Condition, Estimator, Watching
 from monochord.perception.physics_reader.reader import UNKNOWN_PITCH_STD, PhysicsReader, Reading
 from monochord.perception.tuning import Tuner, TunerState, Tuning
@@ -79,7 +79,7 @@ class _Physics(Watching):
         if tuning is not None and tuning is not before:
             pitch_std = tuning.frequency_std / tuning.frequency
             self._reader = self._unknown.tuned(tuning.tuned(self._tuner.string), pitch_std)
-        reason = why_unusable(window)
+        reason = unusable_reason(window)
         reading = None if reason else self._reader.read(window.samples)
         if reading is None:
             return _abstain(reason or "no harmonic structure")
