@@ -5,9 +5,6 @@ without the transformer):
 
 `features.toml` lists the variations. Those with YAMNet need its package and weights
 (`studies/monochord-yamnet/README.md`). Existing runs in the folder of `--out` are kept.
-
-`features.toml` lists the variations. Those of YAMNet need its package and its weights
-(`studies/monochord-yamnet/README.md`). What a folder of `--out` already has is not trained again.
 """
 
 import tomllib
