@@ -19,6 +19,7 @@ from monochord.lab.objects import DRAWN
 from monochord.physics.materials import Material, load_material
 from monochord.physics.sensors import load_sensor
 from monochord.physics.twin import Key, Sensor, Touch
+from monochord.physics.twin.setup import MountKind
 from monochord.physics.twin.world import ALL, Effects, World, plausible_touch, sensor_of
 
 Amount: TypeAlias = Annotated[int, Meta(ge=1, le=100000)]
@@ -70,7 +71,7 @@ class Group(Checked):
         Range of how far a press goes on across the string, as a share of its depth: it loads the touch
         sideways.
     world
-        "ideal" or "plausible", see `monochord.physics.twin.world`; by default the plan's.
+        "ideal", "plausible" or "plausible_1", see `monochord.physics.twin.world`; by default the plan's.
     deviation
         What deviates of its sensors and objects; by default the plan's.
     builds
@@ -222,6 +223,7 @@ class Plan(Checked):
         Seed of a build of that design within its tolerances; by default the design itself.
     world
         "ideal", or "plausible" for what a real build brings besides, see `monochord.physics.twin.world`.
+        Plans that trained the bundled model are of "plausible_1".
     effects
         The effects of a plausible world, each a switch.
     deviation
@@ -372,10 +374,16 @@ class Assignment:
         """
         radius = self.radius if self.origin.group.radii else None
         touch = Touch(material=self.material, motion=motion, radius=radius, rolls=self.group.rolls)
-        if self.world != "ideal":
-            own = self.name if self.group.material in DRAWN else f"build {self.build}"
-            touch = plausible_touch(touch, crc32(f"{self.seed} {own}".encode()), self.plan.effects)
+        own = self.name if self.group.material in DRAWN else f"build {self.build}"
+        seed = crc32(f"{self.seed} {own}".encode())
+        touch = plausible_touch(touch, seed, self.plan.effects, self.world)
         return self.deviation.of_touch(touch)
+
+    @property
+    def mount(self) -> MountKind:
+        """The class of the mount that holds its object; empty where none is drawn."""
+        place = 0.5 * sum(self.design().range)
+        return self.touch((Key(time=0.0, position=place),)).mount.kind
 
     def random(self, purpose: str) -> np.random.Generator:
         """Return random numbers of this session for one purpose."""

@@ -41,14 +41,15 @@ class VirtualSensor:
         Seeds of another build within the design's tolerances, and of another day; None is the design itself.
     world
         ``ideal``, or ``plausible``: what a real build brings besides, see `monochord.physics.twin.world`. The
-        mounts and surfaces of its objects are drawn by `seed` and material.
+        mounts and surfaces of its objects are drawn by `seed` and material. ``plausible_1`` draws as the
+        bundled model's training did.
     sample_rate
         In Hz, 16000 to 192000.
 
     Attributes
     ----------
     design, sensor
-        The sensor as designed, and this build of it.
+        The sensor as designed, and this build of it; `sensor.measured_length` is what a ruler says.
 
     Raises
     ------
@@ -144,7 +145,7 @@ class VirtualSensor:
             Key(time=down + PRESS, position=position, force=force),
         )
         touch = Touch(material=load_material(material), motion=motion, radius=radius, rolls=rolls)
-        self._touches.append(touch if self.world == "ideal" else plausible_touch(touch, self._seed))
+        self._touches.append(plausible_touch(touch, self._seed, world=self.world))
         self._changed = True
         return len(self._touches) - 1
 
