@@ -1,7 +1,7 @@
 """Plans: groups of sessions over a grid of positions, forces and radii, as strict data."""
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Literal, TypeAlias
 from zlib import crc32
@@ -19,6 +19,7 @@ from monochord.lab.objects import DRAWN
 from monochord.physics.materials import Material, load_material
 from monochord.physics.sensors import load_sensor
 from monochord.physics.twin import Key, Sensor, Touch
+from monochord.physics.twin.held import drawn_mount
 from monochord.physics.twin.setup import MountKind
 from monochord.physics.twin.world import ALL, Effects, World, plausible_touch, sensor_of
 
@@ -70,6 +71,12 @@ class Group(Checked):
     oblique
         Range of how far a press goes on across the string, as a share of its depth: it loads the touch
         sideways.
+    mount
+        Class of the mounts that hold its objects in the world "plausible": "bolted", "light" or "soft"; by
+        default it is drawn for each build and object.
+    approach
+        Who leads the object: a "robot", straight down to a place and a depth, or a "hand", which comes down
+        faster, or in steps, or beside the place, and whose press wavers. Of the protocol "hold".
     world
         "ideal", "plausible" or "plausible_1", see `monochord.physics.twin.world`; by default the plan's.
     deviation
@@ -119,6 +126,8 @@ class Group(Checked):
     second: Annotated[Metres, Meta(ge=0.0, le=1.0)] = 0.0
     rolls: bool = False
     oblique: Pair[Annotated[float, Meta(ge=0.0, le=MAX_OBLIQUE)]] = (0.0, 0.0)
+    mount: MountKind = ""
+    approach: Literal["robot", "hand"] = "robot"
     world: World | None = None
     deviation: Deviation | None = None
     builds: tuple[Whole, ...] = ()
@@ -151,6 +160,8 @@ class Group(Checked):
             raise InputError(f"group {self.name}: grid {self.grid}", f"{MAX_TOUCHES} touches at most")
         if self.builds and self.first_build is not None:
             raise InputError(f"group {self.name}: builds and first_build", "only one of them")
+        if self.approach == "hand" and self.protocol != "hold":
+            raise InputError(f"group {self.name}: a hand and protocol {self.protocol}", "protocol hold")
         if not self.days:
             raise InputError(f"group {self.name} without days", "one day or more")
 
@@ -376,6 +387,8 @@ class Assignment:
         touch = Touch(material=self.material, motion=motion, radius=radius, rolls=self.group.rolls)
         own = self.name if self.group.material in DRAWN else f"build {self.build}"
         seed = crc32(f"{self.seed} {own}".encode())
+        if self.group.mount and self.world == "plausible" and self.plan.effects.mount:
+            touch = replace(touch, mount=drawn_mount(self.material.name, seed, self.group.mount))
         touch = plausible_touch(touch, seed, self.plan.effects, self.world)
         return self.deviation.of_touch(touch)
 

@@ -45,15 +45,15 @@ part or a robot's joint 1e6 to 1e7, a fingertip or a rubber pad 1e4 to 1e5 at th
 magnitude by E A / l of such parts)."""
 
 
-def drawn_mount(name: str, seed: int) -> Mount:
-    """Return the mount of an object by its name and a seed, of a class that is drawn too.
+def drawn_mount(name: str, seed: int, kind: MountKind = "") -> Mount:
+    """Return the mount of an object by its name and a seed, of a class that is drawn too if none is given.
 
     Examples
     --------
     >>> drawn_mount("plastic", 4).kind
     'bolted'
     """
-    kind = drawn_kind(name, seed)
+    kind = kind or drawn_kind(name, seed)
     allowed = CLASSES[kind]
     modes = tuple(_mode(f"mode {i} under {name}", allowed, seed) for i in range(_count(name, seed)))
     spring = log_uniform(seed, f"spring under {name}", allowed.stiffness)
