@@ -35,7 +35,7 @@ JACK_PERIOD = 256
 TRAINED_SENSOR, TRAINED_BUILDS = "prototype", range(1, 73)
 """The sensor and the builds of it that this model was trained on, by the plan builds."""
 UNSEEN: Mapping[str, Any] = {
-    "world": "plausible",
+    "world": "plausible_1",
     "build": 131,
     "day": 51,
     "materials": ["plastic", "wood", "metal_tube", "allen_key"],
@@ -62,7 +62,7 @@ UNSEEN: Mapping[str, Any] = {
 @click.option(
     "--world",
     type=click.Choice(get_args(World)),
-    help="A perfect sensor, or one with the tolerances and noise of a real build.  [default: plausible]",
+    help="A perfect sensor, or one with the tolerances and noise of a real build.  [default: plausible_1]",
 )
 @click.option(
     "--build",
