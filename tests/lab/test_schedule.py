@@ -82,9 +82,7 @@ def test_a_lifted_session_touches_in_its_taps_only() -> None:
 
 def test_a_hand_comes_down_in_three_ways_and_wavers_where_the_robot_would_stand() -> None:
     group = Group(name="a", grid=(12, 2), places=(0.01, 0.19), forces=(0.3, 1.5), hold=1.0)
-    robot, hand = (
-        assignments(tiny(groups=(replace(group, approach=way),)))[0] for way in ("robot", "hand")
-    )
+    robot, hand = (assignments(tiny(groups=(replace(group, approach=way),)))[0] for way in ("robot", "hand"))
     np.testing.assert_array_equal(robot.cells(), hand.cells())
     motion = schedule(hand).motion
     kinds = [phase.kind for phase in motion.phases]

@@ -1,6 +1,7 @@
 """A stiff string by finite elements: an oracle that shares no formula with the twin's modes."""
 
 from collections.abc import Mapping
+from itertools import pairwise
 
 import numpy as np
 from scipy.linalg import eigh
@@ -26,7 +27,7 @@ def beam_frequencies(
     springs, turning = dict(springs or {}), dict(turning or {})
     marks = sorted({0.0, string.length, *pins, *springs, *turning})
     nodes = [0.0]
-    for start, stop in zip(marks[:-1], marks[1:], strict=True):
+    for start, stop in pairwise(marks):
         nodes += np.linspace(start, stop, int(np.ceil((stop - start) / element)) + 1)[1:].tolist()
     places, size = np.array(nodes), 2 * len(nodes)
     stiff, mass = np.zeros((size, size)), np.zeros((size, size))
@@ -35,11 +36,11 @@ def beam_frequencies(
         bend = np.array([[12, 6 * h, -12, 6 * h], [6 * h, 4 * h**2, -6 * h, 2 * h**2],
                          [-12, -6 * h, 12, -6 * h], [6 * h, 2 * h**2, -6 * h, 4 * h**2]]) / h**3  # fmt: skip
         pull = np.array([[36, 3 * h, -36, 3 * h], [3 * h, 4 * h**2, -3 * h, -(h**2)],
-                         [-36, -3 * h, 36, -3 * h], [3 * h, -(h**2), -3 * h, 4 * h**2]]) / (30 * h)  # fmt: skip
+                         [-36, -3 * h, 36, -3 * h], [3 * h, -(h**2), -3 * h, 4 * h**2]])  # fmt: skip
         load = np.array([[156, 22 * h, 54, -13 * h], [22 * h, 4 * h**2, 13 * h, -3 * h**2],
-                         [54, 13 * h, 156, -22 * h], [-13 * h, -3 * h**2, -22 * h, 4 * h**2]]) * h / 420  # fmt: skip
-        stiff[own, own] += bending_stiffness(string) * bend + string.tension * pull
-        mass[own, own] += string.linear_density * load
+                         [54, 13 * h, 156, -22 * h], [-13 * h, -3 * h**2, -22 * h, 4 * h**2]])  # fmt: skip
+        stiff[own, own] += bending_stiffness(string) * bend + string.tension / (30 * h) * pull
+        mass[own, own] += string.linear_density * h / 420 * load
 
     def node(place: float) -> int:
         return int(np.argmin(np.abs(places - place)))

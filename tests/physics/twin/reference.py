@@ -245,11 +245,8 @@ def _step(sensor: Parameters, state: State, plausible: Plausible | None, bank: F
     v_free = bank[r.V_Q] * q + bank[r.V_V] * v + bank[r.V_FORCE] * push
 
     solutions = _moved_touches(sensor, state, plausible, bank, index)
-    included = (
-        memory.tuned_tension - constants.tension - _drifted(constants, index - index % r.CONTROL_PERIOD)
-    )
-    if plausible is not None:
-        included -= plausible.chain.pressed
+    included = memory.tuned_tension - constants.tension - _pressed_tension(plausible)
+    included -= _drifted(constants, index - index % r.CONTROL_PERIOD)
     free = float(bank[r.STRETCH] @ q_free**2)
     stretch, tension, q_new, force = free, 0.0, q_free, np.zeros_like(q)
     if constants.linear_law == 0:
@@ -278,12 +275,7 @@ def _step(sensor: Parameters, state: State, plausible: Plausible | None, bank: F
     memory.coil_speed_1 = bank[r.SENSE_1] @ bank[r.V]
     memory.coil_speed_2 = bank[r.SENSE_2] @ bank[r.V]
     for t in range(count):
-        if plausible is not None:
-            turns: TurningState = plausible.turnings[t]
-            slope = float(plausible.slopes[t, 0] @ bank[r.Q, : q.size // 2])
-            pressed = state.contact[t].s > 0.0 and solutions[t].s > 0.0
-            turns.deflection = turns.deflection + slope - turns.slope if pressed else 0.0
-            turns.slope = slope
+        _keep_turn(plausible, state.contact[t], solutions[t], bank, t)
         _keep_contact(sensor.touches[t], state.contact[t], solutions[t], step, _surface_seed(constants, t))
         if plausible is not None:
             modes = plausible.mount_modes[t]
@@ -293,6 +285,24 @@ def _step(sensor: Parameters, state: State, plausible: Plausible | None, bank: F
     if plausible is not None:
         plausible.coils["place_before"] = plausible.coils["place"]
         plausible.coils["place"] = bank[[r.DRIVE_1, r.DRIVE_2]] @ bank[r.Q]
+
+
+def _pressed_tension(plausible: Plausible | None) -> float:
+    """Return the tension in N that a press makes beside the geometric law."""
+    return 0.0 if plausible is None else float(plausible.chain.pressed)
+
+
+def _keep_turn(
+    plausible: Plausible | None, own: ContactState, solution: ContactSolution, bank: Floats, t: int
+) -> None:
+    """Take over the string's slope at a touch after a step."""
+    if plausible is None:
+        return
+    turns: TurningState = plausible.turnings[t]
+    slope = float(plausible.slopes[t, 0] @ bank[r.Q, : plausible.slopes.shape[2]])
+    pressed = own.s > 0.0 and solution.s > 0.0
+    turns.deflection = turns.deflection + slope - turns.slope if pressed else 0.0
+    turns.slope = slope
 
 
 def _moved_touches(

@@ -5,6 +5,7 @@ import pytest
 from scipy.stats import binomtest, kstest
 
 from monochord.physics.twin.held import CLASSES, drawn_mount
+from monochord.physics.twin.setup import MountKind
 
 MOUNTS = [drawn_mount("plastic", seed) for seed in range(1000)]
 
@@ -17,7 +18,7 @@ def test_classes_come_as_often_as_stated() -> None:
 
 
 @pytest.mark.parametrize("kind", CLASSES)
-def test_spring_and_modes_fit_each_other(kind: str) -> None:
+def test_spring_and_modes_fit_each_other(kind: MountKind) -> None:
     (low, high), (light, heavy) = CLASSES[kind].stiffness, CLASSES[kind].mass
     own = [mount for mount in MOUNTS if mount.kind == kind]
     springs = np.array([1.0 / mount.compliance for mount in own])

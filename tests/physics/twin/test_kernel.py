@@ -90,7 +90,10 @@ SKIPPED = {"two": 75, "two that turn": 75, "two at one place": 120, "two mounted
 # Of two touches, one scene in the quick tests: they take the readable step many rounds.
 @pytest.mark.parametrize(
     "name",
-    [pytest.param(n, marks=pytest.mark.slow) if n in {"two", "two at one place", "two that turn"} else n for n in SCENES],
+    [
+        pytest.param(n, marks=pytest.mark.slow) if n in {"two", "two at one place", "two that turn"} else n
+        for n in SCENES
+    ],
 )
 def test_kernel_equals_the_readable_step(name: str) -> None:
     # Over some hundred frames sums in another order grow to some 1e-12 of the amplitude, and to 1e-7 where

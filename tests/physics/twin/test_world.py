@@ -144,8 +144,8 @@ def fingerprint_of_draws(world: World) -> str:
         string, ups = one.string, one.pickups
         rows.append([string.length, string.linear_density, string.tension, string.core_diameter, one.drift,
                      one.drift_rate])  # fmt: skip
-        rows += [[d.sense, d.drive, d.aperture, d.centre, d.quality, d.gain, d.limit, d.angle, d.level, d.bias,
-                  d.pull] for d in one.drivers]  # fmt: skip
+        rows += [[d.sense, d.drive, d.aperture, d.centre, d.quality, d.gain, d.limit, d.angle, d.level,
+                  d.bias, d.pull] for d in one.drivers]  # fmt: skip
         rows += [[end.compliance, end.admittance, end.frequency, end.quality] for end in one.ends]
         rows.append([ups.own, ups.gain, ups.angle, ups.hiss, ups.distortion, ups.hum, ups.mains, ups.feed,
                      ups.residual])  # fmt: skip

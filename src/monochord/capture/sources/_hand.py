@@ -143,7 +143,8 @@ class Led:
     """The object that follows a `Hand`; `seed` draws its mount and surface in a plausible `world`."""
 
     def __init__(self, hand: Hand, seed: int, world: World) -> None:
-        self._hand, self._seed, self._world = hand, seed, world
+        self._hand, self._seed = hand, seed
+        self._world: World = world
         self._touch: Touch | None = None
         self._number: int | None = None
         self._lifting = False

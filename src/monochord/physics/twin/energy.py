@@ -26,10 +26,10 @@ def energy(twin: Twin) -> float:
     sum of weights times q^2, and d the excess of that tension over that of a string which does not stretch. A
     contact stores k1 delta^2 / 2 + 2 k2 delta^(5/2) / 5, the modes beyond the bank R f^2 / 2, the bristles
     sigma z^2 / 2. What holds an object stores sum m/2 (v^2 + omega^2 q^2) in its modes and R f^2 / 2 in its
-    spring, a rough layer u0 (f - F0 log(1 + f / F0)), a contact that turned by z k z^2 / 2, a driver's magnet -k u^2 / 2 + k d^2 / 4 over a string
-    that stands at u and moved there by d in a step. This is what the scheme conserves: without losses and
-    drivers, under objects at rest, it is constant up to rounding and to the error of a step's iteration
-    (`tolerance` of `begin`).
+    spring, a rough layer u0 (f - F0 log(1 + f / F0)), a contact that turned by z k z^2 / 2, a driver's magnet
+    -k u^2 / 2 + k d^2 / 4 over a string that stands at u and moved there by d in a step. This is what the
+    scheme conserves: without losses and drivers, under objects at rest, it is constant up to rounding and to
+    the error of a step's iteration (`tolerance` of `begin`).
 
     Parameters
     ----------

@@ -210,12 +210,12 @@ def _set_bristles(
 
 
 @called
-def _prepare_turning(
-    sensor: Parameters, state: State, plausible: Plausible, size: int, t: int, layer: LayerParameters
-) -> None:
-    """At a control update: the modes' slopes at a touch, and how it resists their turning."""
+def _prepare_turning(sensor: Parameters, state: State, plausible: Plausible, size: int, t: int) -> None:
+    """At a control update: the modes' slopes at a touch, and how it resists their turning, if it does."""
     constants: Constants = sensor.constants
     own: TurningState = plausible.turnings[t]
+    if own.half + own.arm == 0.0:
+        return
     now: Motion = state.motion[t]
     ahead: Motion = state.ahead[t]
     slope, weights = plausible.slopes[t], plausible.slope_weights[t]
@@ -228,7 +228,7 @@ def _prepare_turning(
     load = max(now.force, MIN_BRISTLE_FORCE)
     k1, k2 = sensor.touches[t].k1, sensor.touches[t].k2
     normal = contact.stiffness(contact.static_root(load, k1, k2), k1, k2)
-    normal = 1.0 / (1.0 / normal + contact.layer_compliance(load, layer))
+    normal = 1.0 / (1.0 / normal + contact.layer_compliance(load, plausible.layers[t]))
     stiffness = own.half * own.half * normal + own.arm * load
     # Bending smooths a slope over sqrt(E I / T), whose root of the tension the compliance follows.
     whole = interpolated(plausible.slope_compliance[t], now.position / length)
@@ -271,11 +271,10 @@ def _prepare_touch(sensor: Parameters, state: State, plausible: Plausible | None
     own.residual_compliance = max(0.0, here - modal)
     if plausible is not None:
         own.residual_compliance += plausible.mounts[t].spring
+        _prepare_turning(sensor, state, plausible, size, t)
     if own.s > 0.0:
         own.eta = contact.approach(own.s, k1, k2, own.residual_compliance, layer)
     _set_bristles(touch, own, max(now.force, MIN_BRISTLE_FORCE), constants.step, layer)
-    if plausible is not None and plausible.turnings[t].half + plausible.turnings[t].arm > 0.0:
-        _prepare_turning(sensor, state, plausible, size, t, plausible.layers[t])
     if own.time_off >= CONTACT_HOLD and touch.roughness > 0.0:
         scale = 1.0 / touch.roughness_length
         own.height = touch.roughness * roughness.height(
@@ -470,7 +469,7 @@ def _find_turning(state: State, plausible: Plausible, size: int, t: int) -> None
 
 @inlined
 def _solve_turning(state: State, plausible: Plausible, t: int) -> float:
-    """Take the other touches into one's moment without a force; return by how much moments lift the string."""
+    """Take other touches into one's moment without a force; return by how much moments lift the string."""
     own: TurningState = plausible.turnings[t]
     lifted, turned = 0.0, own.turned
     for o in range(len(state.contact)):
@@ -522,6 +521,22 @@ def _solve_touch(sensor: Parameters, state: State, plausible: Plausible | None, 
 
 
 @inlined
+def _apply_moments(plausible: Plausible, bank: Floats, size: int) -> None:
+    """Apply what touches that resist turning do to the string."""
+    for t in range(len(plausible.turnings)):
+        if plausible.turnings[t].moment != 0.0:
+            turning.apply_moment(bank, size, plausible.slopes[t], plausible.turnings[t].moment)
+
+
+@inlined
+def _add_moments(plausible: Plausible, bank: Floats, size: int) -> None:
+    """Add the moments of all touches to their modal force."""
+    for t in range(len(plausible.turnings)):
+        if plausible.turnings[t].moment != 0.0:
+            turning.add_force(bank, size, plausible.slopes[t], plausible.turnings[t].moment)
+
+
+@inlined
 def _solve_touches(
     sensor: Parameters, state: State, plausible: Plausible | None, size: int, turn: int
 ) -> float:
@@ -539,9 +554,7 @@ def _solve_touches(
         if count == 1 or change <= FORCE_TOLERANCE * largest:
             break
     if plausible is not None:
-        for t in range(count):
-            if plausible.turnings[t].moment != 0.0:
-                turning.apply_moment(bank, size, plausible.slopes[t], plausible.turnings[t].moment)
+        _apply_moments(plausible, bank, size)
     stretch = 0.0
     for t in range(count):
         if count > 1:
@@ -551,9 +564,7 @@ def _solve_touches(
             bank, size, state.solution[t].force, state.solution[t].force_across, kept
         )
     if plausible is not None:
-        for t in range(count):
-            if plausible.turnings[t].moment != 0.0:
-                turning.add_force(bank, size, plausible.slopes[t], plausible.turnings[t].moment)
+        _add_moments(plausible, bank, size)
     return stretch
 
 
@@ -694,8 +705,7 @@ def _step(sensor: Parameters, state: State, plausible: Plausible | None, size: i
                 size,
                 plausible.slopes[t],
                 plausible.turnings[t],
-                state.contact[t].s > 0.0,
-                state.solution[t].s > 0.0,
+                state.contact[t].s > 0.0 and state.solution[t].s > 0.0,
             )
         _keep_contact(
             sensor.touches[t], state.contact[t], state.solution[t], constants.step, constants.seed, t
@@ -811,7 +821,18 @@ def _write_frame(
     out.settled[frame] = int(memory.settled)
 
 
-FILES = (sys.modules[__name__], contact, electronics, friction, jit, mount, records, roughness, string, turning)
+FILES = (
+    sys.modules[__name__],
+    contact,
+    electronics,
+    friction,
+    jit,
+    mount,
+    records,
+    roughness,
+    string,
+    turning,
+)
 FINGERPRINT = jit.fingerprint(FILES)
 
 

@@ -84,8 +84,10 @@ def plausible_of(
 def _turnings(
     string: StringParams, touches: tuple[Touch, ...], exact: Floats
 ) -> tuple[Records, Floats, Floats]:
-    """Return how the touches resist turning, at rest; the weight of each mode's slope between the edges or at
-    a point, in rad/m; and the static turn along the string, in rad/(N m).
+    """Return how the touches resist turning, each mode's weight in rad/m, and the turn along the string.
+
+    The weight is that of a mode's slope between the edges or at a point, the turn that by a static moment, in
+    rad/(N m).
     """
     turnings = np.zeros(len(touches), dtype_of(TurningState))
     slopes, tables = np.zeros((len(touches), exact.size)), np.zeros((len(touches), TABLE_PLACES))

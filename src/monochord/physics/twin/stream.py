@@ -410,9 +410,7 @@ def _plausible(
     step = 1.0 / (rate * chosen.oversampling)
     exact = np.zeros(padded(chosen.count))
     exact[: chosen.count] = _exact(sensor.string, chosen, step)
-    single = plausible_of(
-        sensor, touches, rate=rate, step=step, bank=bank, weights=weights, exact=exact
-    )
+    single = plausible_of(sensor, touches, rate=rate, step=step, bank=bank, weights=weights, exact=exact)
     return None if single is None else _batched(single)
 
 

@@ -1,10 +1,10 @@
 """How a touch resists the turning of the string: a moment beside its force.
 
-An object that touches along a line, or between two edges a width w apart, holds the string's slope too. In the
+An object that touches along a line, or at two edges a width w apart, holds the string's slope too. In the
 modal string the force acts on the mean height of both edges and the moment on the difference of their heights
 over w, so that both edges are held where the contact is stiff: then each segment ends at its own edge. A
-round object of radius R that the string presses with F turns with it by rolling: the middle of the contact
-moves by R theta, which is a moment F R theta.
+string that turns by theta on a round object of radius R rolls on it: the middle of the contact moves by
+R theta, and the press F with it, which is a moment F R theta.
 
 Either is a spring k between slope and object, k = h^2 (slope of the force by compression) + F R with h = w/2.
 The modes beyond the bank turn without delay: they are a compliance in series, as they are for the force, and
@@ -79,9 +79,7 @@ def free_response(bank: Floats, size: int, slope: Floats) -> tuple[float, float,
 
 
 @inlined
-def mutual_compliance(
-    bank: Floats, size: int, row: int, slope: Floats, other: Floats
-) -> tuple[float, float]:
+def mutual_compliance(bank: Floats, size: int, row: int, slope: Floats, other: Floats) -> tuple[float, float]:
     """Return how height and slope at one touch yield to a moment at another, over a step."""
     height, turned = 0.0, 0.0
     for i in range(size // 2):
@@ -115,10 +113,10 @@ def add_force(bank: Floats, size: int, slope: Floats, moment: float) -> None:
 
 
 @inlined
-def keep(bank: Floats, size: int, slope: Floats, own: TurningState, before: bool, after: bool) -> None:
-    """Take over the slope after a step; `before` and `after` say whether the touch presses."""
+def keep(bank: Floats, size: int, slope: Floats, own: TurningState, pressed: bool) -> None:  # noqa: FBT001
+    """Take over the slope after a step; `pressed` says whether the touch did, before and after."""
     turned = 0.0
     for i in range(size // 2):
         turned += slope[0, i] * bank[Q * size + i]
-    own.deflection = own.deflection + turned - own.slope if before and after else 0.0
+    own.deflection = own.deflection + turned - own.slope if pressed else 0.0
     own.slope = turned

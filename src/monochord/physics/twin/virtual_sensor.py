@@ -80,7 +80,8 @@ class VirtualSensor:
     ) -> None:
         design = load_sensor(sensor) if isinstance(sensor, str) else sensor
         self.design, self.sensor = design, sensor_of(design, world, build=build, day=day)
-        self.world, self._seed = world, seed
+        self.world: World = world
+        self._seed = seed
         length = self.sensor.string.length
         pluck = Pluck(position=0.2 * length, height=PLUCK * length)
         self._twin = begin(self.sensor, Scene(pluck=pluck), sample_rate=sample_rate, seed=seed)

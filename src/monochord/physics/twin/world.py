@@ -2,12 +2,12 @@
 
 The ideal world has rigid ends and objects, Hertz's contact and a linear chain. A plausible sensor is retuned,
 creeps and is warmed; its string is longer or shorter than designed, and tightens under a press by more than
-it stretches; its ends yield, its drivers are stronger, uneven and magnetic; its chain distorts, hums and picks
-up the coils. A plausible object gives way, and its surface is rough, and round, flat or sharp, of a width, and
-resists turning. `plausible_1` draws as the bundled model's training did: every object on a soft mount, point
-contacts, a length known to 0.25 mm. Each
-of these effects is a switch of `Effects`, and each of its quantities is drawn from a stated range by a random
-stream of its own, by name and seed: to switch one off leaves the others as they were.
+it stretches; its ends yield, its drivers are stronger, uneven and magnetic; its chain distorts, hums and
+picks up the coils. A plausible object gives way, and its surface is rough, and round, flat or sharp, of a
+width, and resists turning. Each of these effects is a switch of `Effects`, and each of its quantities is
+drawn from a stated range by a random stream of its own, by name and seed: to switch one off leaves the others
+as they were. The world `plausible_1` draws as the bundled model's training did: softer mounts, contacts at a
+point, and the design's length within 0.6 mm.
 
 Quantities whose size is not known are drawn evenly over their logarithm, others evenly over their range. The
 ranges are what a careful reviewer would expect; each names its source or the word assumed.
@@ -184,9 +184,7 @@ def sensor_of(
     return built if day is None else plausible_day(built, day, effects)
 
 
-def plausible_build(
-    sensor: Sensor, seed: int, effects: Effects = ALL, world: World = "plausible"
-) -> Sensor:
+def plausible_build(sensor: Sensor, seed: int, effects: Effects = ALL, world: World = "plausible") -> Sensor:
     """Return a sensor with the effects that it has as built.
 
     Parameters
@@ -247,9 +245,7 @@ def plausible_day(sensor: Sensor, seed: int, effects: Effects = ALL) -> Sensor:
     return replace(later, drift=min(limit, max(-limit, drift)))
 
 
-def plausible_touch(
-    touch: Touch, seed: int, effects: Effects = ALL, world: World = "plausible"
-) -> Touch:
+def plausible_touch(touch: Touch, seed: int, effects: Effects = ALL, world: World = "plausible") -> Touch:
     """Return a touch whose object is held by a mount and has a surface of its own, by its material and seed.
 
     A touch that states a mount, a law or a radius keeps it. An object that rolls as it moves stays round. In
