@@ -112,7 +112,7 @@ def test_the_eighth_sealed_plan_has_every_class_of_mount_and_both_ways_of_leadin
     assert min(group.hold for group in wide) >= 2.0
 
 
-def test_the_next_training_has_300_builds_of_the_mended_world() -> None:
+def test_the_next_training_has_300_builds_of_the_world_plausible() -> None:
     plan = plan_of("builds_2")
     builds = {build for group in plan.groups if not group.design for build in _builds(group)}
     assert len(builds) == 300

@@ -33,7 +33,7 @@ DESIGN = load_sensor("prototype")
 PRESS = hold(0.08, 1.0, PLASTIC)
 BUILDS = [plausible_build(DESIGN, seed) for seed in range(300)]
 TOUCHES = [plausible_touch(PRESS, seed) for seed in range(300)]
-FORMER = [plausible_touch(PRESS, seed, world="plausible_1") for seed in range(300)]
+FIRST_WORLD = [plausible_touch(PRESS, seed, world="plausible_1") for seed in range(300)]
 NAMES = [field.name for field in fields(Effects)]
 OF_TOUCHES = {"mount", "law", "layer", "shape"}
 OF_DAYS = {"tuning", "temperature"}
@@ -117,14 +117,14 @@ def test_objects_fill_their_ranges() -> None:
         assert one.law.arm == (0.0 if one.law.flat else radius)
 
 
-def test_the_former_world_draws_as_it_did() -> None:
-    found = [mode for one in FORMER for mode in one.mount.modes]
+def test_the_world_plausible_1_draws_what_the_bundled_model_was_trained_with() -> None:
+    found = [mode for one in FIRST_WORLD for mode in one.mount.modes]
     even([mode.frequency for mode in found], 300.0, 5000.0, log=True)
     assert min(mode.mass for mode in found) >= 2e-3
     assert max(mode.mass for mode in found) <= 50e-3
     assert min(mode.mass * (2.0 * np.pi * mode.frequency) ** 2 for mode in found) >= 0.999e4
-    even([1.0 / one.mount.compliance for one in FORMER], 1e4, 1e6, log=True)
-    assert {(one.law.width, one.law.arm, one.mount.kind) for one in FORMER} == {(0.0, 0.0, "")}
+    even([1.0 / one.mount.compliance for one in FIRST_WORLD], 1e4, 1e6, log=True)
+    assert {(one.law.width, one.law.arm, one.mount.kind) for one in FIRST_WORLD} == {(0.0, 0.0, "")}
     assert fingerprint_of_draws("plausible_1") == (
         "54b7f33dc5976ed8c97163049bcb2423cfe9825a71e22aca13864d8d0b3df8a1"
     )
