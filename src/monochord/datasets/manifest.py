@@ -46,6 +46,7 @@ class Part:
     was warned of, where it was taken all the same. `music` is what sounded in the room, empty for nothing,
     and None where that is unknown. `tension` is that of its string at rest, in N, where it is known. `tuned`
     says from where: "recorded" with the sensor as tuned, or "heard", estimated from the untouched beginning.
+    `mount` is the class of what holds its object, empty where that is unknown.
     """
 
     name: str
@@ -69,6 +70,7 @@ class Part:
     flags: tuple[str, ...] = ()
     tension: Newtons | None = None
     tuned: str | None = None
+    mount: str = ""
 
     @property
     def body(self) -> str:
