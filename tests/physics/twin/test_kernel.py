@@ -165,7 +165,7 @@ np.save(sys.argv[2], np.concatenate([take.microphones, take.labels.force, take.l
 """
 
 
-@pytest.mark.parametrize("name", ["slides across", "two", "yields, pulls and hums"])
+@pytest.mark.parametrize("name", ["slides across", "two", "yields, pulls and hums", "turns and slides"])
 @pytest.mark.slow
 def test_the_kernel_runs_without_a_compiler_too(name: str, tmp_path: Path) -> None:
     path = tmp_path / "take.npy"

@@ -455,7 +455,7 @@ def _find_turning(state: State, plausible: Plausible, size: int, t: int) -> None
     What moments of other touches do is left to the sweeps over them.
     """
     own: TurningState = plausible.turnings[t]
-    own.base, own.gain, own.cross, own.compliance = 0.0, 0.0, 0.0, 0.0
+    own.unloaded, own.gain, own.cross, own.compliance = 0.0, 0.0, 0.0, 0.0
     if _turns(state, plausible, t):
         own.turned, own.compliance, own.cross = turning.free_response(state.bank, size, plausible.slopes[t])
         turning.prepare(own, own.turned)
@@ -479,7 +479,7 @@ def _solve_turning(state: State, plausible: Plausible, t: int) -> float:
             turned += plausible.turned[0, o, t] * state.solution[o].force
     if _turns(state, plausible, t):
         turning.prepare(own, turned)
-        lifted += own.cross * own.base
+        lifted += own.cross * own.unloaded
     return lifted
 
 
@@ -513,7 +513,7 @@ def _solve_touch(sensor: Parameters, state: State, plausible: Plausible | None, 
     )
     if plausible is not None:
         plausible.turnings[t].moment = (
-            plausible.turnings[t].base + plausible.turnings[t].gain * solution.force
+            plausible.turnings[t].unloaded + plausible.turnings[t].gain * solution.force
         )
     if turn == 0:
         _rub(sensor.constants, touch, own, state.motion[t], solution, across, mutual[1, t, t])

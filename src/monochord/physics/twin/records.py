@@ -179,7 +179,7 @@ class TurningState:
     compliance: float
     cross: float
     """The slope after a step without this touch, in rad; how it yields to it, in rad/(N m) and rad/N."""
-    base: float
+    unloaded: float
     gain: float
     """The moment without a force, in N m, and what a newton adds to it, in m."""
     moment: float

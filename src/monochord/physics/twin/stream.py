@@ -76,6 +76,8 @@ from monochord.physics.twin.surface import edges_of, surface_of
 
 WIDTH_MODES = 400
 """Modes that a touch's compliance is corrected by for its width."""
+EDGE_POWERS = (1.0, 0.8, 0.6, 0.4, 0.2)
+"""How exact the modes' weights at two edges are tried to be, as powers of those at a point."""
 CLEARANCE_OF_NEW: Metres = 1e-3
 """Distance from all of the string at which a new object waits for the first control update."""
 SHARES_A_CORE = 4
@@ -550,9 +552,12 @@ def _touches(sensor: Sensor, touches: tuple[Touch, ...], chosen: RatePlan, rate:
         for i, key in enumerate(touch.motion):
             keys[t, i] = (key.time, key.position + offset, key.force, key.clearance, key.across)
         edges = edges_of(string, touch)
-        share = _edges if edges > 0.0 else _blur
-        weights[t, : chosen.count] = exact * share(string.length, edges or width, chosen.count)
-        compliance[t] = _edge_compliance(string, edges) if edges > 0.0 else _compliance(sensor, width)
+        if edges > 0.0:
+            weights[t, : chosen.count] = _edge_weights(string, exact, edges)
+            compliance[t] = _edge_compliance(string, edges)
+            continue
+        weights[t, : chosen.count] = exact * _blur(string.length, width, chosen.count)
+        compliance[t] = _compliance(sensor, width)
     return {"touches": records, "keys": keys, "weights": weights, "compliance": compliance}
 
 
@@ -575,9 +580,24 @@ def _blur(length: float, width: float, count: int) -> Floats:
     return np.exp(-((wave * width) ** 2) / 24.0)
 
 
-def _edges(length: float, width: float, count: int) -> Floats:
-    """Return the share of each mode in the mean height of two edges."""
-    return np.cos(0.5 * width * np.arange(1, count + 1) * pi / length)
+def _edge_weights(string: StringParams, exact: Floats, width: float) -> Floats:
+    """Return the weight of each mode in the mean height of two edges.
+
+    Between edges far apart so little is left to the modes beyond the bank that the weights which are exact at
+    a point would give way by more than the string does: these are taken as exact as they may be, for touches
+    of the middle three fifths as in `monochord.physics.twin.rate`.
+    """
+    n = np.arange(1, exact.size + 1)
+    share = np.cos(0.5 * width * n * pi / string.length)
+    place = np.linspace(0.0, 1.0, TABLE_PLACES)
+    inside = np.abs(place - 0.5) < 0.3
+    static = 2.0 * share**2 / (string.linear_density * string.length)
+    static /= mode_frequencies(string, exact.size) ** 2
+    shape, whole = np.sin(np.outer(place[inside], n) * pi) ** 2, _edge_compliance(string, width)[inside]
+    for power in EDGE_POWERS:
+        if np.all(shape @ (static * exact ** (2.0 * power)) <= whole):
+            return exact**power * share
+    return share
 
 
 @lru_cache(maxsize=64)

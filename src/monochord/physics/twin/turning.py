@@ -94,7 +94,7 @@ def prepare(own: TurningState, turned: float) -> None:
     """Fill the moment without a force, and its change by a newton, where the string would turn freely to."""
     half = 0.5 * own.stiffness
     share = 1.0 / (1.0 + half * own.compliance)
-    own.base = -share * (own.stiffness * own.deflection + half * (turned - own.slope))
+    own.unloaded = -share * (own.stiffness * own.deflection + half * (turned - own.slope))
     own.gain = -share * half * own.cross
 
 
