@@ -53,7 +53,7 @@ def correctable(lesson_run: Path, learnable: Path, tmp_path: Path) -> Path:
     return home
 
 
-def recorded(folder: Path, build: int, *, later: float = 0.0) -> Path:
+def recorded(folder: Path, build: int, *, later: float = 0.0, mount: str = "") -> Path:
     """A session of 12 touches whose forces are off by BIAS, and those after eight by `later` besides."""
     samples, time, labels = sung(70 + build)
     labels["force"] = labels["force"] + BIAS * (-1.0) ** build + np.where(time >= 16.0, later, 0.0)
@@ -64,7 +64,7 @@ def recorded(folder: Path, build: int, *, later: float = 0.0) -> Path:
         sample_rate=LEARNABLE,
         simulated=True,
         build=build,
-        more={"world": "plausible", "mount": "bolted"},
+        more={"world": "plausible", "mount": mount},
     )
     with SessionWriter(file, description, SessionClock(epoch_ns=10**18, origin=0.0)) as writer:
         writer.audio(Block(samples=samples, start=0, adc_time=0.0))
@@ -84,7 +84,7 @@ def row_of(rows: Sequence[SummaryRow], model: str, touches: int) -> SummaryRow:
 @pytest.mark.usefixtures("made_up_features")
 @pytest.mark.slow
 def test_known_touches_help_and_are_not_scored(correctable: Path, tmp_path: Path) -> None:
-    files = [recorded(tmp_path / "unseen", build) for build in (2, 4)]  # forces stay above zero
+    files = [recorded(tmp_path / "unseen", build, mount="bolted") for build in (2, 4)]  # forces above zero
     settings = settings_of(correctable, files)
     every = evaluate_builds(settings, name="m", touches=(0, 8, 10), run=here)
     rows = [row for row in every if row["condition"] == UNSEEN]
