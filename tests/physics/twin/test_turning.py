@@ -260,6 +260,14 @@ def test_a_round_object_turns_with_its_radius() -> None:
         turning_stiffness(FIRM, 0.0, 1.0)
 
 
+def test_what_is_off_is_left_out_of_the_kernel() -> None:
+    assert begin(SENSOR, Scene(touches=(hold(AT, 1.0, PLASTIC),))).plausible is None
+    for law in (ContactLaw(arm=1e-3), ContactLaw(flat=1e-3, width=1e-3)):
+        pressed = replace(hold(AT, 1.0, PLASTIC), law=law)
+        assert begin(SENSOR, Scene(touches=(pressed,))).plausible is not None
+    assert begin(replace(SENSOR, press_tension=0.1)).plausible is not None
+
+
 def test_an_edge_beyond_the_end_is_refused() -> None:
     wide = replace(hold(0.006, 1.0, PLASTIC), law=ContactLaw(flat=8e-3, width=8e-3))
     with pytest.raises(InputError, match="touch at"):
