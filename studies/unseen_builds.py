@@ -135,7 +135,7 @@ def evaluate_builds(
     progress: Callable[[str, int, int], None] = lambda *_: None,
     refused: Callable[[str], None] = lambda _: None,
 ) -> list[SummaryRow]:
-    """Return a row of figures for each world, estimator, number of known touches, and object.
+    """Return a row of figures for each world, estimator, number of known touches, and object or mount.
 
     A group with too few touches left (`MIN_LEFT`) is left out of that number's rows; each row states its
     number of builds.
@@ -210,7 +210,7 @@ def groups_of(files: Sequence[Path], per: Per = "session") -> list[Group]:
 
 
 def _rows_of(parts: Mapping[tuple[str, str, int], list[Results]], condition: str) -> list[SummaryRow]:
-    """Return the rows of results by world, estimator and number of known touches."""
+    """Return the rows of results by world, estimator and number of known touches, and by class of mount."""
     names = list(dict.fromkeys(model_name for _, model_name, _ in parts))
     rows: list[SummaryRow] = []
     for key in sorted(parts, key=lambda key: (key[0], names.index(key[1]), key[2])):
@@ -220,6 +220,9 @@ def _rows_of(parts: Mapping[tuple[str, str, int], list[Results]], condition: str
                 results, model=model_name, world=world, touches=count, body=body, condition=condition
             )
             rows.append(row)
+        for mount, results in _by_mount(join(parts[key])).items():
+            held = f"{condition}, {mount} mount"
+            rows.append(summary_row(results, model=model_name, world=world, touches=count, condition=held))
     return rows
 
 
@@ -374,6 +377,12 @@ def _by_object(results: Results) -> dict[str, Results]:
     names = np.unique(column).tolist()
     each = {name: results.where(column == name) for name in names} if len(names) > 1 else {}
     return {EVERYTHING: results, **each}
+
+
+def _by_mount(results: Results) -> dict[str, Results]:
+    """Return the results of each class of mount that sessions name."""
+    column = results.of_trials("mount")
+    return {name: results.where(column == name) for name in np.unique(column).tolist() if name}
 
 
 def builds_page(rows: Sequence[SummaryRow]) -> str:

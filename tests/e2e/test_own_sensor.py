@@ -47,7 +47,7 @@ class Take:
 
 def take(file: Path, places: Floats, seed: int) -> Take:
     """Render held touches at places (n, 2), m and N, of one object."""
-    twin = VirtualSensor("prototype", seed=seed, build=BUILD, day=DAY, world="plausible")
+    twin = VirtualSensor("prototype", seed=seed, build=BUILD, day=DAY, world="plausible_1")
     parts, rows = [twin.advance(REST)[0]], list[tuple[float, ...]]()
     rest = parts[0][0, twin.sample_rate :]
     spectrum = np.abs(np.fft.rfft(rest * np.hanning(rest.size)))

@@ -68,6 +68,16 @@ def test_scores_are_split_by_day_build_radius_and_session(oracle: Oracle) -> Non
     assert card.by["radius"] == {}
 
 
+def test_scores_are_split_by_the_mounts_that_sessions_name(oracle: Oracle) -> None:
+    results = oracle()
+    assert "mount" not in scorecard(results, draws=0).by
+    kinds = ("soft", "bolted") * len(results.trials)
+    trials = tuple(replace(one, mount=kind) for one, kind in zip(results.trials, kinds, strict=False))
+    by = scorecard(replace(results, trials=trials), draws=0).by["mount"]
+    assert {*by} == {"bolted", "soft"}
+    assert by["soft"]["force"].mae.value == 0.0
+
+
 def test_an_error_map_shows_where_errors_are(oracle: Oracle) -> None:
     results = oracle()
     truth = results.label("position")

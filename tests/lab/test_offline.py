@@ -13,6 +13,7 @@ from tests.lab.tiny import LATE, session, tiny
 
 from monochord.core.errors import InputError
 from monochord.core.types import Floats
+from monochord.datasets.build import build_dataset
 from monochord.lab import offline
 from monochord.lab.offline import (
     CollectedSession,
@@ -25,7 +26,7 @@ from monochord.lab.offline import (
     make,
     summarise,
 )  # fmt: skip
-from monochord.lab.plan import Assignment, ForceSensor
+from monochord.lab.plan import Assignment, ForceSensor, Group
 from monochord.lab.render import Rendering, pieces, render
 from monochord.sessions import SessionClock, SessionReader, SessionWriter, check, read_session
 from monochord.sessions.alignment import align
@@ -256,3 +257,12 @@ def test_only_with_the_drivers_on_and_sums() -> None:
 def test_too_few_labels_are_refused() -> None:
     with pytest.raises(InputError, match="1 times"):
         count_windows(TIME[:1], columns(), 0.0, 1.0)
+
+
+def test_a_dataset_knows_how_the_object_of_a_session_is_held(tmp_path: Path) -> None:
+    plan = tiny(
+        groups=(Group(name="hold", grid=(1, 1), hold=0.3, builds=(1,), mount="light"),), world="plausible"
+    )
+    file = make(session("hold_000", plan), tmp_path).path
+    (part,) = build_dataset([file], tmp_path / "dataset").manifest.parts
+    assert part.mount == "light"

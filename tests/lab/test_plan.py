@@ -1,3 +1,5 @@
+import json
+
 import numpy as np
 import pytest
 from tests.lab.tiny import session, tiny
@@ -198,3 +200,20 @@ def test_with_a_first_build_each_session_is_of_a_build_of_its_own() -> None:
 def test_an_unknown_plan_is_refused() -> None:
     with pytest.raises(InputError, match="smal"):
         load_plan("smal")
+
+
+def test_a_session_says_how_its_object_is_held_and_what_a_ruler_says() -> None:
+    groups = (
+        Group(name="a", sessions=8, builds=tuple(range(8))),
+        Group(name="b", sessions=3, builds=(1, 2, 3), mount="soft"),
+        Group(name="c", world="plausible_1", builds=(1,)),
+    )
+    sessions = assignments(tiny(groups=groups, world="plausible"))
+    described = [describe(one).more for one in sessions]
+    assert {more["mount"] for more in described[:8]} <= {"bolted", "light", "soft"}
+    assert {more["mount"] for more in described[8:11]} == {"soft"}
+    lengths = json.loads(described[0]["length"])
+    assert lengths["true"] == sessions[0].sensor().string.length
+    assert 0.0 < abs(lengths["measured"] - lengths["true"]) <= 5e-4
+    assert "mount" not in described[11]
+    assert "length" not in described[11]

@@ -1,8 +1,13 @@
+from dataclasses import replace
+
 import numpy as np
+import pytest
 from tests.lab.tiny import session, tiny
 
-from monochord.lab.plan import Group
+from monochord.core.errors import InputError
+from monochord.lab.plan import Group, assignments
 from monochord.lab.schedule import PAUSES, schedule
+from monochord.physics.twin.trajectory import depth_under
 
 
 def kinds(name: str) -> list[str]:
@@ -73,3 +78,26 @@ def test_a_lifted_session_touches_in_its_taps_only() -> None:
     assert max(key.force for key in timing.motion.keys if timing.on < key.time < timing.off) == 0.0
     assert max(key.force for key in low.motion.keys if low.on < key.time < low.off) > 0.0
     assert timing.taps == low.taps
+
+
+def test_a_hand_comes_down_in_three_ways_and_wavers_where_the_robot_would_stand() -> None:
+    group = Group(name="a", grid=(12, 2), places=(0.01, 0.19), forces=(0.3, 1.5), hold=1.0)
+    robot, hand = (assignments(tiny(groups=(replace(group, approach=way),)))[0] for way in ("robot", "hand"))
+    np.testing.assert_array_equal(robot.cells(), hand.cells())
+    motion = schedule(hand).motion
+    kinds = [phase.kind for phase in motion.phases]
+    assert 2 <= kinds.count("slide") <= 16  # led to the place from beside it
+    held = [phase for phase in motion.phases if phase.kind == "hold"]
+    places = motion.path(np.array([phase.start for phase in held]))
+    assert len(held) == 7 * len(hand.cells())  # a second, in pieces of 0.15 s
+    for i, (place, force) in enumerate(hand.cells().tolist()):
+        own = places[7 * i : 7 * i + 7]
+        depth = depth_under(hand.design().string, place, force)
+        np.testing.assert_allclose(own[:, 0], place, atol=1e-9)
+        np.testing.assert_allclose(-own[:, 2], depth, rtol=0.061)
+        assert np.ptp(own[:, 2]) > 1e-3 * depth
+
+
+def test_a_hand_that_slides_is_refused() -> None:
+    with pytest.raises(InputError, match="hand"):
+        Group(name="a", protocol="slide", approach="hand")

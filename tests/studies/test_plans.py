@@ -100,6 +100,30 @@ def test_the_plan_of_touches_shares_no_build_or_day_with_any_other_and_no_object
     assert {len(one.cells()) for one in held} == {600}
 
 
+def test_the_eighth_sealed_plan_has_every_class_of_mount_and_both_ways_of_leading() -> None:
+    plan = plan_of("sealed_8")
+    assert {group.world or plan.world for group in plan.groups} == {"plausible"}
+    drawn = [one.mount for one in assignments(plan) if one.group.name.startswith("hold_")]
+    assert {*drawn} == {"bolted", "light", "soft"}
+    assert 0.55 < drawn.count("bolted") / len(drawn) < 0.85
+    assert {one.mount for one in assignments(plan) if one.group.name == "mount_soft"} == {"soft"}
+    wide = [group for group in plan.groups if group.places == (0.01, 0.19)]
+    assert {group.approach for group in wide} == {"robot", "hand"}
+    assert min(group.hold for group in wide) >= 2.0
+
+
+def test_the_next_training_has_300_builds_of_the_world_plausible() -> None:
+    plan = plan_of("builds_2")
+    builds = {build for group in plan.groups if not group.design for build in _builds(group)}
+    assert len(builds) == 300
+    assert plan.world == "plausible"
+
+
+@pytest.mark.parametrize("name", ["builds", "designs", "everywhere", "odd", "sealed_7"])
+def test_what_the_bundled_model_knows_and_is_judged_by_is_of_its_world(name: str) -> None:
+    assert plan_of(name).world == "plausible_1"
+
+
 @pytest.mark.parametrize("plan", SEALED)
 def test_each_build_of_a_sealed_plan_has_100_touches_to_know_and_100_to_score(plan: str) -> None:
     sessions = assignments(plan_of(plan))

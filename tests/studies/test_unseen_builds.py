@@ -53,14 +53,18 @@ def correctable(lesson_run: Path, learnable: Path, tmp_path: Path) -> Path:
     return home
 
 
-def recorded(folder: Path, build: int, *, later: float = 0.0) -> Path:
+def recorded(folder: Path, build: int, *, later: float = 0.0, mount: str = "") -> Path:
     """A session of 12 touches whose forces are off by BIAS, and those after eight by `later` besides."""
     samples, time, labels = sung(70 + build)
     labels["force"] = labels["force"] + BIAS * (-1.0) ** build + np.where(time >= 16.0, later, 0.0)
     folder.mkdir(exist_ok=True)
     file = folder / f"build_{build}.mcap"
     description = Description(
-        name=file.stem, sample_rate=LEARNABLE, simulated=True, build=build, more={"world": "plausible"}
+        name=file.stem,
+        sample_rate=LEARNABLE,
+        simulated=True,
+        build=build,
+        more={"world": "plausible", "mount": mount},
     )
     with SessionWriter(file, description, SessionClock(epoch_ns=10**18, origin=0.0)) as writer:
         writer.audio(Block(samples=samples, start=0, adc_time=0.0))
@@ -80,9 +84,12 @@ def row_of(rows: Sequence[SummaryRow], model: str, touches: int) -> SummaryRow:
 @pytest.mark.usefixtures("made_up_features")
 @pytest.mark.slow
 def test_known_touches_help_and_are_not_scored(correctable: Path, tmp_path: Path) -> None:
-    files = [recorded(tmp_path / "unseen", build) for build in (2, 4)]  # forces stay above zero
+    files = [recorded(tmp_path / "unseen", build, mount="bolted") for build in (2, 4)]  # forces above zero
     settings = settings_of(correctable, files)
-    rows = evaluate_builds(settings, name="m", touches=(0, 8, 10), run=here)
+    every = evaluate_builds(settings, name="m", touches=(0, 8, 10), run=here)
+    rows = [row for row in every if row["condition"] == UNSEEN]
+    held = [row for row in every if row["condition"] == f"{UNSEEN}, bolted mount"]
+    assert [{**row, "condition": UNSEEN} for row in held] == rows
     assert [(row["model"], row["touches"]) for row in rows] == [
         ("m", 0), ("m", 8), ("m, ridge", 0), ("m, ridge", 8), (SCRATCH, 8)
     ]  # fmt: skip

@@ -53,7 +53,7 @@ UNWATCHED = 20.0
 @click.option(
     "--world",
     type=click.Choice(get_args(World)),
-    help="A perfect sensor, or one with the tolerances and noise of a real build.  [default: plausible]",
+    help="A perfect sensor, or one with the tolerances and noise of a real build.  [default: plausible_1]",
 )
 @click.option(
     "--build",

@@ -280,6 +280,7 @@ def take(job: Job) -> Taken:
         object=description.object,
         material=description.material,
         radius=description.radius,
+        mount=description.more.get("mount", ""),
         day=description.day,
         build=description.build,
         music=description.more.get("music"),

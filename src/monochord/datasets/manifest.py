@@ -46,6 +46,7 @@ class Part:
     its alignment flags, where it was accepted despite them. `music` is the ambient sound, empty for none,
     None where unknown. `tension` is the string's tension at rest, in N, where known. `tuned` is the source of
     the tension: "recorded" with the tuned sensor, or "heard", estimated from the untouched beginning.
+    `mount` is the class of its object's mount, empty where unknown.
     """
 
     name: str
@@ -69,6 +70,7 @@ class Part:
     flags: tuple[str, ...] = ()
     tension: Newtons | None = None
     tuned: str | None = None
+    mount: str = ""
 
     @property
     def body(self) -> str:

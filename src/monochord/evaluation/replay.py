@@ -339,4 +339,5 @@ def _trial(selection: Selection, session: int, disturbance: Disturbance | None) 
         build=part.build,
         simulated=part.simulated,
         checksum=part.checksum,
+        mount=part.mount,
     )

@@ -38,7 +38,8 @@ class Trial:
     """One session in one condition.
 
     `noise` names the noise, empty for none. With a `ratio` in dB it was added to the recording; without, it
-    was present during the recording. `checksum` is that of the session's file.
+    was present during the recording. `checksum` is that of the session's file. `mount` is the
+    class of its object's mount, empty where unknown.
 
     >>> Trial(session="a").condition, Trial(session="a", noise="white", ratio=5.0).condition
     ('clean', 'white 5 dB')
@@ -53,6 +54,7 @@ class Trial:
     build: int | None = None
     simulated: bool = False
     checksum: str = ""
+    mount: str = ""
 
     @property
     def condition(self) -> str:

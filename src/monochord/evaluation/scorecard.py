@@ -268,7 +268,8 @@ def _by_session_field(results: Results) -> dict[str, dict[str, dict[str, Regress
     """Return position and force scores by fields that differ between sessions, without intervals."""
     scored = regression_rows(results, "position")
     scores: dict[str, dict[str, dict[str, Regression]]] = {}
-    for key in ("day", "build", "radius", "session"):
+    mounts = ("mount",) if any(trial.mount for trial in results.trials) else ()
+    for key in ("day", "build", "radius", "session", *mounts):
         column = results.of_trials(key)
         scores[key] = {
             value if isinstance(value, str) else f"{value:g}": {

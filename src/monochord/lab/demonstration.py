@@ -21,7 +21,7 @@ JACK_PERIOD = 256
 TRAINED_SENSOR, TRAINED_BUILDS = "prototype", range(1, 73)
 """The sensor, and its builds, that this model was trained on (plan builds)."""
 UNSEEN: Mapping[str, Any] = {
-    "world": "plausible",
+    "world": "plausible_1",
     "build": 131,
     "day": 51,
     "materials": ["plastic", "wood", "metal_tube", "allen_key"],

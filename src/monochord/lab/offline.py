@@ -189,7 +189,11 @@ def delays(session: Assignment) -> dict[str, Seconds]:
 
 
 def describe(session: Assignment) -> Description:
-    """Return the description of a session's file, with the true delays."""
+    """Return the description of a session's file, with the true delays.
+
+    In a plausible world, `more` has the class of the object's `mount`, and the string's `length`: measured
+    with a ruler, and true, in m.
+    """
     plan, group, design = session.plan, session.group, session.design()
     units, rate = ("N",) * 3 + ("N m",) * 3, plan.force_rate
     wrench = Feed(stream="wrench", columns=WRENCH, units=units, rate=rate, ticks=rate)
@@ -207,6 +211,12 @@ def describe(session: Assignment) -> Description:
         "world": session.world,
         "second": repr(group.second),
     }
+    built = session.sensor()
+    if built.measured_length is not None:
+        lengths = {"measured": built.measured_length, "true": built.string.length}
+        more["length"] = json.dumps(lengths, sort_keys=True)
+    if session.mount:
+        more["mount"] = session.mount
     tuning = sensor_tuning(plan.sensor)
     if tuning:
         more[TUNING] = json.dumps(to_tree(tuning), sort_keys=True)

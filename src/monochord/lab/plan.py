@@ -1,7 +1,7 @@
 """Plans: groups of sessions over a grid of positions, forces and radii, as strict data."""
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Literal, TypeAlias
 from zlib import crc32
@@ -19,6 +19,8 @@ from monochord.lab.objects import DRAWN
 from monochord.physics.materials import Material, load_material
 from monochord.physics.sensors import load_sensor
 from monochord.physics.twin import Key, Sensor, Touch
+from monochord.physics.twin.held import drawn_mount
+from monochord.physics.twin.setup import MountKind
 from monochord.physics.twin.world import ALL, Effects, World, plausible_touch, sensor_of
 
 Amount: TypeAlias = Annotated[int, Meta(ge=1, le=100000)]
@@ -68,8 +70,14 @@ class Group(Checked):
         By default they slide.
     oblique
         Range of a press's sideways motion, as a share of its depth: it loads the touch sideways.
+    mount
+        Class of the objects' mounts in the world "plausible": "bolted", "light" or "soft"; by default it is
+        drawn for each build and object.
+    approach
+        Who moves the object: a "robot", straight down to a position and a depth, or a "hand", which comes
+        down faster, in steps, or beside the position, and whose press wavers. For the protocol "hold".
     world
-        "ideal" or "plausible", see `monochord.physics.twin.world`; by default the plan's.
+        "ideal", "plausible" or "plausible_1", see `monochord.physics.twin.world`; by default the plan's.
     deviation
         What deviates of its sensors and objects; by default the plan's.
     builds
@@ -117,6 +125,8 @@ class Group(Checked):
     second: Annotated[Metres, Meta(ge=0.0, le=1.0)] = 0.0
     rolls: bool = False
     oblique: Pair[Annotated[float, Meta(ge=0.0, le=MAX_OBLIQUE)]] = (0.0, 0.0)
+    mount: MountKind = ""
+    approach: Literal["robot", "hand"] = "robot"
     world: World | None = None
     deviation: Deviation | None = None
     builds: tuple[Whole, ...] = ()
@@ -149,6 +159,8 @@ class Group(Checked):
             raise InputError(f"group {self.name}: grid {self.grid}", f"{MAX_TOUCHES} touches at most")
         if self.builds and self.first_build is not None:
             raise InputError(f"group {self.name}: builds and first_build", "only one of them")
+        if self.approach == "hand" and self.protocol != "hold":
+            raise InputError(f"group {self.name}: a hand and protocol {self.protocol}", "protocol hold")
         if not self.days:
             raise InputError(f"group {self.name} without days", "one day or more")
 
@@ -222,6 +234,7 @@ class Plan(Checked):
         Seed of a build of that design within its tolerances; by default the design itself.
     world
         "ideal", or "plausible" for what a real build brings besides, see `monochord.physics.twin.world`.
+        Plans that trained the bundled model are of "plausible_1".
     effects
         The effects of a plausible world, each a switch.
     deviation
@@ -372,10 +385,18 @@ class Assignment:
         """
         radius = self.radius if self.origin.group.radii else None
         touch = Touch(material=self.material, motion=motion, radius=radius, rolls=self.group.rolls)
-        if self.world != "ideal":
-            own = self.name if self.group.material in DRAWN else f"build {self.build}"
-            touch = plausible_touch(touch, crc32(f"{self.seed} {own}".encode()), self.plan.effects)
+        own = self.name if self.group.material in DRAWN else f"build {self.build}"
+        seed = crc32(f"{self.seed} {own}".encode())
+        if self.group.mount and self.world == "plausible" and self.plan.effects.mount:
+            touch = replace(touch, mount=drawn_mount(self.material.name, seed, self.group.mount))
+        touch = plausible_touch(touch, seed, self.plan.effects, self.world)
         return self.deviation.of_touch(touch)
+
+    @property
+    def mount(self) -> MountKind:
+        """The class of the mount that holds its object; empty where none is drawn."""
+        place = 0.5 * sum(self.design().range)
+        return self.touch((Key(time=0.0, position=place),)).mount.kind
 
     def random(self, purpose: str) -> np.random.Generator:
         """Return random numbers of this session for one purpose."""

@@ -3,6 +3,8 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from monochord.core.types import Floats, StringParams
 from monochord.core.units import Metres, MetresPerSecond, Seconds
 from monochord.lab.plan import Assignment
@@ -37,6 +39,19 @@ OBLIQUE_SPEED: MetresPerSecond = 0.01
 """Sideways speed of an oblique press, in m/s."""
 TURN: Seconds = 0.1
 """Time between two strokes, in s."""
+HAND_SPEED = (0.05, 0.2)
+"""Range of a hand's approach speed, in m/s: a robot's, and four times as fast. Assumed."""
+HAND_BESIDE = (1e-3, 5e-3)
+"""Range of the distance, in m, at which a hand may land beside its position before it slides there. Assumed."""
+HAND_SLIDE: MetresPerSecond = 0.03
+"""Speed at which it slides there, in m/s."""
+HAND_STEP: Seconds = 0.03
+"""Pause between the steps of a hand's press, in s: with its motion, some 20 steps a second."""
+HAND_STEPS = (0.3, 0.6, 0.8, 1.0)
+"""Shares of the depth of these steps, after one of a tenth."""
+HAND_WAVER = 0.03
+"""Relative standard deviation of a hand's depth, drawn anew every `HAND_HOLD`: a steady finger's. Assumed."""
+HAND_HOLD: Seconds = 0.15
 BRUSH = (0.08, 0.35)
 """Shortest and longest brief touch, and pause after it, in s."""
 
@@ -90,6 +105,9 @@ def _touches(session: Assignment, design: StringParams) -> Iterator[Move]:
     """Yield the moves of every touch; depths follow from the grid's forces and the nominal string."""
     group, random = session.origin.group, session.origin.random("touches")
     for number, (place, force) in enumerate(session.cells().tolist()):
+        if group.approach == "hand":
+            yield from _by_hand(session, design, place, force, random)
+            continue
         yield Travel(position=place)
         if group.protocol == "hover":
             yield Approach(height=random.uniform(*group.clearances))
@@ -114,6 +132,34 @@ def _touches(session: Assignment, design: StringParams) -> Iterator[Move]:
             yield from _strokes(session, design, place, random.uniform(size=(group.strokes, 2)), number)
         yield Retreat()
         yield Stay(seconds=REST, kind="rest")
+
+
+def _by_hand(
+    session: Assignment, design: StringParams, place: Metres, force: float, random: np.random.Generator
+) -> Iterator[Move]:
+    """Yield a touch by hand: straight down, in steps, or beside its place and led there; then it wavers."""
+    depth, way = _depth(design, place, force), int(random.integers(3))
+    speed = float(random.uniform(*HAND_SPEED))
+    if way == 2:
+        low, high = session.group.places or session.design().range
+        beside = float(random.uniform(*HAND_BESIDE)) * (1.0 if place < 0.5 * (low + high) else -1.0)
+        yield Travel(position=place + beside)
+        yield Press(depth=_depth(design, place + beside, force), speed=speed)
+        yield Slide(along=-beside, speed=HAND_SLIDE)
+    else:
+        yield Travel(position=place)
+        for share in (0.1, *HAND_STEPS) if way == 1 else ():
+            yield Press(depth=share * depth, speed=speed)
+            yield Stay(seconds=HAND_STEP, kind="press")
+        if way == 0:
+            yield Press(depth=depth, speed=speed)
+    yield Stay(seconds=SETTLE, kind="settle")
+    for _ in range(max(1, round(session.group.hold / HAND_HOLD))):
+        waver = float(np.clip(random.normal(), -2.0, 2.0)) * HAND_WAVER
+        yield Press(depth=(1.0 + waver) * depth, speed=HAND_SLIDE)
+        yield Stay(seconds=HAND_HOLD, kind="hold")
+    yield Retreat(speed=speed)
+    yield Stay(seconds=REST, kind="rest")
 
 
 def _strokes(

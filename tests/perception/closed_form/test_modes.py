@@ -123,7 +123,7 @@ def test_touches_of_builds_never_heard_are_read_right() -> None:
     right, leads = list[bool](), list[float]()
     for build in range(301, 309):
         sensor, random = (
-            sensor_of(load_sensor("prototype"), "plausible", build=build),
+            sensor_of(load_sensor("prototype"), "plausible_1", build=build),
             np.random.default_rng(build),
         )
         tension = sensor.string.tension + sensor.drift

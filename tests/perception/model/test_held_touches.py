@@ -99,10 +99,10 @@ def is_far_off(place: Metres, update: Update) -> bool:
 
 
 SENSORS = {
-    "demo": VirtualSensorDraw(131, 51, 0, "plausible"),
+    "demo": VirtualSensorDraw(131, 51, 0, "plausible_1"),
     "ideal": VirtualSensorDraw(131, 51, 0, "ideal"),
-    "77": VirtualSensorDraw(77, 5, 2, "plausible"),
-    "300": VirtualSensorDraw(300, 3, 1, "plausible"),
+    "77": VirtualSensorDraw(77, 5, 2, "plausible_1"),
+    "300": VirtualSensorDraw(300, 3, 1, "plausible_1"),
 }
 GIVES = "at nodes one window tells several places, and contact from none, alike (docs/ROADMAP.md)"
 

@@ -190,6 +190,7 @@ def with_effects(rng: Draw, sensor: Sensor) -> Sensor:
         drivers=(drivers[0], drivers[1]),
         pickups=pickups,
         ends=(end(rng, string), end(rng, string)),
+        press_tension=either(rng, 0.0, 20.0),
     )
 
 
@@ -208,6 +209,8 @@ def held(rng: Draw, touch: Touch) -> Touch:
         flat=None if rng.random() < 0.7 else log_uniform(rng, 2e-4, min(1e-2, 0.5 * MIN_LENGTH)),
         layer=either(rng, 0.0, 1e-4),
         layer_load=log_uniform(rng, 1e-4, 1.0),
+        width=0.0 if rng.random() < 0.5 else log_uniform(rng, 1e-5, 0.5 * MIN_LENGTH),
+        arm=0.0 if rng.random() < 0.5 else log_uniform(rng, 1e-4, 10.0),
     )
     return replace(touch, mount=Mount(modes=modes, compliance=either(rng, 0.0, 1e-3)), law=law)
 

@@ -35,6 +35,7 @@ from monochord.physics.twin.records import (
     SensorState,
     State,
     TouchParameters,
+    TurningState,
 )
 from monochord.physics.twin.stream import Take, Twin, empty_out, take_of
 
@@ -97,6 +98,14 @@ def _update_controls(
     for t in touches:
         if state.contact[t].time_off < r.CONTACT_HOLD:
             tension += _rise(constants, state.motion[t])
+    if plausible is not None:
+        chain = plausible.chain
+        chain.pressed = sum(
+            chain.tension_per_force * state.motion[t].force
+            for t in touches
+            if state.contact[t].time_off < r.CONTACT_HOLD
+        )
+        tension += chain.pressed
     if abs(tension - memory.tuned_tension) > r.RETUNING_THRESHOLD * nominal:
         _tune(bank, constants, tension)
         memory.tuned_tension, memory.max_q_tension = tension, bank[r.Q_TENSION].max()
@@ -156,6 +165,16 @@ def _prepare_touch(
     normal = 1.0 / (1.0 / normal + layer.thickness / (layer.load + load))
     own.bristle_stiffness = 1.0 / (1.0 / (touch.tangential_ratio * normal) + own.residual_compliance)
     own.bristle_damping = touch.beta * load / constants.step
+    if plausible is not None and plausible.turnings[t].half + plausible.turnings[t].arm > 0.0:
+        turns: TurningState = plausible.turnings[t]
+        slopes, weights = plausible.slopes[t], plausible.slope_weights[t]
+        slopes[0] = weights * np.cos(n * pi * now.position / length)
+        slopes[1] = (weights * np.cos(n * pi * ahead.position / length) - slopes[0]) / r.CONTROL_PERIOD
+        firm = turns.half**2 * normal + turns.arm * load
+        whole = float(np.interp(now.position, places, plausible.slope_compliance[t]))
+        modal = float(np.sum(slopes[0][oscillates] ** 2 / (constants.mass * square[oscillates])))
+        rest = max(0.0, whole * sqrt(constants.tension / tension) - modal)
+        turns.stiffness = 1.0 / (1.0 / firm + rest)
     if own.time_off >= r.CONTACT_HOLD:
         own.height = _height(touch, own, _surface_seed(constants, t))
 
@@ -226,9 +245,8 @@ def _step(sensor: Parameters, state: State, plausible: Plausible | None, bank: F
     v_free = bank[r.V_Q] * q + bank[r.V_V] * v + bank[r.V_FORCE] * push
 
     solutions = _moved_touches(sensor, state, plausible, bank, index)
-    included = (
-        memory.tuned_tension - constants.tension - _drifted(constants, index - index % r.CONTROL_PERIOD)
-    )
+    included = memory.tuned_tension - constants.tension - _pressed_tension(plausible)
+    included -= _drifted(constants, index - index % r.CONTROL_PERIOD)
     free = float(bank[r.STRETCH] @ q_free**2)
     stretch, tension, q_new, force = free, 0.0, q_free, np.zeros_like(q)
     if constants.linear_law == 0:
@@ -257,6 +275,7 @@ def _step(sensor: Parameters, state: State, plausible: Plausible | None, bank: F
     memory.coil_speed_1 = bank[r.SENSE_1] @ bank[r.V]
     memory.coil_speed_2 = bank[r.SENSE_2] @ bank[r.V]
     for t in range(count):
+        _keep_turn(plausible, state.contact[t], solutions[t], bank, t)
         _keep_contact(sensor.touches[t], state.contact[t], solutions[t], step, _surface_seed(constants, t))
         if plausible is not None:
             modes = plausible.mount_modes[t]
@@ -266,6 +285,24 @@ def _step(sensor: Parameters, state: State, plausible: Plausible | None, bank: F
     if plausible is not None:
         plausible.coils["place_before"] = plausible.coils["place"]
         plausible.coils["place"] = bank[[r.DRIVE_1, r.DRIVE_2]] @ bank[r.Q]
+
+
+def _pressed_tension(plausible: Plausible | None) -> float:
+    """Return the tension in N that a press makes beside the geometric law."""
+    return 0.0 if plausible is None else float(plausible.chain.pressed)
+
+
+def _keep_turn(
+    plausible: Plausible | None, own: ContactState, solution: ContactSolution, bank: Floats, t: int
+) -> None:
+    """Take over the string's slope at a touch after a step."""
+    if plausible is None:
+        return
+    turns: TurningState = plausible.turnings[t]
+    slope = float(plausible.slopes[t, 0] @ bank[r.Q, : plausible.slopes.shape[2]])
+    pressed = own.s > 0.0 and solution.s > 0.0
+    turns.deflection = turns.deflection + slope - turns.slope if pressed else 0.0
+    turns.slope = slope
 
 
 def _moved_touches(
@@ -281,6 +318,8 @@ def _moved_touches(
         travel = (ahead.position - now.position) / r.CONTROL_PERIOD
         if travel != 0.0:
             bank[r.SHAPE + r.ROWS_A_TOUCH * t] += bank[r.SHAPE + r.ROWS_A_TOUCH * t + 1]
+            if plausible is not None:
+                plausible.slopes[t, 0] += plausible.slopes[t, 1]
         rolls = sensor.touches[t].rolls != 0.0
         solution.speed_along = 0.0 if rolls else travel / sensor.constants.step
         solution.rolled = travel if rolls else 0.0
@@ -354,22 +393,36 @@ def _solve_touches(
     tangential = sum(
         (one.force_across * shape for one, shape in zip(solutions, shapes, strict=True)), np.zeros(half)
     )
+    moments = np.zeros(len(solutions))
     for _ in range(MAX_ITERATIONS):
         change = 0.0
         for t, shape in enumerate(shapes):
             one: ContactSolution = solutions[t]
             before, before_across = one.force, one.force_across
-            normal = normal - shape * one.force
-            height = float(shape @ (q[:half] + compliance[:half] * normal))
+            slope, stiffness = np.zeros(half), 0.0
+            if plausible is not None and state.contact[t].s > 0.0:
+                slope, stiffness = plausible.slopes[t, 0], float(plausible.turnings[t].stiffness)
+            normal = normal - shape * one.force - slope * moments[t]
+            free = q[:half] + compliance[:half] * normal
+            # M = -k (z + z_new) / 2, z_new = z + slope - slope_old: linear in the force, m + g f.
+            base, gain = 0.0, 0.0
+            if plausible is not None and stiffness > 0.0:
+                turns: TurningState = plausible.turnings[t]
+                own = 2.0 / stiffness + float(slope**2 @ compliance[:half])
+                base = -(2.0 * turns.deflection + float(slope @ free) - turns.slope) / own
+                gain = -float((slope * shape) @ compliance[:half]) / own
+            crossing = float((slope * shape) @ compliance[:half])
+            height = float(shape @ free) + crossing * base
             one.s, one.eta, one.force = _pressed(
                 one.surface - height,
-                float(shape**2 @ compliance[:half]) + _mount(plausible, t).modal,
+                float(shape**2 @ compliance[:half]) + crossing * gain + _mount(plausible, t).modal,
                 state.contact[t],
                 sensor.touches[t],
                 _layer(plausible, t),
                 step,
             )
-            normal = normal + shape * one.force
+            moments[t] = base + gain * one.force
+            normal = normal + shape * one.force + slope * moments[t]
             if rubbing:
                 tangential = tangential - shape * one.force_across
                 across = float(shape @ (q[half:] + compliance[half:] * tangential))

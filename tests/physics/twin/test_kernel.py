@@ -48,6 +48,22 @@ SCENES = {
     "outside and drift": Scene(touches=(PRESS,), outside=NOISE),
     "yields, pulls and hums": Scene(touches=(replace(ACROSS, mount=MOUNT, law=LAYER),), pluck=PLUCK),
     "flat": Scene(touches=(replace(PRESS, law=ContactLaw(flat=2e-3)),)),
+    "wide": Scene(touches=(replace(PRESS, law=ContactLaw(flat=2e-3, width=2e-3, layer=1e-6)),), pluck=PLUCK),
+    "turns and slides": Scene(
+        touches=(
+            replace(
+                touch(key(0.0, 0.08, 0.8), key(0.03, 0.082, 0.8), rolls=False),
+                law=ContactLaw(exponent=1.3, arm=0.02),
+                mount=MOUNT,
+            ),
+        )
+    ),
+    "two that turn": Scene(
+        touches=(
+            replace(PRESS, law=ContactLaw(flat=1e-3, width=1e-3)),
+            replace(hold(0.12, 0.5, FOAM), law=ContactLaw(arm=0.02)),
+        )
+    ),
     "bounces in its mount": Scene(touches=(replace(BOUNCE, mount=MOUNT, law=LAYER),)),
     "two mounted": Scene(
         touches=(replace(PRESS, mount=MOUNT), replace(hold(0.12, 0.5, FOAM), law=LAYER)), outside=NOISE
@@ -55,6 +71,7 @@ SCENES = {
 }
 SENSORS = {
     "outside and drift": replace(SENSOR, drift=0.25 * SENSOR.string.tension, drift_rate=1.0),  # at its limit
+    "turns and slides": replace(SENSOR, press_tension=0.3),
     "yields, pulls and hums": replace(
         SENSOR,
         ends=(End(compliance=1e-6, admittance=1e-2, frequency=1500.0), End(compliance=5e-7)),
@@ -66,14 +83,17 @@ SENSORS = {
 }
 """Sensors of scenes that are not `SENSOR`."""
 FRAMES = 150
-SKIPPED = {"two": 75, "two at one place": 120, "two mounted": 90}
+SKIPPED = {"two": 75, "two that turn": 75, "two at one place": 120, "two mounted": 90}
 """Frames of the first that the kernel alone advances: two touches take the readable step many rounds."""
 
 
 # Of two touches, one scene in the quick tests: they take the readable step many rounds.
 @pytest.mark.parametrize(
     "name",
-    [pytest.param(n, marks=pytest.mark.slow) if n in {"two", "two at one place"} else n for n in SCENES],
+    [
+        pytest.param(n, marks=pytest.mark.slow) if n in {"two", "two at one place", "two that turn"} else n
+        for n in SCENES
+    ],
 )
 def test_kernel_equals_the_readable_step(name: str) -> None:
     # Over some hundred frames sums in another order grow to some 1e-12 of the amplitude, and to 1e-7 where
@@ -145,7 +165,7 @@ np.save(sys.argv[2], np.concatenate([take.microphones, take.labels.force, take.l
 """
 
 
-@pytest.mark.parametrize("name", ["slides across", "two", "yields, pulls and hums"])
+@pytest.mark.parametrize("name", ["slides across", "two", "yields, pulls and hums", "turns and slides"])
 @pytest.mark.slow
 def test_the_kernel_runs_without_a_compiler_too(name: str, tmp_path: Path) -> None:
     path = tmp_path / "take.npy"

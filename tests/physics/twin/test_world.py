@@ -2,6 +2,8 @@
 
 from collections.abc import Callable
 from dataclasses import fields, replace
+from hashlib import sha256
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -19,6 +21,7 @@ from monochord.physics.twin.variation import build, day
 from monochord.physics.twin.virtual_sensor import VirtualSensor
 from monochord.physics.twin.world import (
     Effects,
+    World,
     only,
     plausible_build,
     plausible_day,
@@ -30,6 +33,7 @@ DESIGN = load_sensor("prototype")
 PRESS = hold(0.08, 1.0, PLASTIC)
 BUILDS = [plausible_build(DESIGN, seed) for seed in range(300)]
 TOUCHES = [plausible_touch(PRESS, seed) for seed in range(300)]
+FIRST_WORLD = [plausible_touch(PRESS, seed, world="plausible_1") for seed in range(300)]
 NAMES = [field.name for field in fields(Effects)]
 OF_TOUCHES = {"mount", "law", "layer", "shape"}
 OF_DAYS = {"tuning", "temperature"}
@@ -51,6 +55,9 @@ def decibels(values: Any) -> Any:
 @pytest.mark.parametrize(
     ("of", "low", "high", "log"),
     [
+        (lambda s: s.string.length / DESIGN.string.length, 0.99, 1.01, False),
+        (lambda s: s.measured_length - s.string.length, -5e-4, 5e-4, False),
+        (lambda s: s.press_tension, 0.0, 0.3, False),
         (lambda s: s.drivers[0].level, 0.5, 8.0, True),
         (lambda s: s.drivers[1].bias, -0.5, 0.5, False),
         (lambda s: s.drivers[1].pull, 2.0, 40.0, True),
@@ -87,15 +94,15 @@ def test_days_are_retuned_and_warmed() -> None:
     assert plausible_day(still, 1).changes == still.changes
 
 
+def test_a_longer_string_sounds_at_its_pitch_and_keeps_its_coils() -> None:
+    for one in BUILDS[:20]:
+        assert open_frequency(one.string) == pytest.approx(open_frequency(DESIGN.string), rel=1e-9)
+        assert one.drivers[0].sense == DESIGN.drivers[0].sense
+        behind = DESIGN.string.length - DESIGN.drivers[1].sense
+        assert one.string.length - one.drivers[1].sense == pytest.approx(behind)
+
+
 def test_objects_fill_their_ranges() -> None:
-    found = [mode for one in TOUCHES for mode in one.mount.modes]
-    even([mode.frequency for mode in found], 300.0, 5000.0, log=True)
-    even([mode.quality for mode in found], 5.0, 50.0, log=True)
-    assert min(mode.mass for mode in found) >= 2e-3
-    assert max(mode.mass for mode in found) <= 50e-3
-    assert min(mode.mass * (2.0 * np.pi * mode.frequency) ** 2 for mode in found) >= 0.999e4
-    assert {len(one.mount.modes) for one in TOUCHES} == {1, 2, 3}
-    even([1.0 / one.mount.compliance for one in TOUCHES], 1e4, 1e6, log=True)
     even([one.law.exponent for one in TOUCHES], 1.0, 1.5)
     even([one.law.layer / PLASTIC.roughness for one in TOUCHES], 0.28, 0.57, log=True)
     even([one.law.layer_load for one in TOUCHES], 3e-3, 3e-2, log=True)
@@ -103,9 +110,64 @@ def test_objects_fill_their_ranges() -> None:
     assert 0.13 < np.mean(flat) < 0.27
     assert 0.13 < np.mean(edge) < 0.27
     assert not np.any(np.logical_and(flat, edge))
+    even([one.law.flat for one in TOUCHES if one.law.flat], 2e-4, 4e-3, log=True)
+    for one in TOUCHES:
+        radius = PLASTIC.radius if one.radius is None else one.radius
+        assert one.law.width == (one.law.flat or 0.0)
+        assert one.law.arm == (0.0 if one.law.flat else radius)
 
 
-@pytest.mark.parametrize("name", NAMES)
+def test_the_world_plausible_1_draws_what_the_bundled_model_was_trained_with() -> None:
+    found = [mode for one in FIRST_WORLD for mode in one.mount.modes]
+    even([mode.frequency for mode in found], 300.0, 5000.0, log=True)
+    assert min(mode.mass for mode in found) >= 2e-3
+    assert max(mode.mass for mode in found) <= 50e-3
+    assert min(mode.mass * (2.0 * np.pi * mode.frequency) ** 2 for mode in found) >= 0.999e4
+    even([1.0 / one.mount.compliance for one in FIRST_WORLD], 1e4, 1e6, log=True)
+    assert {(one.law.width, one.law.arm, one.mount.kind) for one in FIRST_WORLD} == {(0.0, 0.0, "")}
+    assert fingerprint_of_draws("plausible_1") == (
+        "54b7f33dc5976ed8c97163049bcb2423cfe9825a71e22aca13864d8d0b3df8a1"
+    )
+
+
+def fingerprint_of_draws(world: World) -> str:
+    """A checksum of sensors and touches of a world, to eleven digits."""
+
+    def digits(value: Any) -> Any:
+        if isinstance(value, float):
+            return f"{value:.11e}"
+        return [digits(one) for one in value] if isinstance(value, tuple | list) else repr(value)
+
+    rows: list[Any] = []
+    for name, seed in product(("prototype", "long"), range(20)):
+        one = sensor_of(load_sensor(name), world, build=seed, day=seed + 1)
+        string, ups = one.string, one.pickups
+        rows.append([string.length, string.linear_density, string.tension, string.core_diameter, one.drift,
+                     one.drift_rate])  # fmt: skip
+        rows += [[d.sense, d.drive, d.aperture, d.centre, d.quality, d.gain, d.limit, d.angle, d.level,
+                  d.bias, d.pull] for d in one.drivers]  # fmt: skip
+        rows += [[end.compliance, end.admittance, end.frequency, end.quality] for end in one.ends]
+        rows.append([ups.own, ups.gain, ups.angle, ups.hiss, ups.distortion, ups.hum, ups.mains, ups.feed,
+                     ups.residual])  # fmt: skip
+    for name, seed in product(("plastic", "wood", "allen_key", "metal_tube", "foam"), range(20)):
+        press = plausible_touch(hold(0.08, 1.0, load_material(name)), seed, world=world)
+        modes_ = [(mode.mass, mode.frequency, mode.quality) for mode in press.mount.modes]
+        law = press.law
+        rows.append([modes_, press.mount.compliance, law.exponent, law.flat, law.layer, law.layer_load,
+                     press.radius])  # fmt: skip
+    return sha256(repr([digits(row) for row in rows]).encode()).hexdigest()
+
+
+def test_width_and_turning_are_switches_of_the_shape_that_is_drawn() -> None:
+    for seed in range(40):
+        whole = plausible_touch(PRESS, seed)
+        for name, field in (("width", "width"), ("turning", "arm")):
+            without = plausible_touch(PRESS, seed, replace(Effects(), **{name: False}))
+            assert without == replace(whole, law=replace(whole.law, **{field: 0.0}))
+        assert plausible_touch(PRESS, seed, only("turning")).law.arm == PLASTIC.radius
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if name not in {"width", "turning"}])
 def test_each_effect_is_a_switch_that_leaves_the_others(name: str) -> None:
     alone, without = only(name), replace(Effects(), **{name: False})
     if name in OF_TOUCHES:
@@ -127,6 +189,8 @@ def test_each_effect_is_a_switch_that_leaves_the_others(name: str) -> None:
         drawn = [[plausible_build(DESIGN, s, e) for s in range(8)] for e in (alone, without, Effects())]
         parts = {
             "ends": lambda s: s.ends,
+            "length": lambda s: (s.string, s.measured_length),
+            "tension_law": lambda s: s.press_tension,
             "level": lambda s: ([d.level for d in s.drivers], s.pickups.gain),
             "asymmetry": lambda s: [d.bias for d in s.drivers],
             "magnets": lambda s: [d.pull for d in s.drivers],
@@ -169,7 +233,8 @@ def test_the_ideal_world_is_the_design_with_its_tolerances() -> None:
     assert sensor_of(DESIGN, build=2) == build(DESIGN, 2)
     assert sensor_of(DESIGN, build=2, day=3) == day(build(DESIGN, 2), 3)
     assert sensor_of(DESIGN, "plausible", effects=only()) == DESIGN
-    assert sensor_of(DESIGN, "plausible", build=2).string == build(DESIGN, 2).string
+    assert sensor_of(DESIGN, "plausible_1", build=2).string == build(DESIGN, 2).string
+    assert plausible_touch(PRESS, 1, world="ideal") == PRESS
     assert plausible_touch(PRESS, 1, only()) == PRESS
     wrong: Any = "real"
     with pytest.raises(InputError, match="real"):

@@ -12,7 +12,7 @@ from monochord.core.types import Contact
 from monochord.core.units import Metres, MetresPerSecond, Newtons, Seconds
 from monochord.physics.materials import load_material
 from monochord.physics.twin.setup import Key, Touch
-from monochord.physics.twin.world import plausible_touch
+from monochord.physics.twin.world import World, plausible_touch
 
 FORCES: tuple[Newtons, Newtons] = (0.05, 2.5)
 HEIGHT: Metres = 1.5e-3
@@ -140,10 +140,11 @@ class Hand(Controls):
 
 
 class Led:
-    """The object that follows a `Hand`; `seed` draws its mount and surface in a realistic world."""
+    """The object that follows a `Hand`; `seed` draws its mount and surface in a plausible `world`."""
 
-    def __init__(self, hand: Hand, seed: int | None) -> None:
+    def __init__(self, hand: Hand, seed: int, world: World) -> None:
         self._hand, self._seed = hand, seed
+        self._world: World = world
         self._touch: Touch | None = None
         self._number: int | None = None
         self._lifting = False
@@ -175,7 +176,7 @@ class Led:
         down = Key(time=time + HEIGHT / APPROACH, position=contact.position)
         pressed = replace(down, time=down.time + PRESS, force=contact.force)
         touch = Touch(material=load_material(material), motion=(above, down, pressed), rolls=False)
-        self._touch = touch if self._seed is None else plausible_touch(touch, self._seed)
+        self._touch = plausible_touch(touch, self._seed, world=self._world)
         return (self._touch,)
 
     def _lead(self, time: Seconds, now: Key, contact: Contact) -> tuple[Touch, ...] | None:

@@ -57,7 +57,7 @@ class TwinSource(Source):
     world
         "ideal", or "plausible": what a real build brings besides, such as ends and objects that give way,
         other contact laws, a wrong tuning, distortion and hum, drawn by `build` (0 if there is none), `day`
-        and `seed`.
+        and `seed`; "plausible_1" draws as the bundled model's training did.
     script
         Touches in order of start time, such as ``[{start = 1.0, position = 0.08, force = 0.5, seconds = 2.0,
         across = 0.01}]``; without ``seconds`` the touch stays. Empty: touches drawn at random.
@@ -172,15 +172,13 @@ class _TwinStream(PacedStream):
         advance(self._twin, 1)  # compiles here, where nobody waits for a block
         self._labels = LabelMemory(LABELS, rate)
         self._changes = twin_changes(options.touches(design), sensor.string, options.materials[0], rate)
-        if options.world == "plausible":
-            self._changes = _with_effects(self._changes, options.seed)
+        self._changes = _with_effects(self._changes, options.seed, options.world)
         self._change = next(self._changes, None)
         self._ahead: Audio = np.zeros((2, 0), dtype=np.float32)
-        plausible_seed = options.seed if options.world == "plausible" else None
         edge = EDGE * length
         others = [name for name in material_names() if name not in options.materials]
         self._hand = Hand((edge, length - edge), (*options.materials, *others))
-        self._led = Led(self._hand, plausible_seed)
+        self._led = Led(self._hand, options.seed, options.world)
         self._by_hand = False
         self._built, self._retuned = sensor, 0.0
         self._noise = AddedNoise(rate, options.seed)
@@ -254,11 +252,11 @@ class _TwinStream(PacedStream):
 
 
 def _with_effects(
-    changes: Iterator[tuple[Samples, tuple[Touch, ...]]], seed: int
+    changes: Iterator[tuple[Samples, tuple[Touch, ...]]], seed: int, world: World
 ) -> Iterator[tuple[Samples, tuple[Touch, ...]]]:
-    """Yield the same touches with the mounts and surfaces of the realistic world."""
+    """Yield the same touches with the mounts and surfaces of a world."""
     for start, touches in changes:
-        yield start, tuple(plausible_touch(touch, seed) for touch in touches)
+        yield start, tuple(plausible_touch(touch, seed, world=world) for touch in touches)
 
 
 def label_columns(labels: Labels) -> dict[str, Floats]:

@@ -15,11 +15,15 @@ from monochord.physics.theory.bounds import (
 )
 from monochord.physics.theory.contact import (
     contact_width,
+    edge_distance,
     hertz_stiffness,
     line_stiffness,
     loaded_frequencies,
     mindlin_ratio,
+    mutual_compliance,
     static_compliance,
+    turning_compliance,
+    turning_stiffness,
 )
 from monochord.physics.theory.segments import (
     harmonic_frequencies,
@@ -63,6 +67,7 @@ __all__ = [
     "contact_width",
     "damping_under",
     "decay_rates",
+    "edge_distance",
     "far_segment_bound",
     "far_segment_sensitivity",
     "force_from_tension",
@@ -77,6 +82,7 @@ __all__ = [
     "locate_from_segments",
     "mindlin_ratio",
     "mixing_matrix",
+    "mutual_compliance",
     "open_frequency",
     "outer_diameter",
     "partial_numbers",
@@ -92,5 +98,7 @@ __all__ = [
     "tension_from_force",
     "tension_from_segments",
     "tone_bound",
+    "turning_compliance",
+    "turning_stiffness",
     "wave_speed",
 ]

@@ -26,10 +26,10 @@ def energy(twin: Twin) -> float:
     sum of weights times q^2, and d the excess of that tension over that of a string which does not stretch. A
     contact stores k1 delta^2 / 2 + 2 k2 delta^(5/2) / 5, the modes beyond the bank R f^2 / 2, the bristles
     sigma z^2 / 2. What holds an object stores sum m/2 (v^2 + omega^2 q^2) in its modes and R f^2 / 2 in its
-    spring, a rough layer u0 (f - F0 log(1 + f / F0)), a driver's magnet -k u^2 / 2 + k d^2 / 4 over a string
-    that stands at u and moved there by d in a step. This is what the scheme conserves: without losses and
-    drivers, under objects at rest, it is constant up to rounding and to the error of a step's iteration
-    (`tolerance` of `begin`).
+    spring, a rough layer u0 (f - F0 log(1 + f / F0)), a contact that turned by z k z^2 / 2, a driver's magnet
+    -k u^2 / 2 + k d^2 / 4 over a string that stands at u and moved there by d in a step. This is what the
+    scheme conserves: without losses and drivers, under objects at rest, it is constant up to rounding and to
+    the error of a step's iteration (`tolerance` of `begin`).
 
     Parameters
     ----------
@@ -72,7 +72,8 @@ def energy(twin: Twin) -> float:
         update = steps // r.CONTROL_PERIOD * r.CONTROL_PERIOD
         limit = 0.25 * constants.tension
         drift = min(limit, max(-limit, constants.drift + constants.drift_rate * (update * constants.step)))
-        above = tension - constants.tension - drift
+        pressed = 0.0 if twin.plausible is None else float(twin.plausible.chain["pressed"][0])
+        above = tension - constants.tension - drift - pressed
         total += constants.tension_gain * (0.5 * constants.tension_per_stretch * stretch**2 - above * stretch)
     contacts: Iterable[tuple[ContactState, TouchParameters]] = zip(
         state.contact, parameters.touches, strict=True
@@ -89,6 +90,7 @@ def energy(twin: Twin) -> float:
         for own, touch, layer in zip(state.contact, parameters.touches, more.layers, strict=True):
             force = touch.k1 * own.s**2 + touch.k2 * own.s**3
             total += layer.thickness * (force - layer.load * np.log1p(force / layer.load))
+        total += 0.5 * float(more.turnings["stiffness"] @ more.turnings["deflection"] ** 2)
         place, moved = more.coils["place"], more.coils["place"] - more.coils["place_before"]
         total += float(more.coils["pull"] @ (0.25 * moved**2 - 0.5 * place**2))
     return float(total)

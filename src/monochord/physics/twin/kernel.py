@@ -22,7 +22,17 @@ from typing import Any
 import numpy as np
 
 from monochord.core.types import Floats
-from monochord.physics.twin import contact, electronics, friction, jit, mount, records, roughness, string
+from monochord.physics.twin import (
+    contact,
+    electronics,
+    friction,
+    jit,
+    mount,
+    records,
+    roughness,
+    string,
+    turning,
+)
 from monochord.physics.twin.jit import called, inlined
 from monochord.physics.twin.records import (
     CONTACT_HOLD,
@@ -64,6 +74,7 @@ from monochord.physics.twin.records import (
     SensorState,
     State,
     TouchParameters,
+    TurningState,
 )
 
 
@@ -140,11 +151,15 @@ def geometric_rise(force: float, position: float, length: float, tension: float,
 
 
 @called
-def _update_motion(sensor: Parameters, state: State, index: int) -> tuple[float, bool, bool]:
+def _update_motion(
+    sensor: Parameters, state: State, plausible: Plausible | None, index: int
+) -> tuple[float, bool, bool]:
     """Read the touches' motion; return the static tension in N, whether one moves, and whether one moved."""
     constants: Constants = sensor.constants
     step = constants.step
     moves, moved = False, False
+    if plausible is not None:
+        plausible.chain.pressed = 0.0
     tension = constants.tension + drifted(
         constants.drift, constants.drift_rate, index * step, constants.tension
     )
@@ -174,6 +189,10 @@ def _update_motion(sensor: Parameters, state: State, index: int) -> tuple[float,
             tension += geometric_rise(
                 now.force, now.position, constants.length, constants.tension, constants.axial_stiffness
             )
+        if plausible is not None:
+            plausible.chain.pressed += plausible.chain.tension_per_force * now.force
+    if plausible is not None:
+        tension += plausible.chain.pressed
     return tension, moves, moved
 
 
@@ -188,6 +207,34 @@ def _set_bristles(
         normal = 1.0 / (1.0 / normal + contact.layer_compliance(load, layer))
     own.bristle_stiffness = 1.0 / (1.0 / (touch.tangential_ratio * normal) + own.residual_compliance)
     own.bristle_damping = touch.beta * load / step
+
+
+@called
+def _prepare_turning(sensor: Parameters, state: State, plausible: Plausible, size: int, t: int) -> None:
+    """At a control update: the modes' slopes at a touch, and how it resists their turning, if it does."""
+    constants: Constants = sensor.constants
+    own: TurningState = plausible.turnings[t]
+    if own.half + own.arm == 0.0:
+        return
+    now: Motion = state.motion[t]
+    ahead: Motion = state.ahead[t]
+    slope, weights = plausible.slopes[t], plausible.slope_weights[t]
+    half, length, tension = size // 2, constants.length, state.memory.tuned_tension
+    turning.fill_slope(slope, 0, half, now.position / length, weights)
+    if ahead.position != now.position:
+        turning.fill_slope(slope, 1, half, ahead.position / length, weights)
+        for i in range(half):
+            slope[1, i] = (slope[1, i] - slope[0, i]) / CONTROL_PERIOD
+    load = max(now.force, MIN_BRISTLE_FORCE)
+    k1, k2 = sensor.touches[t].k1, sensor.touches[t].k2
+    normal = contact.stiffness(contact.static_root(load, k1, k2), k1, k2)
+    normal = 1.0 / (1.0 / normal + contact.layer_compliance(load, plausible.layers[t]))
+    stiffness = own.half * own.half * normal + own.arm * load
+    # Bending smooths a slope over sqrt(E I / T), whose root of the tension the compliance follows.
+    whole = interpolated(plausible.slope_compliance[t], now.position / length)
+    whole *= np.sqrt(constants.tension / tension)
+    rest = max(0.0, whole - turning.static_compliance(state.bank, size, slope, tension, constants.mass))
+    own.stiffness = stiffness / (1.0 + stiffness * rest)
 
 
 @called
@@ -224,6 +271,7 @@ def _prepare_touch(sensor: Parameters, state: State, plausible: Plausible | None
     own.residual_compliance = max(0.0, here - modal)
     if plausible is not None:
         own.residual_compliance += plausible.mounts[t].spring
+        _prepare_turning(sensor, state, plausible, size, t)
     if own.s > 0.0:
         own.eta = contact.approach(own.s, k1, k2, own.residual_compliance, layer)
     _set_bristles(touch, own, max(now.force, MIN_BRISTLE_FORCE), constants.step, layer)
@@ -244,7 +292,7 @@ def _update_controls(
     constants: Constants = sensor.constants
     memory: SensorState = state.memory
     bank = state.bank
-    tension, moves, moved = _update_motion(sensor, state, index)
+    tension, moves, moved = _update_motion(sensor, state, plausible, index)
     changed = moves or moved or memory.touches_changed > 0.0
     memory.touches_changed = 0.0
     if abs(tension - memory.tuned_tension) > RETUNING_THRESHOLD * constants.tension:
@@ -357,6 +405,8 @@ def _move_touches(
         travel = ahead.position - now.position
         if travel != 0.0:
             string.move_shape(bank, size, string.row_of(t))
+            if plausible is not None and plausible.turnings[t].stiffness > 0.0:
+                turning.move_slope(plausible.slopes[t], size // 2)
         if travel != 0.0 or count > 1:
             string.select_touch(bank, size, string.row_of(t))
         rolls = sensor.touches[t].rolls
@@ -385,10 +435,52 @@ def _find_compliances(sensor: Parameters, state: State, plausible: Plausible | N
         )
         if plausible is not None:
             mutual[0, t, t] += plausible.mounts[t].modal
+            _find_turning(state, plausible, size, t)
         for o in range(t):
             normal, tangential = string.mutual_compliance(bank, size, row, string.row_of(o))
             mutual[0, t, o], mutual[0, o, t] = normal, normal
             mutual[1, t, o], mutual[1, o, t] = tangential, tangential
+
+
+@inlined
+def _turns(state: State, plausible: Plausible, t: int) -> bool:
+    """Return whether a touch that presses resists turning."""
+    return plausible.turnings[t].stiffness > 0.0 and state.contact[t].s > 0.0
+
+
+@inlined
+def _find_turning(state: State, plausible: Plausible, size: int, t: int) -> None:
+    """Fill what the selected touch's moment would be, and by it where the string would be and how it yields.
+
+    What moments of other touches do is left to the sweeps over them.
+    """
+    own: TurningState = plausible.turnings[t]
+    own.unloaded, own.gain, own.cross, own.compliance = 0.0, 0.0, 0.0, 0.0
+    if _turns(state, plausible, t):
+        own.turned, own.compliance, own.cross = turning.free_response(state.bank, size, plausible.slopes[t])
+        turning.prepare(own, own.turned)
+        state.mutual[0, t, t] += own.cross * own.gain
+    for o in range(len(state.contact)):
+        if o != t:
+            plausible.turned[0, t, o], plausible.turned[1, t, o] = turning.mutual_compliance(
+                state.bank, size, string.row_of(t), plausible.slopes[t], plausible.slopes[o]
+            )
+
+
+@inlined
+def _solve_turning(state: State, plausible: Plausible, t: int) -> float:
+    """Take other touches into one's moment without a force; return by how much moments lift the string."""
+    own: TurningState = plausible.turnings[t]
+    lifted, turned = 0.0, own.turned
+    for o in range(len(state.contact)):
+        if o != t:
+            lifted += plausible.turned[0, t, o] * plausible.turnings[o].moment
+            turned += plausible.turned[1, t, o] * plausible.turnings[o].moment
+            turned += plausible.turned[0, o, t] * state.solution[o].force
+    if _turns(state, plausible, t):
+        turning.prepare(own, turned)
+        lifted += own.cross * own.unloaded
+    return lifted
 
 
 @inlined
@@ -404,6 +496,8 @@ def _solve_touch(sensor: Parameters, state: State, plausible: Plausible | None, 
         if o != t:
             height += mutual[0, t, o] * state.solution[o].force
             across += mutual[1, t, o] * state.solution[o].force_across
+    if plausible is not None:
+        height += _solve_turning(state, plausible, t)
     before, before_across = solution.force, solution.force_across
     solution.s, solution.eta, solution.force = contact.solve(
         solution.surface - height,
@@ -417,9 +511,29 @@ def _solve_touch(sensor: Parameters, state: State, plausible: Plausible | None, 
         touch.beta / sensor.constants.step,
         layer,
     )
+    if plausible is not None:
+        plausible.turnings[t].moment = (
+            plausible.turnings[t].unloaded + plausible.turnings[t].gain * solution.force
+        )
     if turn == 0:
         _rub(sensor.constants, touch, own, state.motion[t], solution, across, mutual[1, t, t])
     return abs(solution.force - before) + abs(solution.force_across - before_across)
+
+
+@inlined
+def _apply_moments(plausible: Plausible, bank: Floats, size: int) -> None:
+    """Apply what touches that resist turning do to the string."""
+    for t in range(len(plausible.turnings)):
+        if plausible.turnings[t].moment != 0.0:
+            turning.apply_moment(bank, size, plausible.slopes[t], plausible.turnings[t].moment)
+
+
+@inlined
+def _add_moments(plausible: Plausible, bank: Floats, size: int) -> None:
+    """Add the moments of all touches to their modal force."""
+    for t in range(len(plausible.turnings)):
+        if plausible.turnings[t].moment != 0.0:
+            turning.add_force(bank, size, plausible.slopes[t], plausible.turnings[t].moment)
 
 
 @inlined
@@ -439,6 +553,8 @@ def _solve_touches(
             largest = max(largest, state.solution[t].force)
         if count == 1 or change <= FORCE_TOLERANCE * largest:
             break
+    if plausible is not None:
+        _apply_moments(plausible, bank, size)
     stretch = 0.0
     for t in range(count):
         if count > 1:
@@ -447,6 +563,8 @@ def _solve_touches(
         stretch = string.apply_force(
             bank, size, state.solution[t].force, state.solution[t].force_across, kept
         )
+    if plausible is not None:
+        _add_moments(plausible, bank, size)
     return stretch
 
 
@@ -571,6 +689,8 @@ def _step(sensor: Parameters, state: State, plausible: Plausible | None, size: i
     time = (index // CONTROL_PERIOD) * CONTROL_PERIOD * constants.step
     drift = drifted(constants.drift, constants.drift_rate, time, constants.tension)
     included = memory.tuned_tension - constants.tension - drift
+    if plausible is not None:
+        included -= plausible.chain.pressed
     if constants.linear_law == 0:
         guess -= yields * (constants.tension_per_stretch * (memory.stretch + guess) - 2.0 * included)
     guess += _move_touches(sensor, state, plausible, size, (index % CONTROL_PERIOD + 1.0) / CONTROL_PERIOD)
@@ -579,6 +699,14 @@ def _step(sensor: Parameters, state: State, plausible: Plausible | None, size: i
         bank, size, tension
     )
     for t in range(len(sensor.touches)):
+        if plausible is not None and plausible.turnings[t].stiffness > 0.0:
+            turning.keep(
+                bank,
+                size,
+                plausible.slopes[t],
+                plausible.turnings[t],
+                state.contact[t].s > 0.0 and state.solution[t].s > 0.0,
+            )
         _keep_contact(
             sensor.touches[t], state.contact[t], state.solution[t], constants.step, constants.seed, t
         )
@@ -693,7 +821,18 @@ def _write_frame(
     out.settled[frame] = int(memory.settled)
 
 
-FILES = (sys.modules[__name__], contact, electronics, friction, jit, mount, records, roughness, string)
+FILES = (
+    sys.modules[__name__],
+    contact,
+    electronics,
+    friction,
+    jit,
+    mount,
+    records,
+    roughness,
+    string,
+    turning,
+)
 FINGERPRINT = jit.fingerprint(FILES)
 
 
@@ -722,7 +861,8 @@ def kernel(
             if more is not None:
                 plausible = Plausible(
                     more.layers[i], more.mounts[i], more.mount_modes[i], more.coils[i], more.chain[i],
-                    more.hum[i], more.end_shares[i],
+                    more.hum[i], more.end_shares[i], more.turnings[i], more.slopes[i],
+                    more.slope_weights[i], more.slope_compliance[i], more.turned[i],
                 )  # fmt: skip
             out = Out(
                 outs.microphones[i], outs.contact[i], outs.position[i], outs.force[i], outs.reaction[i],

@@ -1,15 +1,18 @@
 """What the world `plausible` adds to a twin: its effects as the records that the kernel runs on."""
 
+from functools import lru_cache
 from math import cos, exp, pi, sin, sqrt, tanh
 
 import numpy as np
 
-from monochord.core.types import Floats
-from monochord.core.units import Hertz, Seconds
+from monochord.core.types import Floats, StringParams
+from monochord.core.units import Hertz, Metres, Seconds
+from monochord.physics.theory import turning_compliance
 from monochord.physics.twin.ends import offset_of, residual_shares
 from monochord.physics.twin.records import (
     DRIVE_1,
     MAX_MOUNT_MODES,
+    TABLE_PLACES,
     ChainParameters,
     CoilEffects,
     LayerParameters,
@@ -18,10 +21,12 @@ from monochord.physics.twin.records import (
     Plausible,
     Q,
     Records,
+    TurningState,
     dtype_of,
     record_of,
 )
 from monochord.physics.twin.setup import DISTORTION_LEVEL, HUM_SHARES, Mount, MountMode, Sensor, Touch
+from monochord.physics.twin.surface import arm_of, edges_of
 
 HUM_PLACES = 1025
 """Entries of the table of a cycle of the mains."""
@@ -32,6 +37,8 @@ def is_plausible(sensor: Sensor, touches: tuple[Touch, ...]) -> bool:
     pickups = sensor.pickups
     return (
         any(touch.mount != Mount() or touch.law.layer > 0.0 for touch in touches)
+        or any(touch.law.width > 0.0 or touch.law.arm > 0.0 for touch in touches)
+        or sensor.press_tension > 0.0
         or any(driver.bias != 0.0 or driver.pull > 0.0 for driver in sensor.drivers)
         or any((*pickups.distortion, *pickups.hum, *pickups.feed, pickups.residual))
         or offset_of(sensor) > 0.0
@@ -39,15 +46,25 @@ def is_plausible(sensor: Sensor, touches: tuple[Touch, ...]) -> bool:
 
 
 def plausible_of(
-    sensor: Sensor, touches: tuple[Touch, ...], *, rate: Hertz, step: Seconds, bank: Floats, weights: Floats
+    sensor: Sensor,
+    touches: tuple[Touch, ...],
+    *,
+    rate: Hertz,
+    step: Seconds,
+    bank: Floats,
+    weights: Floats,
+    exact: Floats,
 ) -> Plausible | None:
     """Return what the world `plausible` adds to a sensor and its touches; None if no effect is on.
 
-    `bank` has its modes a row a line, as they start, and `weights` are those of each mode at each touch.
+    `bank` has its modes a row a line, as they start, `weights` are those of each mode at each touch, and
+    `exact` those of each mode at a point.
     """
     if not is_plausible(sensor, touches):
         return None
     layers, mounts, modes = _mounts(touches, step)
+    turnings, slopes, tables = _turnings(sensor.string, touches, exact)
+    half = weights.shape[1]
     return Plausible(
         layers=layers,
         mounts=mounts,
@@ -56,7 +73,42 @@ def plausible_of(
         chain=_chain(sensor, rate),
         hum=_hum(),
         end_shares=residual_shares(sensor, bank, weights),
+        turnings=turnings,
+        slopes=np.zeros((len(touches), 2, half)),
+        slope_weights=slopes,
+        slope_compliance=tables,
+        turned=np.zeros((2, len(touches), len(touches))),
     )
+
+
+def _turnings(
+    string: StringParams, touches: tuple[Touch, ...], exact: Floats
+) -> tuple[Records, Floats, Floats]:
+    """Return how the touches resist turning, each mode's weight in rad/m, and the turn along the string.
+
+    The weight is that of a mode's slope between the edges or at a point, the turn that by a static moment, in
+    rad/(N m).
+    """
+    turnings = np.zeros(len(touches), dtype_of(TurningState))
+    slopes, tables = np.zeros((len(touches), exact.size)), np.zeros((len(touches), TABLE_PLACES))
+    wave = np.arange(1, exact.size + 1) * pi / string.length
+    for t, touch in enumerate(touches):
+        edges, arm = edges_of(string, touch), arm_of(string, touch)
+        turnings["half"][t], turnings["arm"][t] = 0.5 * edges, arm
+        slopes[t] = exact * wave * np.sinc(0.5 * wave * edges / pi)
+        if edges + arm > 0.0 and (edges > 0.0 or string.core_diameter > 0.0):
+            tables[t] = _turning_table(string, edges)
+        else:
+            turnings["arm"][t] = 0.0  # a point of an ideally flexible string has no slope
+    return turnings, slopes, tables
+
+
+@lru_cache(maxsize=64)
+def _turning_table(string: StringParams, width: Metres) -> Floats:
+    """Return the static turn of a string by a moment along it, in rad/(N m)."""
+    inside = 0.5 * width + 1e-6 * string.length
+    place = np.clip(np.linspace(0.0, string.length, TABLE_PLACES), inside, string.length - inside)
+    return turning_compliance(string, place, width)
 
 
 def _coils(sensor: Sensor, bank: Floats) -> Records:
@@ -82,6 +134,8 @@ def _chain(sensor: Sensor, rate: Hertz) -> Records:
         normal=cos(pickups.angle),
         across=sin(pickups.angle),
         offset=offset_of(sensor),
+        tension_per_force=sensor.press_tension,
+        pressed=0.0,
     )
 
 

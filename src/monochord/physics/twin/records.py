@@ -163,6 +163,28 @@ class MountOscillator:
     """Its speed after the step, without a force in it."""
 
 
+class TurningState:
+    """How a touch resists the turning of the string; see `monochord.physics.twin.turning`."""
+
+    half: float
+    """Half of the distance between its edges, in m; zero for a point."""
+    arm: float
+    """Moment over force and turn, in m: the radius of what rolls."""
+    stiffness: float
+    """With the modes beyond the bank in series, in N m/rad, as of the last control update."""
+    deflection: float
+    slope: float
+    """Its turn, and the slope of the bank's string where it touches, in rad."""
+    turned: float
+    compliance: float
+    cross: float
+    """The slope after a step without this touch, in rad; how it yields to it, in rad/(N m) and rad/N."""
+    unloaded: float
+    gain: float
+    """The moment without a force, in N m, and what a newton adds to it, in m."""
+    moment: float
+
+
 class CoilEffects:
     """A driver's asymmetry and its magnet, and where the string is over it."""
 
@@ -197,6 +219,10 @@ class ChainParameters:
     """Share of a residual end force that the pickups feel, of the press direction and of that across it."""
     offset: float
     """Where the scheme's string begins before the real one, which its yielding end lengthens, in m."""
+    tension_per_force: float
+    """Of a press, beside the geometric law, in N/N."""
+    pressed: float
+    """Tension in N that it makes, as of the last control update."""
 
 
 class KeyRecord:
@@ -418,6 +444,16 @@ class Plausible(NamedTuple):
     """(n,): a cycle of the mains, of unit rms."""
     end_shares: Floats
     """(touches, 2, places): of a touch's force, what the modes beyond the bank bring to each end."""
+    turnings: Records
+    """(touches,) `TurningState`."""
+    slopes: Floats
+    """(touches, 2, size / 2): the modes' slopes at the touch in rad/m, and their change a step."""
+    slope_weights: Floats
+    """(touches, size / 2): of each mode's slope."""
+    slope_compliance: Floats
+    """(touches, places): static turn of the string by a moment, from end to end, in rad/(N m)."""
+    turned: Floats
+    """(2, touches, touches): how height and slope at a touch yield to the moment of another, over a step."""
 
 
 class Out(NamedTuple):

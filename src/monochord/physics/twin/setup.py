@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 from math import inf, pi
-from typing import Annotated, TypeAlias
+from typing import Annotated, Literal, TypeAlias
 
 from msgspec import Meta
 
@@ -22,6 +22,8 @@ HUM_SHARES = (1.0, 0.25, 0.5, 0.1, 0.3)
 """Amplitudes of the mains' harmonics, from the first, relative to it (assumed)."""
 MAX_END_SHARE = 0.02
 """Largest admittance of an end times the string's impedance; the first order leaves out its square."""
+MountKind: TypeAlias = Literal["", "bolted", "light", "soft"]
+"""Class of a mount; empty for one that is not drawn."""
 Spread: TypeAlias = Annotated[float, Meta(ge=0.0, le=0.3)]
 """A relative standard deviation."""
 Small: TypeAlias = Annotated[Metres, Meta(ge=0.0, le=0.005)]
@@ -154,7 +156,9 @@ class Sensor(Checked):
 
     `ends` say how the string's ends yield. `drift` is the deviation of the string's tension from its nominal
     value at the start, in N, and `drift_rate` its rate in N/s, up to a quarter of the tension in all. `shake`
-    is the acceleration of the frame, in m/s^2, that an outside sound of full scale causes.
+    is the acceleration of the frame, in m/s^2, that an outside sound of full scale causes. `press_tension` is
+    what a newton of press adds to the tension beside the geometric law, in N/N. `measured_length` is the
+    string's length in m as a ruler gave it to whoever built the sensor, if it was drawn.
 
     `frame_expansion` and `string_expansion` are relative, in 1/K: handbook values of aluminium and of steel.
     `tolerances` say how another sensor of the design may differ and `changes` how this one does on another
@@ -174,6 +178,8 @@ class Sensor(Checked):
     drift: Annotated[Newtons, Meta(ge=-50.0, le=50.0)] = 0.0
     drift_rate: Annotated[float, Meta(ge=-1.0, le=1.0)] = 0.0
     shake: Annotated[float, Meta(ge=0.0, le=100.0)] = 2.0
+    press_tension: Annotated[float, Meta(ge=0.0, le=20.0)] = 0.0
+    measured_length: Annotated[Metres, Meta(gt=0.0)] | None = None
     frame_expansion: Annotated[float, Meta(ge=0.0, le=1e-4)] = 23.0e-6
     string_expansion: Annotated[float, Meta(ge=0.0, le=1e-4)] = 11.7e-6
     tolerances: Tolerances = field(default_factory=Tolerances)
@@ -218,11 +224,12 @@ class Mount(Checked):
 
     `compliance` is the spring's, in m/N: 1e-5 is 1e5 N/m. By default the object is held rigidly. Modes give
     way in the direction of the press, the spring under friction too. The force that the object's motion
-    prescribes stays what it is at rest.
+    prescribes stays what it is at rest. `kind` is the class that it was drawn from, if it was.
     """
 
     modes: tuple[MountMode, ...] = ()
     compliance: Annotated[float, Meta(ge=0.0, le=1e-3)] = 0.0
+    kind: MountKind = ""
 
     def __post_init__(self) -> None:
         Checked.__post_init__(self)
@@ -242,6 +249,11 @@ class ContactLaw(Checked):
     A rough surface is a layer in series that closes by u = u0 log(1 + f / F0): `layer` is u0 in m, about 0.4
     of the rms height, and `layer_load` F0 in N, below which but a few asperities touch (assumed).
 
+    Off by default: `width` in m is that between two edges on which the string lies, each with half of the
+    contact, which shortens both segments and resists turning; `arm` in m is the moment by which a contact
+    resists turning, over force and turn: the radius of a round object, which rolls. See
+    `monochord.physics.twin.turning`.
+
     References
     ----------
     Persson (2007), Relation between interfacial separation and load: a general theory of contact mechanics,
@@ -253,6 +265,8 @@ class ContactLaw(Checked):
     flat: Annotated[Metres, Meta(ge=2e-4, le=1e-2)] | None = None
     layer: Annotated[Metres, Meta(ge=0.0, le=1e-4)] = 0.0
     layer_load: Annotated[Newtons, Meta(ge=1e-4, le=1.0)] = 0.01
+    width: Annotated[Metres, Meta(ge=0.0, le=1e-2)] = 0.0
+    arm: Annotated[Metres, Meta(ge=0.0, le=10.0)] = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -20,11 +20,9 @@ from monochord.core.types import Audio, Floats, StringParams
 from monochord.core.units import Hertz, Metres, Samples
 from monochord.physics.theory import (
     bending_stiffness,
-    contact_width,
     decay_rates,
-    hertz_stiffness,
-    line_stiffness,
     mindlin_ratio,
+    mutual_compliance,
     static_compliance,
     stretch_stiffness,
 )
@@ -74,11 +72,12 @@ from monochord.physics.twin.setup import (
     Sensor,
     Touch,
 )
+from monochord.physics.twin.surface import edges_of, surface_of
 
 WIDTH_MODES = 400
 """Modes that a touch's compliance is corrected by for its width."""
-LAW_FORCE = 1.0
-"""Press in N at which the width of a touch and the exponent of its law are taken."""
+EDGE_POWERS = (1.0, 0.8, 0.6, 0.4, 0.2)
+"""How exact the modes' weights at two edges are tried to be, as powers of those at a point."""
 CLEARANCE_OF_NEW: Metres = 1e-3
 """Distance from all of the string at which a new object waits for the first control update."""
 SHARES_A_CORE = 4
@@ -346,6 +345,9 @@ def retouch(twin: Twin, touches: tuple[Touch, ...]) -> Twin:
     if plausible is not None and twin.plausible is not None:
         for name in ("q", "v"):
             plausible.mount_modes[name][0, :continued] = twin.plausible.mount_modes[name][0, :continued]
+        for name in ("stiffness", "deflection", "slope"):
+            plausible.turnings[name][0, :continued] = twin.plausible.turnings[name][0, :continued]
+        plausible.slopes[0, :continued] = twin.plausible.slopes[0, :continued]
         for name in ("place", "place_before", "drive"):
             plausible.coils[name] = twin.plausible.coils[name]
     scene = replace(twin.scene, touches=touches)
@@ -408,7 +410,9 @@ def _plausible(
 ) -> Plausible | None:
     """Return what the world `plausible` adds, as a batch of one sensor; None if it is nothing."""
     step = 1.0 / (rate * chosen.oversampling)
-    single = plausible_of(sensor, touches, rate=rate, step=step, bank=bank, weights=weights)
+    exact = np.zeros(padded(chosen.count))
+    exact[: chosen.count] = _exact(sensor.string, chosen, step)
+    single = plausible_of(sensor, touches, rate=rate, step=step, bank=bank, weights=weights, exact=exact)
     return None if single is None else _batched(single)
 
 
@@ -519,19 +523,18 @@ def _outside(scene: Scene) -> Audio:
 def _touches(sensor: Sensor, touches: tuple[Touch, ...], chosen: RatePlan, rate: Hertz) -> dict[str, Any]:
     """Return the fields of `Parameters` that belong to the touches."""
     string, step = sensor.string, 1.0 / (rate * chosen.oversampling)
-    omega = mode_frequencies(string, chosen.count)
     weights = np.zeros((len(touches), padded(chosen.count)))
     compliance = np.zeros((len(touches), TABLE_PLACES))
     records = np.zeros(len(touches), dtype_of(TouchParameters))
     keys = np.zeros(
         (len(touches), max((len(touch.motion) for touch in touches), default=1)), dtype_of(KeyRecord)
     )
-    exact = np.sqrt(touch_weights(omega, step, chosen.beta))
+    exact = _exact(string, chosen, step)
     offset = offset_of(sensor)
     for t, touch in enumerate(touches):
         material = touch.material
         _refuse_outside(touch, sensor)
-        k1, k2, width = _surface(string, touch)
+        k1, k2, width = surface_of(string, touch)
         records[t] = record_of(
             TouchParameters,
             k1=k1,
@@ -548,27 +551,24 @@ def _touches(sensor: Sensor, touches: tuple[Touch, ...], chosen: RatePlan, rate:
         )
         for i, key in enumerate(touch.motion):
             keys[t, i] = (key.time, key.position + offset, key.force, key.clearance, key.across)
+        edges = edges_of(string, touch)
+        if edges > 0.0:
+            weights[t, : chosen.count] = _edge_weights(string, exact, edges)
+            compliance[t] = _edge_compliance(string, edges)
+            continue
         weights[t, : chosen.count] = exact * _blur(string.length, width, chosen.count)
         compliance[t] = _compliance(sensor, width)
     return {"touches": records, "keys": keys, "weights": weights, "compliance": compliance}
 
 
-def _surface(string: StringParams, touch: Touch) -> tuple[float, float, Metres]:
-    """Return k1 in N/m and k2 in N/m^1.5 of a touch, and the length of string on which it presses, in m."""
-    material, law = touch.material, touch.law
-    elastic = material.young_modulus, material.poisson_ratio
-    if law.flat is not None:
-        return line_stiffness(string, law.flat, *elastic), 0.0, law.flat
-    radius = touch.radius if touch.radius is not None else material.radius
-    k2 = hertz_stiffness(string, radius, *elastic)
-    width = float(contact_width(string, radius, *elastic, LAW_FORCE))
-    linear = 3.0 - 2.0 * law.exponent  # the share of k1 in the force at LAW_FORCE
-    return linear * LAW_FORCE ** (1.0 / 3.0) * k2 ** (2.0 / 3.0), (1.0 - linear) * k2, width
+def _exact(string: StringParams, chosen: RatePlan, step: float) -> Floats:
+    """Return the weight of each mode's shape at a point."""
+    return np.sqrt(touch_weights(mode_frequencies(string, chosen.count), step, chosen.beta))
 
 
 def _refuse_outside(touch: Touch, sensor: Sensor) -> None:
     length = sensor.string.length
-    edge = 0.02 * length
+    edge = 0.02 * length + 0.5 * touch.law.width
     for key in touch.motion:
         if not edge <= key.position + offset_of(sensor) <= length - edge:
             raise InputError(f"a touch at {key.position:g} m", f"{edge:g} to {length - edge:g} m")
@@ -578,6 +578,36 @@ def _blur(length: float, width: float, count: int) -> Floats:
     """Return the share of each mode that a touch of a width feels, a Gaussian of the same variance."""
     wave = np.arange(1, count + 1) * pi / length
     return np.exp(-((wave * width) ** 2) / 24.0)
+
+
+def _edge_weights(string: StringParams, exact: Floats, width: float) -> Floats:
+    """Return the weight of each mode in the mean height of two edges.
+
+    Between edges far apart so little is left to the modes beyond the bank that the weights which are exact at
+    a point would give way by more than the string does: these are taken as exact as they may be, for touches
+    of the middle three fifths as in `monochord.physics.twin.rate`.
+    """
+    n = np.arange(1, exact.size + 1)
+    share = np.cos(0.5 * width * n * pi / string.length)
+    place = np.linspace(0.0, 1.0, TABLE_PLACES)
+    inside = np.abs(place - 0.5) < 0.3
+    static = 2.0 * share**2 / (string.linear_density * string.length)
+    static /= mode_frequencies(string, exact.size) ** 2
+    shape, whole = np.sin(np.outer(place[inside], n) * pi) ** 2, _edge_compliance(string, width)[inside]
+    for power in EDGE_POWERS:
+        if np.all(shape @ (static * exact ** (2.0 * power)) <= whole):
+            return exact**power * share
+    return share
+
+
+@lru_cache(maxsize=64)
+def _edge_compliance(string: StringParams, width: Metres) -> Floats:
+    """Return the static compliance along the string, in m/N, of a touch on two edges."""
+    inside = 0.5 * width + 1e-6 * string.length
+    place = np.clip(np.linspace(0.0, string.length, TABLE_PLACES), inside, string.length - inside)
+    near, far = place - 0.5 * width, place + 0.5 * width
+    own = mutual_compliance(string, near, near) + mutual_compliance(string, far, far)
+    return 0.25 * own + 0.5 * mutual_compliance(string, near, far)
 
 
 @lru_cache(maxsize=64)  # 7 ms, and an object that is led by hand comes with each of its motions

@@ -6,6 +6,7 @@ the other draws unchanged. All are normal, truncated at 2.5 standard deviations,
 """
 
 from dataclasses import replace
+from math import exp, log
 from zlib import crc32
 
 import numpy as np
@@ -132,6 +133,28 @@ def random_stream(seed: int, name: str) -> np.random.Generator:
     True
     """
     return np.random.default_rng([seed, crc32(name.encode())])
+
+
+def uniform(seed: int, name: str, range_: tuple[float, float]) -> float:
+    """Return the draw of one quantity, evenly over its range.
+
+    Examples
+    --------
+    >>> 2.0 <= uniform(1, "length", (2.0, 3.0)) <= 3.0
+    True
+    """
+    return float(random_stream(seed, name).uniform(*range_))
+
+
+def log_uniform(seed: int, name: str, range_: tuple[float, float]) -> float:
+    """Return the draw of one quantity, evenly over the logarithm of its range.
+
+    Examples
+    --------
+    >>> 2.0 <= log_uniform(1, "length", (2.0, 3.0)) <= 3.0
+    True
+    """
+    return exp(uniform(seed, name, (log(range_[0]), log(range_[1]))))
 
 
 def tension_per_kelvin(sensor: Sensor) -> Newtons:

@@ -41,14 +41,15 @@ class VirtualSensor:
         Seeds of another build within the design's tolerances, and of another day; None is the design itself.
     world
         ``ideal``, or ``plausible``: what a real build brings besides, see `monochord.physics.twin.world`. The
-        mounts and surfaces of its objects are drawn by `seed` and material.
+        mounts and surfaces of its objects are drawn by `seed` and material. ``plausible_1`` draws as the
+        bundled model's training did.
     sample_rate
         In Hz, 16000 to 192000.
 
     Attributes
     ----------
     design, sensor
-        The sensor as designed, and this build of it.
+        The sensor as designed, and this build of it; `sensor.measured_length` is what a ruler says.
 
     Raises
     ------
@@ -79,7 +80,8 @@ class VirtualSensor:
     ) -> None:
         design = load_sensor(sensor) if isinstance(sensor, str) else sensor
         self.design, self.sensor = design, sensor_of(design, world, build=build, day=day)
-        self.world, self._seed = world, seed
+        self.world: World = world
+        self._seed = seed
         length = self.sensor.string.length
         pluck = Pluck(position=0.2 * length, height=PLUCK * length)
         self._twin = begin(self.sensor, Scene(pluck=pluck), sample_rate=sample_rate, seed=seed)
@@ -144,7 +146,7 @@ class VirtualSensor:
             Key(time=down + PRESS, position=position, force=force),
         )
         touch = Touch(material=load_material(material), motion=motion, radius=radius, rolls=rolls)
-        self._touches.append(touch if self.world == "ideal" else plausible_touch(touch, self._seed))
+        self._touches.append(plausible_touch(touch, self._seed, world=self.world))
         self._changed = True
         return len(self._touches) - 1
 

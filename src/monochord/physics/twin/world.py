@@ -1,10 +1,13 @@
-"""Two worlds: `ideal`, the twin as its design says, and `plausible`, with what a real build brings besides.
+"""Worlds: `ideal`, the twin as its design says, and `plausible`, with what a real build brings besides.
 
 The ideal world has rigid ends and objects, Hertz's contact and a linear chain. A plausible sensor is retuned,
-creeps and is warmed; its ends yield, its drivers are stronger, uneven and magnetic; its chain distorts, hums
-and picks up the coils. A plausible object gives way, and its surface is rough, and round, flat or sharp. Each
-of these effects is a switch of `Effects`, and each of its quantities is drawn from a stated range by a random
-stream of its own, by name and seed: to switch one off leaves the others as they were.
+creeps and is warmed; its string is longer or shorter than designed, and tightens under a press by more than
+it stretches; its ends yield, its drivers are stronger, uneven and magnetic; its chain distorts, hums and
+picks up the coils. A plausible object gives way, and its surface is rough, and round, flat or sharp, of a
+width, and resists turning. Each of these effects is a switch of `Effects`, and each of its quantities is
+drawn from a stated range by a random stream of its own, by name and seed: to switch one off leaves the others
+as they were. The world `plausible_1` draws as the bundled model's training did: softer mounts, contacts at a
+point, and the design's length within 0.6 mm.
 
 Quantities whose size is not known are drawn evenly over their logarithm, others evenly over their range. The
 ranges are what a careful reviewer would expect; each names its source or the word assumed.
@@ -15,26 +18,17 @@ Persson (2007), Phys. Rev. Lett. 99, 125502; Pastewka et al. (2013), Phys. Rev. 
 """
 
 from dataclasses import dataclass, fields, replace
-from math import exp, log, pi
 from typing import Literal, get_args
 
 from monochord.core.errors import InputError
 from monochord.core.units import Hertz, Metres, Newtons
-from monochord.physics.twin.setup import (
-    ContactLaw,
-    Ebow,
-    End,
-    Mount,
-    MountMode,
-    Pickups,
-    Sensor,
-    Touch,
-)
+from monochord.physics.twin.held import drawn_mount, drawn_mount_1
+from monochord.physics.twin.setup import ContactLaw, Ebow, End, Mount, Pickups, Sensor, Touch
 from monochord.physics.twin.variation import build as build_of
 from monochord.physics.twin.variation import day as day_of
-from monochord.physics.twin.variation import random_stream
+from monochord.physics.twin.variation import log_uniform, random_stream, uniform
 
-World = Literal["ideal", "plausible"]
+World = Literal["ideal", "plausible", "plausible_1"]
 Shape = Literal["round", "flat", "edge"]
 
 TUNING = -0.06, 0.06
@@ -69,13 +63,15 @@ HUM = -80.0, -50.0
 FEED = -80.0, -50.0
 """What a driver's coil at its nominal limit induces in a pickup, in dB of full scale, of either sign:
 assumed."""
-MOUNT_MODES = 1, 3
-MOUNT_MASS = 2e-3, 50e-3
-MOUNT_FREQUENCY: tuple[Hertz, Hertz] = (300.0, 5000.0)
-MOUNT_QUALITY = 5.0, 50.0
-MOUNT_STIFFNESS = 1e4, 1e6
-"""How many modes object, gripper and frame have, their modal mass in kg, and the static stiffness in N/m of
-all higher ones, which is also the least that a mode has. Assumed."""
+LENGTH = -0.01, 0.01
+"""Relative difference of the string's length from the design's: a frame printed or sawn by hand, a nut and a
+saddle 2 mm wide on which the string may end anywhere. Assumed."""
+RULER: tuple[Metres, Metres] = (-5e-4, 5e-4)
+"""Error of a length that is read off a ruler with a millimetre scale."""
+PRESS_TENSION = 0.0, 1.0
+"""Share of the string's `tension_per_force` that a press adds to the geometric law: at 1 the paper's
+T = T0 + kT F beside the stretch, as a frame that bends, or a nut on which the string sticks, may bring.
+Assumed."""
 EXPONENT = 1.0, 1.5
 """Of the contact law at 1 N: between a line contact's or a layered print's and Hertz's."""
 LAYER_SHARE = 0.28, 0.57
@@ -85,20 +81,26 @@ LAYER_LOAD: tuple[Newtons, Newtons] = (3e-3, 3e-2)
 finite size as in Pastewka et al. (2013), the force assumed."""
 SHAPES: tuple[tuple[Shape, float], ...] = (("round", 0.6), ("flat", 0.2), ("edge", 0.2))
 """How often an object at rest meets the string with which shape: assumed."""
-FLAT_WIDTH: tuple[Metres, Metres] = (5e-4, 4e-3)
+FLAT_WIDTH: tuple[Metres, Metres] = (2e-4, 4e-3)
+"""Length of string under a flat object: from a worn edge to the side of a ruler. Assumed; below, a contact is
+a point beside the 0.8 mm over which the prototype's string bends."""
+FLAT_WIDTH_1: tuple[Metres, Metres] = (5e-4, 4e-3)
+"""The same in the world `plausible_1`, where a width only blurs high modes."""
 EDGE_RADIUS: tuple[Metres, Metres] = (2e-4, 1e-3)
-"""Length of string under a flat object, and radius of an edge such as a hexagonal key's: assumed."""
+"""Radius of an edge such as a hexagonal key's: assumed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Effects:
     """Which effects a plausible world has, each a switch.
 
-    Of the day: `tuning` (retuning by hand and creep) and `temperature`. Of the build: `ends` that yield;
+    Of the day: `tuning` (retuning by hand and creep) and `temperature`. Of the build: its `length`, the
+    `tension_law` between the geometric and the linear one; `ends` that yield;
     drivers of another `level`, uneven (`asymmetry`) and with `magnets` that pull; `distortion`, `noise`,
     `hum`, and the coils' `feed_through`; and `residual`, the static share of the modes beyond the bank in
-    the end forces. Of a touch: its `mount`, the exponent of its contact `law`, its rough `layer`, and its
-    `shape`, flat or an edge.
+    the end forces. Of a touch: its `mount`, the exponent of its contact `law`, its rough `layer`, its
+    `shape`, flat or an edge, the `width` of a flat, and the `turning` that a round one resists. The world
+    `plausible_1` has no `length`, `tension_law`, `width` and `turning`.
     """
 
     tuning: bool = True
@@ -116,6 +118,10 @@ class Effects:
     law: bool = True
     layer: bool = True
     shape: bool = True
+    length: bool = True
+    tension_law: bool = True
+    width: bool = True
+    turning: bool = True
 
 
 ALL = Effects()
@@ -147,7 +153,8 @@ def sensor_of(
     design
         With its nominal values.
     world
-        ``ideal``: only what the design's `tolerances` and `changes` say; ``plausible``: the effects besides.
+        ``ideal``: only what the design's `tolerances` and `changes` say; ``plausible``: the effects besides;
+        ``plausible_1``: those that the bundled model was trained with.
     build
         Seed of the build. None is the design's own strings, drivers and pickups; a plausible world's effects
         are then those of seed 0.
@@ -173,11 +180,11 @@ def sensor_of(
     built = design if build is None else build_of(design, build)
     if world == "ideal":
         return built if day is None else day_of(built, day)
-    built = plausible_build(built, build or 0, effects)
+    built = plausible_build(built, build or 0, effects, world)
     return built if day is None else plausible_day(built, day, effects)
 
 
-def plausible_build(sensor: Sensor, seed: int, effects: Effects = ALL) -> Sensor:
+def plausible_build(sensor: Sensor, seed: int, effects: Effects = ALL, world: World = "plausible") -> Sensor:
     """Return a sensor with the effects that it has as built.
 
     Parameters
@@ -188,6 +195,8 @@ def plausible_build(sensor: Sensor, seed: int, effects: Effects = ALL) -> Sensor
         Random seed, 0 or more.
     effects
         Which effects it has.
+    world
+        ``plausible`` or ``plausible_1``.
 
     Examples
     --------
@@ -196,6 +205,8 @@ def plausible_build(sensor: Sensor, seed: int, effects: Effects = ALL) -> Sensor
     >>> plausible_build(design, 3, only("hum")).drivers == design.drivers
     True
     """
+    if world == "plausible":
+        sensor = _built(sensor, seed, effects)
     first, second = (_driver(driver, d, seed, effects) for d, driver in enumerate(sensor.drivers))
     return replace(
         sensor,
@@ -230,14 +241,15 @@ def plausible_day(sensor: Sensor, seed: int, effects: Effects = ALL) -> Sensor:
         return later
     tension = sensor.string.tension
     limit = min(50.0, 0.25 * tension)
-    drift = later.drift + tension * _uniform(seed, "retuning", TUNING)
+    drift = later.drift + tension * uniform(seed, "retuning", TUNING)
     return replace(later, drift=min(limit, max(-limit, drift)))
 
 
-def plausible_touch(touch: Touch, seed: int, effects: Effects = ALL) -> Touch:
+def plausible_touch(touch: Touch, seed: int, effects: Effects = ALL, world: World = "plausible") -> Touch:
     """Return a touch whose object is held by a mount and has a surface of its own, by its material and seed.
 
-    A touch that states a mount, a law or a radius keeps it. An object that rolls as it moves stays round.
+    A touch that states a mount, a law or a radius keeps it. An object that rolls as it moves stays round. In
+    an ideal world the touch stays what it is.
 
     Parameters
     ----------
@@ -247,52 +259,84 @@ def plausible_touch(touch: Touch, seed: int, effects: Effects = ALL) -> Touch:
         Random seed, 0 or more: of a gripper and its objects.
     effects
         Which effects it has.
+    world
+        Whose draws.
 
     Examples
     --------
     >>> from monochord.physics.materials import load_material
     >>> from monochord.physics.twin import hold
-    >>> plausible_touch(hold(0.08, 1.0, load_material("wood")), 1).mount.compliance > 0.0
-    True
+    >>> plausible_touch(hold(0.08, 1.0, load_material("wood")), 1).mount.kind
+    'bolted'
     """
-    name = touch.material.name
+    if world == "ideal":
+        return touch
+    name, mended = touch.material.name, world == "plausible"
     changed = touch
     if effects.mount and touch.mount == Mount():
-        changed = replace(changed, mount=_mount(name, seed))
+        changed = replace(changed, mount=(drawn_mount if mended else drawn_mount_1)(name, seed))
     if touch.law != ContactLaw():
         return changed
     law = touch.law
     if effects.law:
-        law = replace(law, exponent=_uniform(seed, f"exponent of {name}", EXPONENT))
+        law = replace(law, exponent=uniform(seed, f"exponent of {name}", EXPONENT))
     if effects.layer:
-        share = _log_uniform(seed, f"layer of {name}", LAYER_SHARE)
-        load = _log_uniform(seed, f"layer load of {name}", LAYER_LOAD)
+        share = log_uniform(seed, f"layer of {name}", LAYER_SHARE)
+        load = log_uniform(seed, f"layer load of {name}", LAYER_LOAD)
         law = replace(law, layer=min(1e-4, share * touch.material.roughness), layer_load=load)
     shape = _shape(touch, seed) if effects.shape else "round"
     if shape == "flat":
-        law = replace(law, flat=_log_uniform(seed, f"width of {name}", FLAT_WIDTH))
+        flat = log_uniform(seed, f"width of {name}", FLAT_WIDTH if mended else FLAT_WIDTH_1)
+        law = replace(law, flat=flat, width=flat if mended and effects.width else 0.0)
     if shape == "edge":
-        changed = replace(changed, radius=_log_uniform(seed, f"edge of {name}", EDGE_RADIUS))
+        changed = replace(changed, radius=log_uniform(seed, f"edge of {name}", EDGE_RADIUS))
+    if mended and effects.turning and shape != "flat":
+        law = replace(law, arm=touch.material.radius if changed.radius is None else changed.radius)
     return replace(changed, law=law)
+
+
+def _built(sensor: Sensor, seed: int, effects: Effects) -> Sensor:
+    """Return a sensor of another length, tuned to its pitch, whose tension follows a press by more.
+
+    Coils of the further half stay where they are from the further end.
+    """
+    string = sensor.string
+    if effects.length:
+        share = 1.0 + uniform(seed, "length of the frame", LENGTH)
+        moved = string.length * (share - 1.0)
+
+        def place(x: Metres) -> Metres:
+            return x if x < 0.5 * string.length else x + moved
+
+        first, second = (
+            replace(driver, sense=place(driver.sense), drive=place(driver.drive)) for driver in sensor.drivers
+        )
+        longer = replace(string, length=share * string.length, tension=share**2 * string.tension)
+        measured = longer.length + uniform(seed, "ruler", RULER)
+        sensor = replace(sensor, string=longer, drivers=(first, second), measured_length=measured)
+    if effects.tension_law:
+        share = uniform(seed, "tension law", PRESS_TENSION)
+        sensor = replace(sensor, press_tension=share * string.tension_per_force)
+    return sensor
 
 
 def _driver(driver: Ebow, index: int, seed: int, effects: Effects) -> Ebow:
     if effects.level:
         driver = replace(driver, level=_level(index, seed))
     if effects.asymmetry:
-        driver = replace(driver, bias=_uniform(seed, f"bias {index}", BIAS))
+        driver = replace(driver, bias=uniform(seed, f"bias {index}", BIAS))
     if effects.magnets:
-        driver = replace(driver, pull=_log_uniform(seed, f"pull {index}", PULL))
+        driver = replace(driver, pull=log_uniform(seed, f"pull {index}", PULL))
     return driver
 
 
 def _level(driver: int, seed: int) -> float:
-    return _log_uniform(seed, f"level {driver}", LEVEL)
+    return log_uniform(seed, f"level {driver}", LEVEL)
 
 
 def _end(index: int, seed: int) -> End:
     def draw(name: str, range_: tuple[float, float]) -> float:
-        return _log_uniform(seed, f"end {index} {name}", range_)
+        return log_uniform(seed, f"end {index} {name}", range_)
 
     return End(
         compliance=1.0 / draw("stiffness", END_STIFFNESS),
@@ -311,9 +355,9 @@ def _pickups(sensor: Sensor, seed: int, effects: Effects) -> Pickups:
         second, third = (_signed(seed, f"distortion {order}", DISTORTION) for order in (2, 3))
         pickups = replace(pickups, distortion=(second, third))
     if effects.noise:
-        pickups = replace(pickups, hiss=SIGNAL / _ratio(_uniform(seed, "snr", SNR)))
+        pickups = replace(pickups, hiss=SIGNAL / _ratio(uniform(seed, "snr", SNR)))
     if effects.hum:
-        first, second = (_ratio(_uniform(seed, f"hum {channel}", HUM)) for channel in range(2))
+        first, second = (_ratio(uniform(seed, f"hum {channel}", HUM)) for channel in range(2))
         mains = 50.0 if random_stream(seed, "mains").random() < 0.5 else 60.0
         pickups = replace(pickups, hum=(first, second), mains=mains)
     limit = max(driver.limit for driver in sensor.drivers)
@@ -321,22 +365,6 @@ def _pickups(sensor: Sensor, seed: int, effects: Effects) -> Pickups:
         own, other = (_signed(seed, f"feed {which}", FEED) / limit for which in ("own", "other"))
         pickups = replace(pickups, feed=(own, other))
     return replace(pickups, residual=True) if effects.residual else pickups
-
-
-def _mount(name: str, seed: int) -> Mount:
-    count = int(random_stream(seed, f"modes under {name}").integers(MOUNT_MODES[0], MOUNT_MODES[1] + 1))
-    modes = tuple(_mount_mode(f"mode {i} under {name}", seed) for i in range(count))
-    return Mount(modes=modes, compliance=1.0 / _log_uniform(seed, f"stiffness under {name}", MOUNT_STIFFNESS))
-
-
-def _mount_mode(name: str, seed: int) -> MountMode:
-    """Return a mode that is no softer than the softest mount."""
-    frequency = _log_uniform(seed, f"frequency of {name}", MOUNT_FREQUENCY)
-    least = MOUNT_STIFFNESS[0] / (2.0 * pi * frequency) ** 2
-    mass = max(least, _log_uniform(seed, f"mass of {name}", MOUNT_MASS))
-    return MountMode(
-        mass=mass, frequency=frequency, quality=_log_uniform(seed, f"quality of {name}", MOUNT_QUALITY)
-    )
 
 
 def _shape(touch: Touch, seed: int) -> Shape:
@@ -351,18 +379,10 @@ def _shape(touch: Touch, seed: int) -> Shape:
     return SHAPES[-1][0]
 
 
-def _uniform(seed: int, name: str, range_: tuple[float, float]) -> float:
-    return float(random_stream(seed, name).uniform(*range_))
-
-
-def _log_uniform(seed: int, name: str, range_: tuple[float, float]) -> float:
-    return exp(_uniform(seed, name, (log(range_[0]), log(range_[1]))))
-
-
 def _signed(seed: int, name: str, decibels: tuple[float, float]) -> float:
     """Return an amplitude ratio of a range in dB, of either sign."""
     sign = 1.0 if random_stream(seed, f"sign of {name}").random() < 0.5 else -1.0
-    return sign * _ratio(_uniform(seed, name, decibels))
+    return sign * _ratio(uniform(seed, name, decibels))
 
 
 def _ratio(decibels: float) -> float:
