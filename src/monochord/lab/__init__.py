@@ -6,6 +6,7 @@ from monochord.lab.deviation import NONE, Deviation
 from monochord.lab.offline import make
 from monochord.lab.plan import Assignment, Group, Plan, assignments
 from monochord.lab.plans import load_plan, plan_names
+from monochord.lab.render import Rendering, render
 
 __all__ = [
     "NONE",
@@ -13,10 +14,12 @@ __all__ = [
     "Deviation",
     "Group",
     "Plan",
+    "Rendering",
     "assignments",
     "collect",
     "load_plan",
     "make",
     "plan_names",
+    "render",
     "run_all",
 ]

@@ -42,7 +42,7 @@ TURN: Seconds = 0.1
 HAND_SPEED = (0.05, 0.2)
 """Range of a hand's approach speed, in m/s: a robot's, and four times as fast. Assumed."""
 HAND_BESIDE = (1e-3, 5e-3)
-"""Range of the distance, in m, at which a hand may land beside its position before it slides there. Assumed."""
+"""Range of the distance in m at which a hand may land beside its position, then slide there. Assumed."""
 HAND_SLIDE: MetresPerSecond = 0.03
 """Speed at which it slides there, in m/s."""
 HAND_STEP: Seconds = 0.03
