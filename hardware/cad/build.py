@@ -1,0 +1,101 @@
+"""Builds one sensor: files, checks, and a report of both."""
+
+import json
+import time
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from hardware.cad import checks, export
+from hardware.cad.assembly import assembled, made
+from hardware.cad.checks import Clearance, Mesh
+from hardware.cad.layout import Layout
+from hardware.cad.parameters import Hardware
+from hardware.cad.physics import physics
+
+STEP_TOLERANCE = 1e-9
+"""Relative difference that a part's STEP file may have."""
+DENSITY = {"bar": 7.85e-3}
+"""In g/mm^3; every other part is printed in PLA."""
+PLA = 1.24e-3
+STAGES = {
+    "step_1_blocks": ("bar", "tuner_support", "anchor", "saddle_pin", "screw_block", "nut_block"),
+    "step_2_microphones": ("microphone", "clamp", "screw_microphone"),
+    "step_3_drivers": ("base", "carrier", "cradle", "ebow", "bobbin", "pole", "magnet", "screw", "nut"),
+    "step_4_string": ("string", "tuner"),
+}
+"""First words of the bodies that each step of the assembly adds."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Report:
+    """What was built and what its checks say."""
+
+    sensor: str
+    meshes: list[Mesh]
+    clearances: list[Clearance]
+    overlaps: dict[str, float]
+    step_difference: float
+    seconds: float
+
+    @property
+    def good(self) -> bool:
+        """Whether everything holds that a build is checked for."""
+        kept = all(each.kept for each in self.clearances) and all(each.good for each in self.meshes)
+        return kept and not self.overlaps and self.step_difference < STEP_TOLERANCE
+
+
+def build(hardware: Hardware, out: Path, *, pictures: bool = True) -> Report:
+    """Write all files of one sensor into a folder, check them, and write the report beside them."""
+    out.mkdir(parents=True, exist_ok=True)
+    begun, layout = time.process_time(), Layout(hardware)
+    parts, meshes, difference = made(layout), list[Mesh](), 0.0
+    for name, part in parts.items():
+        step, stl = export.write_part(name, part, out)
+        meshes.append(checks.mesh(name, part, stl))
+        difference = max(difference, checks.step_difference(part, step))
+    overlaps: dict[str, float] = {}
+    clearances: list[Clearance] = []
+    for stand in ("feet", "gripper"):
+        bodies = assembled(layout, parts, stand=stand)
+        overlaps |= {" and ".join(pair): volume for pair, volume in checks.overlaps(bodies).items()}
+        clearances = checks.clearances(layout, bodies)
+        export.write_assembly(bodies, out / f"assembly_{stand}.step")
+        if pictures:
+            export.picture(bodies, out / f"assembly_{stand}.svg")
+            _draw(bodies, out, stand)
+    if pictures:
+        for name, part in parts.items():
+            export.picture({name: part}, out / f"{name}.svg", hidden=True)
+    report = Report(
+        sensor=hardware.sensor.name,
+        meshes=meshes,
+        clearances=clearances,
+        overlaps=overlaps,
+        step_difference=difference,
+        seconds=time.process_time() - begun,
+    )
+    content = {**asdict(report), "good": report.good, **physics(hardware), "mass": _mass(meshes)}
+    text = json.dumps(content, indent=1)
+    (out / "report.json").write_text(text + "\n", encoding="utf-8")
+    return report
+
+
+def _mass(meshes: list[Mesh]) -> dict[str, float]:
+    """Return the mass of each part in grams, printed ones as if they were solid."""
+    return {each.name: round(each.volume * DENSITY.get(each.name, PLA), 1) for each in meshes}
+
+
+def _draw(bodies: dict[str, Any], out: Path, stand: str) -> None:
+    """Draw the steps of the assembly, and it from the side."""
+    if stand != "feet":
+        return
+    shown: dict[str, Any] = {}
+    for file, words in STAGES.items():
+        shown |= {name: bodies[name] for name in bodies if name.startswith(words) and "foot" not in name}
+        export.picture(shown, out / f"{file}.svg")
+    export.picture(bodies, out / "assembly_side.svg", "side")
+    words = (*STAGES["step_3_drivers"][:-2], "screw_base", "screw_height", "nut_base", "nut_height")
+    first = {name: each for name, each in bodies.items() if name.startswith(words) and "_1" in name}
+    driver = {name: each for name, each in first.items() if "_2" not in name}
+    export.picture(driver, out / "driver.svg", hidden=True)
