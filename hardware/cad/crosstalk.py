@@ -10,7 +10,7 @@ from monochord.physics.theory import decay_rates, open_frequency
 
 
 def mutual_inductance(hardware: Hardware, spacing: float) -> float:
-    """Return that of two bobbins side by side, in H: mu0 (N A)^2 / (4 pi d^3), as two dipoles without cores."""
+    """Return that of two bobbins side by side, in H, as of dipoles: mu0 (N A)^2 / (4 pi d^3), no cores."""
     inner, depth, _ = window(hardware)
     area = pi * (inner + depth / 2.0) ** 2
     return VACUUM * (winding(hardware).turns * area) ** 2 / (4.0 * pi * spacing**3)
@@ -19,9 +19,9 @@ def mutual_inductance(hardware: Hardware, spacing: float) -> float:
 def feedthrough(hardware: Hardware, driver: int) -> float:
     """Return the ratio of the voltage that a drive coil induces to that of the string it drives, in dB.
 
-    At the untouched fundamental, for one ampere: omega M, against K^2 times the string's mobility between both
-    coils, sin sin / (m 2 sigma). K is the force for an ampere, which is also the voltage for 1 m/s. Steel poles
-    raise the first and are left out: this is the least.
+    At the untouched fundamental, for one ampere: omega M, against K^2 times the string's mobility between
+    both coils, sin sin / (m 2 sigma). K is the force for an ampere, which is also the voltage for 1 m/s.
+    Steel poles raise the first and are left out: this is the least.
     """
     string = hardware.sensor.string
     frequency = open_frequency(string)

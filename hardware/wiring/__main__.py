@@ -9,7 +9,7 @@ HERE = Path(__file__).parent
 
 def piezo_buffer() -> Drawing:
     """Draw the buffer of one contact microphone."""
-    sheet = Drawing("Piezo buffer: one for each microphone, in a screened box at the block", 760, 370)
+    sheet = Drawing("Piezo buffer: one for each microphone, in a screened box at the block", 950, 370)
     rail, base = 70.0, 300.0
     sheet.line((60, rail), (520, rail))
     sheet.resistor(520, rail, "R6 100")
@@ -28,12 +28,10 @@ def piezo_buffer() -> Drawing:
     sheet.resistor(90, 150, "R1 1 k")
     sheet.line((150, 150), (300, 150))
     # clamps
-    sheet.line((190, 150), (190, 160))
-    sheet.diode_up(190, rail + 20)
-    sheet.line((190, rail), (190, rail + 20))
+    for low, wire in ((rail + 20, rail), (190.0, 150.0)):
+        sheet.line((190, wire), (190, low))
+        sheet.diode_up(190, low)
     sheet.line((190, rail + 60), (190, 150))
-    sheet.diode_up(190, 190)
-    sheet.line((190, 160), (190, 190))
     sheet.line((190, 230), (190, base))
     sheet.text((100, 250), "D1 BAV199")
     for at in ((190, 150), (190, rail), (245, 150), (330, rail)):
@@ -41,15 +39,14 @@ def piezo_buffer() -> Drawing:
     # bias
     sheet.line((245, 150), (245, 165))
     sheet.resistor(245, 165, "R2 10 M", down=True)
-    sheet.line((245, 225), (245, 240), (300, 240))
-    sheet.text((302, 244), "3 V")
+    sheet.line((245, 225), (245, 240), (282, 240))
+    sheet.text((286, 244), "3 V")
     # follower
     sheet.jfet(300, 150)
     sheet.text((338, 143), "Q1 J113")
     sheet.line((330, 120), (330, rail))
-    sheet.line((330, 180), (330, 200))
+    sheet.line((330, 180), (330, 225))
     sheet.resistor(330, 225, "R5 4.7 k", down=True)
-    sheet.line((330, 200), (330, 225))
     sheet.line((330, 285), (330, base))
     sheet.dot(330, 190)
     sheet.line((330, 190), (420, 190))
@@ -61,18 +58,26 @@ def piezo_buffer() -> Drawing:
     sheet.line((490, 270), (490, base))
     sheet.resistor(500, 190, "R7 100")
     sheet.line((560, 190), (600, 190))
-    sheet.text((606, 195), "to input (1 or 2)")
-    # divider
-    sheet.resistor(640, 215, "R3 200 k", down=True)
-    sheet.text((620, 210), "+9 V")
-    sheet.line((640, 275), (640, 280))
-    sheet.text((560, 282), "3 V")
-    sheet.line((585, 278), (640, 278))
-    sheet.text((652, 286), "R4 100 k, C1 10 µF to ground", note=True)
+    sheet.text((606, 195), "to the input")
     sheet.line((60, base), (520, base))
     sheet.ground(130, base)
     sheet.text((146, base + 18), "screen, brass side of the disc, bar", note=True)
+    _bias(sheet)
     return sheet
+
+
+def _bias(sheet: Drawing) -> None:
+    """Draw the divider that makes the gate's 3 V."""
+    sheet.text((742, 112), "+9 V")
+    sheet.resistor(760, 120, "R3 200 k", down=True)
+    sheet.line((760, 180), (760, 210))
+    sheet.resistor(760, 210, "R4 100 k", down=True)
+    sheet.line((720, 190), (860, 190), (860, 210))
+    sheet.capacitor(860, 210, "C1 10 µF", down=True)
+    sheet.text((690, 194), "3 V")
+    sheet.dot(760, 190)
+    sheet.ground(760, 270)
+    sheet.ground(860, 270)
 
 
 def coil_driver() -> Drawing:

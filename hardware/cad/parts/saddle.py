@@ -22,7 +22,7 @@ def saddle_block(layout: Layout) -> Part:
     body += block((-hardware.back, behind), (-half, half), (0, top - STEP))
     body -= rod_across(hardware.pin_diameter + hardware.fit / 2, (-half - 1, half + 1), z=top)
     for x, y in layout.block_screws:
-        body -= rod(M4["hole"], (-1, FLOOR + M4["nut_height"] + 8), x, y)
+        body -= rod(M4["hole"], (-1, FLOOR + M4["nut_height"] + 5.5), x, y)
         body -= nut_pocket(M4, (FLOOR, FLOOR + M4["nut_height"]), x, y)
         outside = (y, half + 1) if y > 0 else (-half - 1, y)
         body -= block((x - M4["nut"] / 2, x + M4["nut"] / 2), outside, (FLOOR, FLOOR + M4["nut_height"]))
