@@ -1,6 +1,6 @@
-"""``python -m hardware.signal_cost``: what a weaker driver costs, on simulated builds, with the bundled model.
+"""``python -m hardware.signal_cost``: what a weaker driver costs, simulated, with the bundled model.
 
-A wound coil gives less force than the preset's driver. Each level is the share of the preset's force and gain.
+A wound coil gives less force than the preset's driver. A level is the share of its force and gain.
 """
 
 from dataclasses import replace

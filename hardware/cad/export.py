@@ -49,3 +49,5 @@ def picture(bodies: dict[str, Part], file: Path, view: str = "iso", *, hidden: b
         svg.add_layer(name, line_color=Color(grey, grey, grey), line_weight=weight)
         svg.add_shape([edge for edge in edges if edge.length * scale > SHORTEST], name)
     svg.write(file)
+    drawn = file.read_text(encoding="utf-8")
+    file.write_text(drawn.replace("<svg ", '<svg style="background:#fff" ', 1), encoding="utf-8")

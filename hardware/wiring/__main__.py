@@ -94,7 +94,7 @@ def coil_driver() -> Drawing:
         sheet.dot(200, y)
         sheet.resistor(200, y, f"R{channel}2 1 k", down=True)
         sheet.ground(200, y + 60)
-        sheet.capacitor(220, y, f"C{channel} 0.47 µF")
+        sheet.capacitor(220, y, f"C{channel}1 0.47 µF")
         sheet.line((280, y), (330, y))
         sheet.text((336, y + 5), "IN")
         sheet.text((424, y + 5), "OUT+")

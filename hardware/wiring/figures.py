@@ -31,11 +31,11 @@ def follower(*, cutoff: float, saturation: float) -> Follower:
     >>> round(weak.voltage, 1), round(weak.gain, 2)
     (3.2, 0.96)
     """
-    low, high = BIAS, BIAS - cutoff
-    for _ in range(60):
-        voltage = (low + high) / 2.0
-        wanted = saturation * max(1.0 - (BIAS - voltage) / cutoff, 0.0) ** 2
-        low, high = (voltage, high) if wanted > voltage / SOURCE_RESISTOR else (low, voltage)
+    voltage, step = BIAS, -cutoff / 2.0
+    for _ in range(60):  # bisection between the gate's voltage and that less the cut-off
+        wanted = saturation * max(1.0 - (BIAS - voltage - step) / cutoff, 0.0) ** 2
+        voltage += step if wanted > (voltage + step) / SOURCE_RESISTOR else 0.0
+        step /= 2.0
     current = voltage / SOURCE_RESISTOR
     slope = 2.0 * sqrt(current * saturation) / -cutoff
     gain = slope * SOURCE_RESISTOR / (1.0 + slope * SOURCE_RESISTOR)
