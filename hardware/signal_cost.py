@@ -1,6 +1,7 @@
 """``python -m hardware.signal_cost``: what a weaker driver costs, simulated, with the bundled model.
 
-A wound coil gives less force than the preset's driver. A level is the share of its force and gain.
+A wound coil gives less force than the preset's driver. A level is the share of its largest force; the gain,
+which an amplifier sets, stays.
 """
 
 from dataclasses import replace
@@ -17,9 +18,9 @@ BUILDS = (1, 2)
 
 
 def errors(level: float) -> tuple[float, float, float, float]:
-    """Return the level of a settled touch in dB, share answered, MAE in mm, and MAE in N at a drive level."""
+    """Return the loudness of a settled touch in dB, share answered, and MAE in mm and in N."""
     design = load_sensor("prototype")
-    first, second = (replace(each, level=level) for each in design.drivers)
+    first, second = (replace(each, limit=level * each.limit) for each in design.drivers)
     sensor = replace(design, drivers=(first, second))
     model = mc.load("demo")
     power: list[float] = []

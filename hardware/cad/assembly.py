@@ -2,7 +2,7 @@
 
 from math import cos, degrees, sin
 
-from build123d import Location, Part, Pos, Rot
+from build123d import Compound, Location, Pos, Rot
 
 from hardware.cad.fasteners import fasteners
 from hardware.cad.layout import Layout
@@ -20,13 +20,13 @@ from hardware.cad.parts import (
     tuner_support,
 )
 from hardware.cad.parts.carrier import RECESS
-from hardware.cad.shapes import block, rod, rod_across, rod_along, turned_about_end
+from hardware.cad.shapes import block, joined, rod, rod_across, rod_along, turned_about_end
 
 BOUGHT = ("string", "saddle_pin", "pole", "magnet", "microphone", "ebow", "tuner")
 """First words of the names of bodies that are bought, not made."""
 
 
-def made(layout: Layout) -> dict[str, Part]:
+def made(layout: Layout) -> dict[str, Compound]:
     """Return every part to make, once, in its own coordinates, and the gauges."""
     parts = {
         "bar": bar.build(layout),
@@ -49,7 +49,7 @@ def made(layout: Layout) -> dict[str, Part]:
     return parts
 
 
-def assembled(layout: Layout, parts: dict[str, Part], *, stand: str = "feet") -> dict[str, Part]:
+def assembled(layout: Layout, parts: dict[str, Compound], *, stand: str = "feet") -> dict[str, Compound]:
     """Return all bodies in their places; `stand` is ``"feet"`` or ``"gripper"``."""
     hardware = layout.hardware
     other = turned_about_end(hardware.length)
@@ -91,7 +91,7 @@ def assembled(layout: Layout, parts: dict[str, Part], *, stand: str = "feet") ->
     return bodies | fasteners(layout, stand=stand)
 
 
-def string(layout: Layout) -> dict[str, Part]:
+def string(layout: Layout) -> dict[str, Compound]:
     """Return the sounding length, a straight wire over both pins, and what runs down behind each."""
     hardware = layout.hardware
     radius, angle = (hardware.pin_diameter + hardware.wire) / 2, hardware.break_angle
@@ -109,16 +109,16 @@ def string(layout: Layout) -> dict[str, Part]:
     return wire
 
 
-def tuner(layout: Layout) -> Part:
+def tuner(layout: Layout) -> Compound:
     """Return a plain body as large as the tuner: its post, and its gear housing below the shelf."""
     hardware = layout.hardware
     top, x, half = hardware.shelf_top, -hardware.post, hardware.tuner_housing / 2
     below = top - hardware.shelf_thickness
     housing = block((x - half, x + half), (-15, 15), (below - hardware.tuner_depth, below))
-    return housing + rod(6.0, (below - 1, top + hardware.tuner_post_height + 4), x)
+    return joined(housing, rod(6.0, (below - 1, top + hardware.tuner_post_height + 4), x))
 
 
-def _ebow(layout: Layout) -> Part:
+def _ebow(layout: Layout) -> Compound:
     hardware = layout.hardware
     half, across = (hardware.ebow_length or 0.0) / 2, (hardware.ebow_width or 0.0) / 2
     low = hardware.carrier_thickness

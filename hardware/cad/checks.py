@@ -5,7 +5,7 @@ from itertools import combinations
 from pathlib import Path
 
 import trimesh
-from build123d import Part, import_step
+from build123d import Compound, import_step
 
 from hardware.cad.layout import Layout
 
@@ -45,7 +45,7 @@ class Mesh:
         return self.watertight and abs(self.volume / self.solid_volume - 1.0) < VOLUME_TOLERANCE
 
 
-def mesh(name: str, part: Part, stl: Path) -> Mesh:
+def mesh(name: str, part: Compound, stl: Path) -> Mesh:
     """Return what trimesh, which knows nothing of the CAD kernel, says of a part's STL."""
     read = trimesh.load_mesh(stl)
     return Mesh(
@@ -53,7 +53,7 @@ def mesh(name: str, part: Part, stl: Path) -> Mesh:
     )
 
 
-def overlaps(bodies: dict[str, Part]) -> dict[tuple[str, str], float]:
+def overlaps(bodies: dict[str, Compound]) -> dict[tuple[str, str], float]:
     """Return the pairs of bodies that share space, with the volume in mm^3."""
     found: dict[tuple[str, str], float] = {}
     boxes = {name: body.bounding_box() for name, body in bodies.items()}
@@ -72,7 +72,7 @@ def overlaps(bodies: dict[str, Part]) -> dict[tuple[str, str], float]:
     return found
 
 
-def stated(layout: Layout, bodies: dict[str, Part]) -> list[tuple[str, str, float]]:
+def stated(layout: Layout, bodies: dict[str, Compound]) -> list[tuple[str, str, float]]:
     """Return the clearances that the design states: two bodies and the least distance in mm."""
     hardware = layout.hardware
     pairs = [("tuner", "bar", 3.0), ("string_tail_1", "tuner_support", 1.0)]
@@ -89,7 +89,7 @@ def stated(layout: Layout, bodies: dict[str, Part]) -> list[tuple[str, str, floa
     return pairs
 
 
-def clearances(layout: Layout, bodies: dict[str, Part]) -> list[Clearance]:
+def clearances(layout: Layout, bodies: dict[str, Compound]) -> list[Clearance]:
     """Return each stated clearance as it is in the assembly."""
     return [
         Clearance(first=first, second=second, distance=bodies[first].distance_to(bodies[second]), least=least)
@@ -97,7 +97,7 @@ def clearances(layout: Layout, bodies: dict[str, Part]) -> list[Clearance]:
     ]
 
 
-def step_difference(part: Part, step: Path) -> float:
+def step_difference(part: Compound, step: Path) -> float:
     """Return the largest relative difference in volume, area and size between a part and its STEP file."""
     read = import_step(step)
     before = [part.volume, part.area, *part.bounding_box().size]

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from build123d import Color, Compound, ExportSVG, Part, Vector, export_step, export_stl
+from build123d import Color, Compound, ExportSVG, Vector, export_step, export_stl
 
 VIEWS = {
     "iso": ((-300.0, -500.0, 350.0), (0.0, 0.0, 1.0)),
@@ -20,7 +20,7 @@ TURN = 0.08
 """Largest angle in radians between neighbouring facets of a round face."""
 
 
-def write_part(name: str, part: Part, out: Path) -> tuple[Path, Path]:
+def write_part(name: str, part: Compound, out: Path) -> tuple[Path, Path]:
     """Write NAME.step and NAME.stl into a folder and return both."""
     step, stl = out / f"{name}.step", out / f"{name}.stl"
     export_step(part, step)
@@ -28,14 +28,14 @@ def write_part(name: str, part: Part, out: Path) -> tuple[Path, Path]:
     return step, stl
 
 
-def write_assembly(bodies: dict[str, Part], file: Path) -> None:
+def write_assembly(bodies: dict[str, Compound], file: Path) -> None:
     """Write all bodies, named, into one STEP file."""
     for name, body in bodies.items():
         body.label = name
     export_step(Compound(label=file.stem, children=list(bodies.values())), file)
 
 
-def picture(bodies: dict[str, Part], file: Path, view: str = "iso", *, hidden: bool = False) -> None:
+def picture(bodies: dict[str, Compound], file: Path, view: str = "iso", *, hidden: bool = False) -> None:
     """Draw bodies without the lines that others hide, or with these in grey."""
     place, up = VIEWS[view]
     scene = Compound(children=[solid for body in bodies.values() for solid in body.solids()])

@@ -1,12 +1,12 @@
 """Screws and nuts in their places, as plain bodies: a hole that misses its screw shows as an overlap."""
 
-from build123d import Location, Part, Pos, Rot
+from build123d import Compound, Location, Pos, Rot
 
 from hardware.cad.layout import ADAPTER_SCREW, Layout
 from hardware.cad.parts import gripper_adapter
 from hardware.cad.parts.base import NUT_DEPTH
 from hardware.cad.parts.saddle import FLOOR
-from hardware.cad.shapes import nut_pocket, rod, turned_about_end
+from hardware.cad.shapes import joined, nut_pocket, rod, turned_about_end
 
 NUT_M3 = {"nut": 5.5}
 NUT_M4 = {"nut": 7.0}
@@ -14,15 +14,15 @@ HEIGHT_SCREW = 16.0
 """Length of the M3 screws that carry a carrier."""
 
 
-def screw(diameter: float, length: float) -> Part:
+def screw(diameter: float, length: float) -> Compound:
     """Return a cap screw that points up, its head below z = 0."""
-    return rod(diameter, (0, length)) + rod(1.75 * diameter, (-diameter, 0))
+    return joined(rod(diameter, (0, length)), rod(1.75 * diameter, (-diameter, 0)))
 
 
-def fasteners(layout: Layout, *, stand: str = "feet") -> dict[str, Part]:
+def fasteners(layout: Layout, *, stand: str = "feet") -> dict[str, Compound]:
     """Return every screw and nut of the assembly."""
     hardware = layout.hardware
-    below, bodies = -hardware.bar_thickness, dict[str, Part]()
+    below, bodies = -hardware.bar_thickness, dict[str, Compound]()
     other, over = turned_about_end(hardware.length), Rot(180, 0, 0)
     for end, turn in ((1, Location()), (2, other)):
         for number, (x, y) in enumerate(layout.block_screws, start=1):

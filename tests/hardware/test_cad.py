@@ -64,7 +64,8 @@ def test_a_hole_that_misses_its_screw_is_an_overlap(monkeypatch: pytest.MonkeyPa
     layout = Layout(load_hardware("prototype"))
     parts = assembly.made(layout)
     assert checks.overlaps(assembly.assembled(layout, parts)) == {}
-    monkeypatch.setattr(Layout, "block_screws", [(x, y + 1.0) for x, y in layout.block_screws])
+    moved_screws = tuple((x, y + 1.0) for x, y in layout.block_screws)
+    monkeypatch.setitem(layout.__dict__, "block_screws", moved_screws)
     moved = checks.overlaps(assembly.assembled(layout, parts))
     assert any("screw_block" in " ".join(pair) for pair in moved)
 

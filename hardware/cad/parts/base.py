@@ -1,6 +1,6 @@
 """Base of a driver: screwed to the bar, with nuts for the two height screws."""
 
-from build123d import Part
+from build123d import Compound
 
 from hardware.cad.layout import Driver, Layout
 from hardware.cad.shapes import M3, M4, block, nut_pocket, rod
@@ -9,7 +9,7 @@ NUT_DEPTH = 6.0
 """Pockets of the height screws' nuts, from below: a 16 mm screw ends 3 mm over the bar and can go 2 lower."""
 
 
-def build(layout: Layout, driver: Driver) -> Part:
+def build(layout: Layout, driver: Driver) -> Compound:
     """Return the base, centred, on z = 0."""
     half, across, top = driver.length / 2, driver.width / 2, layout.hardware.base_thickness
     body = block((-half, half), (-across, across), (0, top))

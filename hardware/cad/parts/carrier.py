@@ -1,6 +1,6 @@
 """Carrier of two bobbins with their magnets, on two height screws and springs as a guitar's pickup."""
 
-from build123d import Part
+from build123d import Compound
 
 from hardware.cad.layout import Driver, Layout
 from hardware.cad.shapes import M3, block, rod
@@ -9,7 +9,7 @@ RECESS = 1.0
 """Depth in which the bobbins stand."""
 
 
-def build(layout: Layout, driver: Driver) -> Part:
+def build(layout: Layout, driver: Driver) -> Compound:
     """Return the carrier, centred, on z = 0."""
     hardware = layout.hardware
     half, across, top = driver.length / 2, driver.width / 2, hardware.carrier_thickness

@@ -1,15 +1,15 @@
 """Gauges to print first: fits, the clearance over a pole, and the places of the coils from a saddle pin."""
 
-from build123d import Part
+from build123d import Compound
 
 from hardware.cad.layout import Layout
-from hardware.cad.shapes import M3, M4, block, nut_pocket, rod, rod_across
+from hardware.cad.shapes import M3, M4, block, joined, nut_pocket, rod, rod_across
 
 STEPS = (-0.5, 0.0, 0.5)
 """Steps of the clearance gauge about the design's clearance, in mm."""
 
 
-def fits(layout: Layout) -> Part:
+def fits(layout: Layout) -> Compound:
     """Return a plate with every fit of the design: pole, magnet, tuner, M3 and M4 nut, and a pin's groove."""
     hardware = layout.hardware
     plate = block((0, 66), (-9, 9), (0, 5))
@@ -21,16 +21,17 @@ def fits(layout: Layout) -> Part:
     return plate - rod_across(hardware.pin_diameter + hardware.fit / 2, (-10, 10), x=66, z=5)
 
 
-def clearance(layout: Layout) -> Part:
+def clearance(layout: Layout) -> Compound:
     """Return a stepped strip that goes between a pole and the string: too thin, right, too thick."""
     right = layout.hardware.pole_clearance
     strip = block((0, 24), (-4, 4), (0, 2))
     for index, step in enumerate(STEPS):
-        strip += block((23 + 10 * index, 33 + 10 * index + 1), (-4, 4), (0, right + step))
+        stair = block((23 + 10 * index, 34 + 10 * index), (-4, 4), (0, right + step))
+        strip = joined(strip, stair)
     return strip
 
 
-def places(layout: Layout, end: int) -> Part:
+def places(layout: Layout, end: int) -> Compound:
     """Return a rule that hooks on one saddle pin: notches at the coils, its tip at the range."""
     hardware = layout.hardware
     far = 1e3 * hardware.sensor.range[0] if end == 0 else hardware.length - 1e3 * hardware.sensor.range[1]

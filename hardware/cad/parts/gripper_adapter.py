@@ -1,6 +1,6 @@
 """Adapter between the bar and the finger of a gripper. The finger's hole pattern is unmeasured."""
 
-from build123d import Part
+from build123d import Compound
 
 from hardware.cad.layout import ADAPTER_SCREW, Layout
 from hardware.cad.shapes import M4, block, nut_pocket, rod
@@ -10,7 +10,7 @@ HEAD = 4.5
 """Depth of the pockets for the heads of the gripper's screws."""
 
 
-def build(layout: Layout) -> Part:
+def build(layout: Layout) -> Compound:
     """Return the adapter, centred, on z = 0; the bar lies on its top."""
     hardware = layout.hardware
     half = ADAPTER_SCREW + 8.0

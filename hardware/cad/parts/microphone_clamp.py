@@ -1,6 +1,6 @@
 """Clamp that presses the disc of a contact microphone, with a foam pad, on the side of a block."""
 
-from build123d import Part
+from build123d import Compound
 
 from hardware.cad.layout import Layout
 from hardware.cad.shapes import M3, block, rod
@@ -10,7 +10,7 @@ FOAM = 1.5
 """Of the pad between disc and clamp, pressed."""
 
 
-def build(layout: Layout) -> Part:
+def build(layout: Layout) -> Compound:
     """Return the clamp lying on its back, the recess of the disc upwards."""
     hardware = layout.hardware
     half = hardware.block_length / 2

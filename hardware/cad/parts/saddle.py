@@ -1,9 +1,9 @@
 """The block that both ends share: a groove for the saddle pin, screws below, a face for the microphone."""
 
-from build123d import Part
+from build123d import Compound
 
 from hardware.cad.layout import Layout
-from hardware.cad.shapes import M4, block, nut_pocket, rod, rod_across
+from hardware.cad.shapes import M4, block, joined, nut_pocket, rod, rod_across
 
 STEP = 4.0
 """How far the block's top drops behind the pin, so that the string runs free."""
@@ -13,13 +13,15 @@ INSERT = 7.0
 """Depth of the holes for the threaded inserts of the microphone's clamp."""
 
 
-def saddle_block(layout: Layout) -> Part:
+def saddle_block(layout: Layout) -> Compound:
     """Return the block at x = 0, its sounding side towards +x, its base on z = 0."""
     hardware = layout.hardware
     half, top = hardware.bar_width / 2, hardware.pin_height
     behind = -hardware.pin_diameter / 2 - 3.0
-    body = block((behind, hardware.front), (-half, half), (0, top))
-    body += block((-hardware.back, behind), (-half, half), (0, top - STEP))
+    body = joined(
+        block((behind, hardware.front), (-half, half), (0, top)),
+        block((-hardware.back, behind), (-half, half), (0, top - STEP)),
+    )
     body -= rod_across(hardware.pin_diameter + hardware.fit / 2, (-half - 1, half + 1), z=top)
     for x, y in layout.block_screws:
         body -= rod(M4["hole"], (-1, FLOOR + M4["nut_height"] + 5.5), x, y)
