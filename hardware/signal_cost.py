@@ -11,17 +11,20 @@ import numpy as np
 import monochord as mc
 from monochord.physics.sensors import load_sensor
 
-LEVELS = (1.0, 0.5, 0.25, 0.125)
+CASES = ((1.0, 1.0), (0.5, 1.0), (0.25, 1.0), (0.125, 1.0), (0.25, 4.0))
+"""Shares of the driver's force, and factors on the microphones' gain."""
 POSITIONS = (0.06, 0.08, 0.1, 0.12, 0.14)
 FORCES = (0.3, 0.8, 1.6)
 BUILDS = (1, 2)
 
 
-def errors(level: float) -> tuple[float, float, float, float]:
+def errors(level: float, gain: float) -> tuple[float, float, float, float]:
     """Return the loudness of a settled touch in dB, share answered, and MAE in mm and in N."""
     design = load_sensor("prototype")
     first, second = (replace(each, limit=level * each.limit) for each in design.drivers)
-    sensor = replace(design, drivers=(first, second))
+    one, two = design.pickups.gain
+    pickups = replace(design.pickups, gain=(gain * one, gain * two))
+    sensor = replace(design, drivers=(first, second), pickups=pickups)
     model = mc.load("demo")
     power: list[float] = []
     places: list[float] = []
@@ -52,10 +55,12 @@ def errors(level: float) -> tuple[float, float, float, float]:
 
 def main() -> None:
     """Print a row for each level."""
-    print("level   dB FS   answered   position mm   force N")
-    for level in LEVELS:
-        loudness, share, place, force = errors(level)
-        print(f"{level:5.3f}  {loudness:6.1f}  {100.0 * share:7.0f} %  {place:12.2f}  {force:8.2f}")
+    print("level  gain   dB FS   answered   position mm   force N")
+    for level, gain in CASES:
+        loudness, share, place, force = errors(level, gain)
+        print(
+            f"{level:5.3f}  {gain:4.1f}  {loudness:6.1f}  {100.0 * share:7.0f} %  {place:12.2f}  {force:8.2f}"
+        )
 
 
 if __name__ == "__main__":
