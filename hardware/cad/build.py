@@ -1,6 +1,7 @@
 """Builds one sensor: files, checks, and a report of both."""
 
 import json
+import re
 import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -96,6 +97,6 @@ def _draw(bodies: dict[str, Any], out: Path, stand: str) -> None:
         export.picture(shown, out / f"{file}.svg")
     export.picture(bodies, out / "assembly_side.svg", "side")
     words = (*STAGES["step_3_drivers"][:-2], "screw_base", "screw_height", "nut_base", "nut_height")
-    first = {name: each for name, each in bodies.items() if name.startswith(words) and "_1" in name}
-    driver = {name: each for name, each in first.items() if "_2" not in name}
+    of_first = re.compile(rf"({'|'.join(words)})(_[a-z]+)?_1(_at_\d)?")
+    driver = {name: each for name, each in bodies.items() if of_first.fullmatch(name)}
     export.picture(driver, out / "driver.svg", hidden=True)

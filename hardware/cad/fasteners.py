@@ -39,11 +39,11 @@ def fasteners(layout: Layout, *, stand: str = "feet") -> dict[str, Compound]:
         bodies[f"screw_base_{number}"] = Pos(driver.x, 0, below) * screw(4, 16)
         nut = nut_pocket(NUT_M4, (low, low + 3.2), driver.x) - rod(4, (0, 20), driver.x)
         bodies[f"nut_base_{number}"] = nut
-        for side in (-1, 1):
-            y = side * driver.screw
-            bodies[f"screw_height_{number}_{side}"] = Pos(driver.x, y, top) * over * screw(3, HEIGHT_SCREW)
-            nut = nut_pocket(NUT_M3, (NUT_DEPTH - 2.4, NUT_DEPTH), driver.x, y) - rod(3, (0, 20), driver.x, y)
-            bodies[f"nut_height_{number}_{side}"] = nut
+        for corner, (along, y) in enumerate(driver.screws):
+            x = driver.x + along
+            bodies[f"screw_height_{number}_at_{corner}"] = Pos(x, y, top) * over * screw(3, HEIGHT_SCREW)
+            nut = nut_pocket(NUT_M3, (NUT_DEPTH - 2.4, NUT_DEPTH), x, y) - rod(3, (0, 20), x, y)
+            bodies[f"nut_height_{number}_at_{corner}"] = nut
     if stand == "gripper":
         for side in (-1, 1):
             x = hardware.length / 2 + side * ADAPTER_SCREW

@@ -25,13 +25,19 @@ class Hole:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Driver:
-    """One driver: its middle on the string, coil spacing, size of base and carrier, height screws' place."""
+    """One driver: its middle on the string, coil spacing, size of base and carrier, y of height screws."""
 
     x: Millimetres
     spacing: Millimetres
     length: Millimetres
     width: Millimetres
     screw: Millimetres
+
+    @property
+    def screws(self) -> tuple[tuple[Millimetres, Millimetres], ...]:
+        """Places of the height screws from the middle: one near each corner, so that it tilts no way."""
+        along = self.length / 2 - 4.0
+        return tuple((x, y) for x in (-along, along) for y in (-self.screw, self.screw))
 
 
 @dataclass(frozen=True)

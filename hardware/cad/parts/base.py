@@ -1,4 +1,4 @@
-"""Base of a driver: screwed to the bar, with nuts for the two height screws."""
+"""Base of a driver: screwed to the bar, with nuts for the four height screws."""
 
 from build123d import Compound
 
@@ -14,6 +14,6 @@ def build(layout: Layout, driver: Driver) -> Compound:
     half, across, top = driver.length / 2, driver.width / 2, layout.hardware.base_thickness
     body = block((-half, half), (-across, across), (0, top))
     body -= rod(M4["hole"], (-1, top + 1)) + nut_pocket(M4, (top - 4, top + 1))
-    for y in (-driver.screw, driver.screw):
-        body -= rod(M3["hole"], (-1, top + 1), y=y) + nut_pocket(M3, (-1, NUT_DEPTH), y=y)
+    for x, y in driver.screws:
+        body -= rod(M3["hole"], (-1, top + 1), x, y) + nut_pocket(M3, (-1, NUT_DEPTH), x, y)
     return body

@@ -1,4 +1,4 @@
-"""Carrier of two bobbins with their magnets, on two height screws and springs as a guitar's pickup."""
+"""Carrier of two bobbins with their magnets, on four height screws and springs as a guitar's pickup."""
 
 from build123d import Compound
 
@@ -19,6 +19,6 @@ def build(layout: Layout, driver: Driver) -> Compound:
         body -= rod(
             hardware.magnet_diameter + hardware.fit, (top - RECESS - hardware.magnet_height, top + 1), x
         )
-    for y in (-driver.screw, driver.screw):
-        body -= rod(M3["hole"], (-1, top + 1), y=y)
+    for x, y in driver.screws:
+        body -= rod(M3["hole"], (-1, top + 1), x, y)
     return body

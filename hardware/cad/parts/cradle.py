@@ -1,4 +1,4 @@
-"""Cradle of an EBow, on the same base and height screws as the coils' carrier; two straps hold the case."""
+"""Cradle of an EBow, on a base and four height screws as the coils' carrier; two straps hold the case."""
 
 from build123d import Compound
 
@@ -22,5 +22,6 @@ def build(layout: Layout, driver: Driver) -> Compound:
         for x in (-half / 2, half / 2):  # slots for the straps, through the wall
             slot = sorted((side * (inside - 1), side * (inside + 4)))
             body -= block((x - STRAP / 2, x + STRAP / 2), (slot[0], slot[1]), (top + 1, top + 3))
-        body -= rod(M3["hole"], (-1, top + 1), y=side * driver.screw)
+    for x, y in driver.screws:
+        body -= rod(M3["hole"], (-1, top + 1), x, y)
     return body
