@@ -47,7 +47,7 @@ def winding(hardware: Hardware, least: float = LEAST_RESISTANCE) -> Winding:
     >>> from hardware.cad.parameters import load_hardware
     >>> coil = winding(load_hardware("prototype"))
     >>> coil.awg, coil.turns
-    (34, 424)
+    (34, 391)
     """
     inner, depth, height = window(hardware)
     mean = inner + depth / 2.0

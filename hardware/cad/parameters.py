@@ -184,7 +184,7 @@ def load_hardware(name: str, driver: str = "coil", **dimensions: Millimetres) ->
     --------
     >>> hardware = load_hardware("prototype")
     >>> hardware.length, hardware.bobbin_diameter, round(hardware.string_height, 3)
-    (200.0, 10.0, 31.423)
+    (200.0, 10.0, 31.426)
     """
     known = {each.name for each in fields(Hardware)} - {"sensor", "driver"}
     for each in dimensions.keys() - known:

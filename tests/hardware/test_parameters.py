@@ -1,12 +1,14 @@
 """The hardware's dimensions come from the sensor, and its pages say the same. Needs no CAD library."""
 
 import csv
+import doctest
 import math
 import os
 import re
 import subprocess
 import sys
 from dataclasses import replace
+from importlib import import_module
 from itertools import combinations
 from pathlib import Path
 
@@ -279,6 +281,14 @@ def test_the_command_refuses_in_one_line(tmp_path: Path) -> None:
         assert done.returncode == 2
         assert len(done.stderr.strip().splitlines()) == 1
         assert line in done.stderr
+
+
+def test_the_examples_in_the_docstrings_run() -> None:
+    modules = ("parameters", "mechanics", "coil", "physics")
+    names = [*(f"hardware.cad.{each}" for each in modules), "hardware.wiring.figures"]
+    results = [doctest.testmod(import_module(name)) for name in names]
+    assert all(each.attempted for each in results)
+    assert not [each for each in results if each.failed]
 
 
 def test_a_dimension_that_is_set_is_taken() -> None:
