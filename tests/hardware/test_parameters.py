@@ -20,6 +20,7 @@ from hardware.cad.ebow import BATTERY, refuse_ebows_that_do_not_fit, room_above,
 from hardware.cad.layout import Layout
 from hardware.cad.parameters import EBOW, UNMEASURED, Hardware, load_hardware
 from hardware.cad.physics import physics
+from hardware.signal_cost import mirrored
 from hardware.wiring import __main__ as wiring
 from hardware.wiring.figures import follower, low_corner
 
@@ -177,6 +178,18 @@ def test_two_stock_ebows_do_not_fit_below_the_prototypes_string() -> None:
             )
         )
     refuse_ebows_that_do_not_fit(load_hardware("long", "ebow", **MEASURED))
+
+
+def test_mirrored_drivers_have_room_and_couple_less_the_farther_apart_they_are() -> None:
+    coupled: list[float] = []
+    for spacing in (0.013, 0.025, 0.040, 0.055):
+        hardware = Hardware(sensor=mirrored(spacing))
+        room = room_below(hardware)
+        assert (room.length, room.before, room.off) == pytest.approx((93.0, 8.0, 0.0), abs=1e-9)
+        coupled.append(feedthrough(hardware, 0))
+        assert coupled[-1] == pytest.approx(feedthrough(hardware, 1))
+    rows = [row[4] for row in table(README, "| drivers | answered |") if row[0].startswith("mirrored")]
+    assert [f"{each:.0f} dB" for each in coupled] == rows
 
 
 def test_the_wire_reaches_its_strength_at_the_break_angle_and_not_before() -> None:
