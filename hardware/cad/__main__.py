@@ -74,6 +74,8 @@ def _build(sensors: list[Hardware], out: Path, given: dict[str, float], options:
             f"{len(report.overlaps)} overlaps, {kept} of {len(report.clearances)} clearances kept, "
             f"STEP within {report.step_difference:.0e}, {report.seconds:.0f} s of CPU; {out / name}"
         )
+        for line in report.faults:
+            print(f"  {line}", file=sys.stderr)
     assumed = {name: value for name, value in sensors[0].assumed.items() if name not in given}
     print(
         "Not measured, assumed: " + ", ".join(f"{name} {value:g}" for name, value in assumed.items()) + " mm."

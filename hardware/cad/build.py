@@ -13,6 +13,7 @@ from hardware.cad.checks import Clearance, Mesh
 from hardware.cad.layout import Layout
 from hardware.cad.parameters import Hardware
 from hardware.cad.physics import physics
+from monochord.core.errors import InputError
 
 STEP_TOLERANCE = 1e-9
 """Relative difference that a part's STEP file may have."""
@@ -40,24 +41,36 @@ class Report:
     seconds: float
 
     @property
+    def faults(self) -> list[str]:
+        """What does not hold, a line each."""
+        lines = [f"{each.name}: the mesh is open, or not the part" for each in self.meshes if not each.good]
+        lines += [f"{pair} share {volume:.3g} mm^3" for pair, volume in self.overlaps.items()]
+        lines += [
+            f"{each.first} and {each.second}: {each.distance:.2f} mm apart, stated {each.least:.2f}"
+            for each in self.clearances
+            if not each.kept
+        ]
+        different = self.step_difference >= STEP_TOLERANCE
+        return [*lines, f"STEP files differ by {self.step_difference:.1e}"] if different else lines
+
+    @property
     def good(self) -> bool:
         """Whether everything holds that a build is checked for."""
-        kept = all(each.kept for each in self.clearances) and all(each.good for each in self.meshes)
-        return kept and not self.overlaps and self.step_difference < STEP_TOLERANCE
+        return not self.faults
 
 
 def build(hardware: Hardware, out: Path, *, pictures: bool = True) -> Report:
     """Write all files of one sensor into a folder, check them, and write the report beside them."""
     out.mkdir(parents=True, exist_ok=True)
     begun, layout = time.process_time(), Layout(hardware)
-    parts, meshes, difference = made(layout), list[Mesh](), 0.0
+    parts, meshes, difference = _possible(layout), list[Mesh](), 0.0
     for name, part in parts.items():
         step, stl = export.write_part(name, part, out)
         meshes.append(checks.mesh(name, part, stl))
         difference = max(difference, checks.step_difference(part, step))
     overlaps: dict[str, float] = {}
     clearances: list[Clearance] = []
-    for stand in ("feet", "gripper"):
+    for stand in ("gripper", "feet"):
         bodies = assembled(layout, parts, stand=stand)
         overlaps |= {" and ".join(pair): volume for pair, volume in checks.overlaps(bodies).items()}
         clearances = checks.clearances(layout, bodies)
@@ -80,6 +93,20 @@ def build(hardware: Hardware, out: Path, *, pictures: bool = True) -> Report:
     text = json.dumps(content, indent=1)
     (out / "report.json").write_text(text + "\n", encoding="utf-8")
     return report
+
+
+def _possible(layout: Layout) -> dict[str, Any]:
+    """Return the parts, or say which dimensions make none."""
+    given = f"sensor '{layout.hardware.sensor.name}'"
+    expected, remedy = "dimensions that leave every part some material", "--set fewer, or smaller changes"
+    try:
+        parts = made(layout)
+    except Exception as error:  # the kernel's errors share no base class
+        raise InputError(f"{given} ({type(error).__name__})", expected, remedy) from error
+    empty = [each for each, part in parts.items() if len(part.solids()) != 1 or not part.volume > 0.0]
+    if empty:
+        raise InputError(f"{given} with {', '.join(empty)} empty or in pieces", expected, remedy)
+    return parts
 
 
 def _mass(meshes: list[Mesh]) -> dict[str, float]:

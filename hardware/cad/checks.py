@@ -11,6 +11,8 @@ from hardware.cad.layout import Layout
 
 VOLUME_TOLERANCE = 1e-3
 """Relative difference that a mesh's volume may have."""
+BENCH = 2.0
+"""Least height in mm of everything but the feet over the bench."""
 OVERLAP_TOLERANCE = 1e-3
 """Volume in mm^3 below which a common body is the rounding of two faces that touch."""
 
@@ -90,11 +92,19 @@ def stated(layout: Layout, bodies: dict[str, Compound]) -> list[tuple[str, str, 
 
 
 def clearances(layout: Layout, bodies: dict[str, Compound]) -> list[Clearance]:
-    """Return each stated clearance as it is in the assembly."""
-    return [
+    """Return each stated clearance as it is in the assembly, and over the bench where it stands on feet."""
+    found = [
         Clearance(first=first, second=second, distance=bodies[first].distance_to(bodies[second]), least=least)
         for first, second, least in stated(layout, bodies)
     ]
+    if "foot_1" in bodies:
+        bench = bodies["foot_1"].bounding_box().min.Z
+        low = {
+            name: body.bounding_box().min.Z for name, body in bodies.items() if not name.startswith("foot")
+        }
+        lowest = min(low, key=low.__getitem__)
+        found.append(Clearance(first=lowest, second="bench", distance=low[lowest] - bench, least=BENCH))
+    return found
 
 
 def step_difference(part: Compound, step: Path) -> float:

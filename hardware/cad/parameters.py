@@ -35,6 +35,9 @@ UNMEASURED = {
 EBOW = tuple(name for name in UNMEASURED if name.startswith("ebow_"))
 PLACE_TOLERANCE: Millimetres = 0.5
 """How far a coil may be off its place: the standard deviation `places` of a twin's `Tolerances`."""
+SPAN = 4.0
+"""A dimension may be set to its usual value times or over this."""
+EBOW_SIZES: tuple[Millimetres, Millimetres] = (5.0, 300.0)
 MAX_BREAK_ANGLE = 0.25
 """Largest angle over the saddle, in radians: a thin string would allow more than any block has room for."""
 
@@ -189,6 +192,12 @@ def load_hardware(name: str, driver: str = "coil", **dimensions: Millimetres) ->
     known = {each.name for each in fields(Hardware)} - {"sensor", "driver"}
     for each in dimensions.keys() - known:
         raise InputError(f"dimension '{each}'", f"one of {', '.join(sorted(known))}")
+    usual = {each.name: each.default for each in fields(Hardware)}
+    for each, value in dimensions.items():
+        middle = usual[each]
+        low, high = (middle / SPAN, middle * SPAN) if isinstance(middle, float) else EBOW_SIZES
+        if not low <= value <= high:
+            raise InputError(f"{each} = {value:g} mm", f"{low:g} to {high:g} mm")
     hardware = replace(Hardware(sensor=load_sensor(name), driver=driver), **dimensions)
     if hardware.front < hardware.pin_diameter / 2 + 1.2:
         inside = hardware.edge + hardware.gap

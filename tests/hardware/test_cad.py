@@ -60,6 +60,17 @@ def test_measured_dimensions_make_parts_that_fit(
     assert ("cradle_1" in {each.name for each in report.meshes}) == (driver == "ebow")
 
 
+def test_a_build_that_does_not_fit_says_what(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["prototype", "--no-pictures", "--out", str(tmp_path), "--set"]
+    assert command.main([*arguments, "shelf_thickness=40"]) == 1
+    assert "bar and tuner_support share" in capsys.readouterr().err
+    assert command.main([*arguments, "foot_height=8"]) == 1
+    assert "bench: " in capsys.readouterr().err
+    for impossible in ("bar_width=7", "fit=nan", "bobbin_height=400"):
+        assert command.main([*arguments, impossible]) == 2
+        assert len(capsys.readouterr().err.strip().splitlines()) == 1
+
+
 def test_a_hole_that_misses_its_screw_is_an_overlap(monkeypatch: pytest.MonkeyPatch) -> None:
     layout = Layout(load_hardware("prototype"))
     parts = assembly.made(layout)

@@ -288,6 +288,7 @@ def test_the_command_refuses_in_one_line(tmp_path: Path) -> None:
         (["nothing"], "nothing"),
         (["prototype", "--set", "pole=1"], "dimension 'pole': expected one of"),
         (["prototype", "--set", "fit=wide"], "--set fit=wide: expected NAME=MM"),
+        (["prototype", "--set", "fit=nan"], "fit = nan mm: expected 0.05 to 0.8 mm"),
         (["prototype", "--driver", "ebow"], "ebow_length (not measured)"),
     ):
         done = run(*arguments)
