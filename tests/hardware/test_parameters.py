@@ -213,8 +213,8 @@ def test_cents_of_a_frame_are_those_of_the_string_it_slackens() -> None:
 
 
 def test_a_coil_has_its_resistance_and_room_for_its_turns() -> None:
-    for name in sensor_names():
-        hardware = load_hardware(name)
+    sizes = [load_hardware("long", bobbin_limit=each) for each in np.arange(7.5, 14.0, 0.25)]
+    for hardware in (*sizes, *map(load_hardware, sensor_names())):
         wound = coil.winding(hardware)
         inner, depth, height = coil.window(hardware)
         bare = coil.WIRES[wound.awg]
