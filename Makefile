@@ -17,7 +17,7 @@ INSTALL := $(PIP) install --no-compile --constraint $(VERSIONS)
 TORCH := torch==2.13.0
 EXTRAS := dev,ros,cluster,export,pandas,figures,train,encoders,openvino
 REPOSITORY_RULES := tests/contract/test_layout.py tests/contract/test_identifiers.py
-SPELLED := src docs examples ros studies README.md ARCHITECTURE.md CONTRIBUTING.md CHANGELOG.md Makefile
+SPELLED := src docs examples hardware ros studies README.md ARCHITECTURE.md CONTRIBUTING.md CHANGELOG.md Makefile
 
 # Tests start hundreds of processes. Where bytecode may not be written, each one compiles numba, scipy and Monochord
 # again before it begins, which takes three times as long as its imports.
@@ -60,7 +60,7 @@ $(DOCS_INSTALLED): pyproject.toml $(VERSIONS) | $(INSTALLED)
 install: system $(INSTALLED) ## Set everything up: Debian packages, .venv, Monochord itself
 
 constraints: | $(BIN)/python ## Renew constraints.txt: the newest versions that pyproject.toml allows; installs nothing
-	@$(PIP) install --dry-run --ignore-installed --report $(VENV)/versions.json '$(TORCH)' --editable '.[$(EXTRAS),docs]'
+	@$(PIP) install --dry-run --ignore-installed --report $(VENV)/versions.json '$(TORCH)' --editable '.[$(EXTRAS),docs,cad]'
 	@$(BIN)/python -c "$$LIST_VERSIONS" $(VENV)/versions.json >$(VENV)/versions.txt
 	@mv $(VENV)/versions.txt $(VERSIONS)
 

@@ -1,0 +1,1 @@
+"""Open hardware of Monochord. No person has built a sensor from these files yet."""

@@ -1,0 +1,1 @@
+"""The two circuits of the budget variant, drawn by a script."""
