@@ -1,5 +1,6 @@
 from dataclasses import replace
 from functools import cache
+from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
 
@@ -9,7 +10,6 @@ import soundfile
 from tests.lab.tiny import quiet, session, tiny
 
 from monochord.core.types import Floats
-from monochord.lab import render as renderer
 from monochord.lab.plan import Group, MeasurementErrors
 from monochord.lab.render import Rendering, concatenate, first_reading, pieces, render
 from monochord.lab.schedule import Schedule, schedule
@@ -145,7 +145,7 @@ def test_what_rolls_moves_without_slip(name: str) -> None:
 def test_pieces_of_any_length_make_the_same_session(monkeypatch: pytest.MonkeyPatch) -> None:
     one = session("hold_000")
     whole = render(one)
-    monkeypatch.setattr(renderer, "CHUNK", 0.777)
+    monkeypatch.setattr(import_module("monochord.lab.render"), "CHUNK", 0.777)
     parts = list(pieces(one))
     assert len(parts) > 8
     again = concatenate(parts)

@@ -116,7 +116,7 @@ def refuse_unordered(where: str, **pairs: tuple[float, float] | None) -> None:
 
     >>> refuse_unordered("touch", forces=(2.0, 0.1))
     Traceback (most recent call last):
-    monochord.core.errors.InputError: touch: forces 2 to 0.1: expected the least first
+    monochord.core.errors.InputError: touch: forces 2 to 0.1: expected the smaller first
     """
     for name, pair in pairs.items():
         if pair is not None and not pair[0] <= pair[1]:

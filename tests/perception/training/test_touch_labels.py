@@ -69,10 +69,10 @@ def calibrated(session: Path, out: Path, touches: int | None) -> int:
         pytest.param(lambda x, f: (x, 1e3 / KILOGRAM * f), "grams", id="grams"),
         pytest.param(lambda x, f: (x, f / KILOGRAM), "kilograms", id="kilograms"),
         pytest.param(lambda x, f: (x, -f), "presses", id="negative"),
-        pytest.param(lambda x, f: (f, x), "exchanged", id="exchanged"),
+        pytest.param(lambda x, f: (f, x), "swapped", id="exchanged"),
         pytest.param(lambda x, f: (1e3 * x, f), "millimetres", id="millimetres"),
         pytest.param(lambda x, f: (0.2 - x, f), "other end", id="other end"),
-        pytest.param(lambda x, f: (np.roll(x, 120), f), "off the model's", id="rows"),
+        pytest.param(lambda x, f: (np.roll(x, 120), f), "from the model's", id="rows"),
     ],
 )
 def test_labels_that_cannot_be_make_no_model(
