@@ -5,6 +5,7 @@ import sys
 from collections.abc import Callable
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -86,8 +87,9 @@ def test_what_numba_has_of_its_own_is_compiled_once_for_kernels_and_their_parts(
     def above(values: Floats) -> float:
         return np.median(values[1:]) - middle(values) + np.zeros(2)[0]
 
+    values: Any = np.arange(5, dtype=np.int16)  # a type that no other kernel of this process has compiled for
     with event.install_recorder("numba:compile") as recorded:
-        assert above(np.arange(5.0)) == 0.5
+        assert above(values) == 0.5
     ends = [one.data for _, one in recorded.buffer if one.is_end]
     compiled = [(data["dispatcher"].py_func.__qualname__, data["args"]) for data in ends]
     assert len(compiled) > 5
