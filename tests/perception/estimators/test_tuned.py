@@ -173,7 +173,7 @@ def test_force_goes_as_the_tension() -> None:
     as_trained = estimates_of(model.definition, outputs, model.corrections)
     assert estimates["force"].value == pytest.approx(0.94**3 * as_trained["force"].value)
     assert estimates["force"].std == pytest.approx(0.94**3 * as_trained["force"].std)
-    assert estimates["position"] == as_trained["position"]
+    assert estimates["position"].value == as_trained["position"].value
 
 
 def test_a_pitch_beyond_any_tuning_is_refused() -> None:

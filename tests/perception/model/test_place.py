@@ -51,6 +51,18 @@ def test_a_place_whose_error_reaches_well_outside_is_not_stated(place: float) ->
     assert model.withheld(reading, estimates) == ("", set())
 
 
+@pytest.mark.parametrize("place", [0.06, 0.14])
+def test_the_error_of_a_position_covers_the_length_of_a_real_string(place: float) -> None:
+    model = load("demo")
+    estimates = {"position": Estimate(value=place, std=3e-4, unit="m"), "force": Estimate.abstain("N", "")}
+    stated = model.with_length_error(estimates)
+    longer = 0.01 * place / 3.0**0.5  # of lengths that are evenly within 1 % of the design's
+    assert stated["position"].std == pytest.approx(np.hypot(3e-4, longer), rel=0.01)
+    assert (stated["position"].value, stated["force"]) == (place, estimates["force"])
+    own = dataclasses.replace(model.definition, length_std=0.0)
+    assert dataclasses.replace(model, definition=own).with_length_error(estimates) == estimates
+
+
 def test_without_a_range_every_place_is_stated() -> None:
     assert withheld_reason(0.01, 3e-4, NO_PLACE, None) == ""
 

@@ -175,7 +175,9 @@ class Definition(Checked):
     root mean square is below `quietest` is silence: no driver drives the string.
 
     `string` is the string of the sensor's design. `sensing_range` is the range of positions in m that the
-    model can estimate, from the design and the training data; None if unknown. `sessions` maps the names of
+    model can estimate, from the design and the training data; None if unknown. `length_std` is the relative
+    standard deviation of real strings' lengths about the design's, where all strings of the training had the
+    design's length; stated errors of position include it. `sessions` maps the names of
     the sessions of training and calibration to their checksums, and `dataset` is the checksum of their
     dataset. `weights` is the SHA-256 of the weights file.
     """
@@ -194,6 +196,7 @@ class Definition(Checked):
     quietest: NonNegative[float] = 0.0
     string: StringParams | None = None
     sensing_range: tuple[Metres, Metres] | None = None
+    length_std: Annotated[float, Meta(ge=0.0, le=0.1)] = 0.0
     simulated: bool = False
     dataset: str = ""
     sessions: dict[str, str] = field(default_factory=dict[str, str])

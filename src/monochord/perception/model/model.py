@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import isfinite
+from math import hypot, isfinite
 from pathlib import Path
 from typing import NamedTuple
 
@@ -403,8 +403,20 @@ class Model:
             reason, withheld = model.withheld(reading, estimates)
             for name in (each for each in trained.heads if each in withheld):  # in their order
                 estimates[name] = Estimate.abstain(trained.heads[name].task.unit, reason)
-            results.append((reading.state, estimates))
+            results.append((reading.state, model.with_length_error(estimates)))
         return results
+
+    def with_length_error(self, estimates: dict[str, Estimate]) -> dict[str, Estimate]:
+        """Return estimates whose standard error of position includes that of the string's length.
+
+        A string that is longer than the training's by a share has its touches further from pickup 1 by the
+        same share, and no sound tells: `Definition.length_std`.
+        """
+        share, name = self.definition.length_std, self.definition.place
+        if not share or name is None or not estimates[name].valid:
+            return estimates
+        position = estimates[name]
+        return {**estimates, name: replace(position, std=hypot(position.std, share * position.value))}
 
     def withheld(self, reading: WindowReading, estimates: Estimates) -> tuple[str, set[str]]:
         """Return the reason why heads abstain from a window, and the names of these heads; "" for none.

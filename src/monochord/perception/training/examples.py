@@ -120,6 +120,7 @@ def training_data(
         heads={name: HeadRecord(task=task) for name, task in settings.tasks().items()},
         string=string,
         sensing_range=_sensing_range(sensor.range, dataset, split),
+        length_std=settings.length_std,
         simulated=any(manifest.parts[number].simulated for number in used),
         dataset=dataset.checksum,
         sessions={manifest.parts[number].name: manifest.parts[number].checksum for number in used},

@@ -204,6 +204,9 @@ class TrainingSettings:
         File of the split; by default the split in the dataset's folder.
     sensor
         Name of the sensor's design; features are relative to its string.
+    length_std
+        Relative standard deviation of real strings' lengths about the design's. For a dataset whose strings
+        all have the design's length; 0 where the labels are of the sensors that will be used.
     seed
         Random seed.
     feature
@@ -234,6 +237,7 @@ class TrainingSettings:
     dataset: Path = Path("dataset")
     split: Path | None = None
     sensor: str = "prototype"
+    length_std: Annotated[float, Meta(ge=0.0, le=0.1)] = 0.0
     seed: int = 0
     feature: dict[str, Any] = field(default_factory=lambda: {"name": "fft_harmonic"})
     context: ContextSettings = ContextSettings()
