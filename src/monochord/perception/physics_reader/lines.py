@@ -18,8 +18,8 @@ MAX_LINES = 48
 FLOOR_BINS = 48
 """Bins over which a median is the floor."""
 MIN_LEVEL = 2.2
-"""Least height of a line over the floor's median, in nepers of power: 9 medians, which of 4,000 bins of noise
-8 reach."""
+"""Least height of a line over the floor's median, in nepers of power. It is 9 medians, and of 4,000 bins of
+noise 8 reach it."""
 SAME_LINE = 1.5
 """Bins within which peaks at both microphones are one line."""
 BEAT, BLUR = 0.02, 0.55
