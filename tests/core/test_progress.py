@@ -6,6 +6,8 @@ import subprocess
 import sys
 from contextlib import suppress
 
+import pytest
+
 WORK = """
 from monochord.core.progress import progress_bar
 with progress_bar("takes") as report:
@@ -34,3 +36,9 @@ def test_a_terminal_shows_a_bar() -> None:
 def test_a_pipe_gets_nothing() -> None:
     run = subprocess.run([sys.executable, "-c", WORK], capture_output=True, check=True)
     assert (run.stdout, run.stderr) == (b"", b"")
+
+
+def test_a_program_that_has_imported_a_kernel_is_no_notebook() -> None:
+    pytest.importorskip("ipykernel")
+    run = subprocess.run([sys.executable, "-c", f"import ipykernel\n{WORK}"], capture_output=True, check=True)
+    assert run.stdout == b""

@@ -21,8 +21,9 @@ def shows_progress() -> bool:
 
 
 def in_notebook() -> bool:
-    """Return whether the program runs in the kernel of a notebook."""
-    return "ipykernel" in sys.modules
+    """Return whether the program runs in the kernel of a notebook; to have imported one is not enough."""
+    shell = sys.modules["IPython"].get_ipython() if "IPython" in sys.modules else None
+    return hasattr(shell, "kernel")
 
 
 @contextmanager
