@@ -67,7 +67,7 @@ def train_places(cells: Cells, truth: Floats, *, seed: int = 0, name: str = "pla
             swapped = torch.from_numpy(random.random(len(batch)) < 0.5)
             inputs = torch.roll(seen[batch].float(), int(random.choice(SHIFTS)), 2)
             inputs = torch.where(swapped[:, None, None], inputs[:, SWAPPED], inputs)
-            inputs = _varied(torch, inputs)
+            inputs = varied(torch, inputs)
             place = torch.where(swapped, 1.0 - touch[batch], touch[batch])
             label = torch.softmax(-0.5 * ((places - place[:, None]) / WIDTH) ** 2, 1)
             loss = -(label * _log_probabilities(torch, network, inputs, swapped)).sum(1).mean()
@@ -120,7 +120,7 @@ def _layers(torch: Any) -> Any:
     return torch.nn.Sequential(*layers, torch.nn.Dropout(DROPPED), torch.nn.Linear(HIDDEN, len(PLACES)))
 
 
-def _varied(torch: Any, inputs: Any) -> Any:
+def varied(torch: Any, inputs: Any) -> Any:
     """Return inputs (windows, channels, cells) with random responses and dropped bands."""
     count, cells = len(inputs), torch.arange(CELLS)
     response = torch.nn.functional.interpolate(

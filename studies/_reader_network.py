@@ -5,6 +5,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+from studies._place_network import SWAPPED, varied
 
 from monochord.core.types import Floats, Indices
 from monochord.perception.closed_form import CELLS, CHANNELS, DILATIONS, STRIDES
@@ -17,11 +18,7 @@ WIDTH = 0.006
 CHANNELS_OUT, TAPS, HIDDEN, DROPPED = (16, 24, 32, 40, 8), (9, 5, 5, 3, 1), 96, 0.3
 BATCH, RATE, DECAY = 512, 3.0e-3, 0.1
 HEAD_EPOCHS, HEAD_RATE, HEAD_DECAY, HEAD_HIDDEN = 40, 1.0e-3, 0.5, 128
-RESPONSE, KNOTS, MASKS, WIDEST = 0.08, 6, 3, 60
-"""Augmentation: deviation of a microphone's response, its points, bands left out, cells of the widest."""
 KIND_WEIGHT = 0.5
-SWAPPED = [1, 0, 3, 2]
-"""Channels of the same touch with both ends of the string swapped."""
 TOLERANCE = 0.025
 """Largest error of a position, over the length, that counts as right."""
 MIN_SPREAD = 0.02
@@ -79,7 +76,7 @@ def train_network(
             swapped = torch.rand(len(rows)) < 0.5
             inputs = seen[rows].float() / 255.0
             inputs = torch.where(swapped[:, None, None], inputs[:, SWAPPED], inputs)
-            inputs = _varied(torch, inputs.roll(int(torch.randint(-1, 2, ())), 2))
+            inputs = varied(torch, inputs.roll(int(torch.randint(-1, 2, ())), 2))
             where, odd = network(inputs, swapped)
             own = torch.where(swapped, 1.0 - place[rows], place[rows])
             expected = _expected(torch, own, touched[rows])
@@ -228,18 +225,3 @@ def _expected(torch: Any, place: Any, touched: Any) -> Any:
     near = torch.exp(-0.5 * ((grid - place[:, None]) / WIDTH) ** 2)
     near = torch.where(touched[:, None], torch.nan_to_num(near / near.sum(1, keepdim=True)), 0.0)
     return torch.cat(((~touched).float()[:, None], near), 1)
-
-
-def _varied(torch: Any, inputs: Any) -> Any:
-    """Return inputs (n, channels, cells) with other microphone responses, and with bands left out."""
-    count, cells = len(inputs), torch.arange(CELLS)
-    response = torch.nn.functional.interpolate(
-        RESPONSE * torch.randn(count, 2, KNOTS), size=CELLS, mode="linear", align_corners=True
-    )
-    levels, prominent = inputs[:, :2], inputs[:, 2:]
-    levels = torch.clamp(levels + response * (levels > 0.0), min=0.0)
-    kept = torch.ones(count, CELLS, dtype=torch.bool)
-    for _ in range(MASKS):
-        first = torch.randint(0, CELLS, (count, 1))
-        kept &= (cells < first) | (cells >= first + torch.randint(0, WIDEST, (count, 1)))
-    return torch.cat((levels, prominent), 1) * kept[:, None]

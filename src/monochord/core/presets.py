@@ -124,7 +124,7 @@ def preset_path(package: str, kind: str, name: str) -> Path:
     refuse_clash(kind, key, added, built_in=built_in)
     try:
         return Path(str(files(package if built_in else added[0].value) / f"{key}.toml"))
-    except (Exception, SystemExit) as error:  # whatever the package does as it is imported
+    except (Exception, SystemExit) as error:  # importing a package runs its code
         given = f"{kind} '{name}' ({type(error).__name__}: {error})"
         raise InputError(given, "a preset of an installed package", "reinstall it") from error
 

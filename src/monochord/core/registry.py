@@ -126,7 +126,10 @@ class Registry(Generic[T]):
         try:
             value = entry.load()
             value = self._class_in(value) if isinstance(value, ModuleType) else value
-        except (Exception, SystemExit) as error:  # whatever the package does as it is imported
+        except (
+            Exception,
+            SystemExit,
+        ) as error:  # importing a package runs its code
             raise InputError(
                 f"{given} ({type(error).__name__}: {error})",
                 f"a {self.base.__name__} that can be imported",

@@ -1,4 +1,4 @@
-"""The parts of a demonstration: the twin as it is shown, its tuning, and what a score is worth."""
+"""The parts of a demonstration: the options of its twin and estimator, tuning, and a JACK server."""
 
 import shlex
 from collections.abc import Mapping
@@ -30,9 +30,9 @@ UNSEEN: Mapping[str, Any] = {
 
 
 def twin_options(sensor: str, seed: int, **given: Any) -> dict[str, Any]:
-    """Return the options of the twin: by default, a build, a day and objects that no training had.
+    """Return the options of the twin; by default, the build, day and objects are outside the training.
 
-    What is given as None or as an empty list stays as it is by default.
+    A value of None or an empty list selects the default.
 
     >>> twin_options("prototype", 1, build=None, day=7, materials=[])["build"]
     131

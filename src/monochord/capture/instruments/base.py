@@ -52,16 +52,24 @@ class Instrument(Checked, ABC):
     >>> from collections.abc import Iterator
     >>> from contextlib import contextmanager
     >>> from dataclasses import dataclass
-    >>> from monochord import Connection, Instrument
+    >>> from monochord import Connection, Feed, Instrument, Readings
+    >>> from monochord.core.types import InstrumentHealth
+    >>> class Silent(Connection):
+    ...     feed = Feed(stream="room", columns=("temperature",), units=("K",))
+    ...     health = InstrumentHealth()
+    ...
+    ...     def poll(self) -> list[Readings]:
+    ...         return []
     >>> @dataclass(frozen=True, slots=True, kw_only=True)
     ... class Thermometer(Instrument):
     ...     port: str = "/dev/ttyUSB0"
     ...
     ...     @contextmanager
     ...     def open(self) -> Iterator[Connection]:
-    ...         raise NotImplementedError
-    >>> Thermometer(port="/dev/ttyUSB1")
-    Thermometer(port='/dev/ttyUSB1')
+    ...         yield Silent()
+    >>> with Thermometer(port="/dev/ttyUSB1").open() as connection:
+    ...     connection.feed.stream
+    'room'
     """
 
     @abstractmethod

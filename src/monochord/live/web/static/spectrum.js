@@ -85,7 +85,7 @@ export class Spectra {
       moved = Math.max(moved, Math.abs(step));
     }
     const drawn = [width, height, ratio, colour.ink, moment?.time].join(" ");
-    if (moved < 0.5 && drawn === view.drawn) return; // as it is: a lost connection, a silent string
+    if (moved < 0.5 && drawn === view.drawn) return; // nothing changed: the connection is lost, or the string silent
     view.drawn = drawn;
     if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
       canvas.width = Math.round(width * ratio);
