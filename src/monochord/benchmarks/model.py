@@ -48,8 +48,8 @@ class ModelBenchmark(Benchmark):
     """
 
     path: str = ""
-    feature: str = "fft_harmonic"
-    reference: str = "untouched"
+    feature: str = "reading"
+    reference: str = "reading"
     count: Count = 1000
 
     def run(self) -> Iterator[Row]:

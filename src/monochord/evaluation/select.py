@@ -35,7 +35,7 @@ LABELS = ("contact", "position", "force", "slip")
 """Labels used for scoring."""
 RANDOM = "random"
 """Column prefix of a feature with random weights."""
-DEFAULT_FEATURE: Tree = {"name": "fft_harmonic"}
+DEFAULT_FEATURE: Tree = {"name": "reading"}
 """Feature of the baselines for an estimator without one."""
 
 Part: TypeAlias = Literal["test", "validation"]

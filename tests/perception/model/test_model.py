@@ -110,8 +110,7 @@ def test_outputs_are_what_torch_computes(drawn: Model) -> None:
     base, context = rows()
     for name, record in drawn.definition.heads.items():
         output = network.output(name, base, context)
-        inputs = torch.from_numpy(np.concatenate([base, context])[: drawn.definition.inputs(name)])
-        row = inputs
+        row = torch.from_numpy(np.concatenate([base, context])[: drawn.definition.inputs(name)])
 
         def layer(key: str, row: Any, name: str = name) -> Any:
             weight, bias = (
@@ -122,8 +121,6 @@ def test_outputs_are_what_torch_computes(drawn: Model) -> None:
         for number in range(len(record.task.hidden)):
             row = layer(str(number), row).relu()
         row = layer(str(len(record.task.hidden)), row)
-        if record.task.linear:
-            row[:1] += layer("linear", inputs)
         result = [output.value, output.log_spread][: len(row)]
         np.testing.assert_allclose(result, row.numpy(), rtol=1e-4, atol=1e-5)
 
@@ -146,8 +143,7 @@ def test_columns_that_are_no_inputs_do_not_matter(drawn: Model) -> None:
     heads = {**definition.heads, "force": dataclasses.replace(definition.heads["force"], task=task)}
     definition = dataclasses.replace(definition, heads=heads)
     weights = dict(drawn.weights)
-    for layer in ("0", "linear"):
-        weights[f"force.{layer}.weight"] = weights[f"force.{layer}.weight"][:, 10 : 20 + 11]
+    weights["force.0.weight"] = weights["force.0.weight"][:, 10 : 20 + 11]
     network = Network.of(definition, weights)
     base, context = rows()
     before = network.output("force", base, context)
@@ -162,8 +158,8 @@ def rising(definition: Definition, **feature: Any) -> Definition:
     record, reference = definition.heads["force"], definition.reference
     assert reference is not None
     task = dataclasses.replace(record.task, rise=True)
-    columns = ("ratio open", "ratio rest", "ratio place", *definition.feature.columns[3:])
-    names = ("open", *reference.feature.columns[1:])
+    columns = ("open", "position", *definition.feature.columns[2:])
+    names = ("rest", "lowest", *reference.feature.columns[2:])
     untouched = dataclasses.replace(reference.feature, columns=names)
     return dataclasses.replace(
         definition,
@@ -173,12 +169,12 @@ def rising(definition: Definition, **feature: Any) -> Definition:
     )
 
 
-@pytest.mark.parametrize("names", [(), ("open", "mic 2 p*")])
+@pytest.mark.parametrize("names", [(), ("rest", "mic 2 p*")])
 def test_training_sees_the_rise_and_the_reference_that_the_model_sees(
     drawn: Model, names: tuple[str, ...]
 ) -> None:
     torch = pytest.importorskip("torch")
-    from monochord.perception.training.network import TrainingTensors, initial
+    from monochord.perception.training.network import TrainingTensors, heads_module
 
     definition = rising(drawn.definition)
     record = definition.heads["force"]
@@ -198,15 +194,12 @@ def test_training_sees_the_rise_and_the_reference_that_the_model_sees(
         labels={name: np.zeros(6) for name in tasks},
         masks={name: np.ones(6, bool) for name in tasks},
     )
-    weights = initial(definition, 0)
-    for name, tensor in weights.items():
-        if name.startswith("force"):
-            tensor.data = torch.from_numpy(rng.normal(size=tuple(tensor.shape)).astype(np.float32))
-    task = dataclasses.replace(definition.heads["force"].task, linear=False)
-    output, _ = TrainingTensors(definition, drawn.weights, examples).whole_copy("force", task, weights, 0)
-    heads = {**definition.heads, "force": dataclasses.replace(definition.heads["force"], task=task)}
-    arrays = {**drawn.weights, **{name: tensor.detach().numpy() for name, tensor in weights.items()}}
-    network = Network.of(dataclasses.replace(definition, heads=heads), arrays)
+    heads = heads_module(definition, 0)
+    for tensor in heads["force"].parameters():
+        tensor.data = torch.from_numpy(rng.normal(size=tuple(tensor.shape)).astype(np.float32))
+    output, _ = TrainingTensors(definition, drawn.weights, examples).whole_copy("force", heads, 0)
+    arrays = {**drawn.weights, **{name: tensor.numpy() for name, tensor in heads.state_dict().items()}}
+    network = Network.of(definition, arrays)
     for number in range(6):
         row, known = examples.base[0, number], examples.context[0, number]
         own = network.output(
@@ -216,7 +209,7 @@ def test_training_sees_the_rise_and_the_reference_that_the_model_sees(
 
 
 def test_a_rise_without_its_columns_is_refused(drawn: Model) -> None:
-    with pytest.raises(InputError, match=r"'force'.*'ratio open'"):
+    with pytest.raises(InputError, match=r"'force'.*'open'"):
         rising(drawn.definition, columns=drawn.definition.feature.columns).shapes()
 
 
@@ -225,9 +218,9 @@ def test_the_root_of_the_rise_is_a_light_press_anywhere() -> None:
     place = np.array([0.1, 0.3, 0.5, 0.9])
     tension = np.asarray(geometric_tension(string, place * string.length, np.full(4, 0.5)))
     share = 1e3 * (np.sqrt(tension / string.tension) - 1.0)
-    row = np.stack([share, np.zeros(4), place], axis=1).astype(np.float32)
-    reference = np.tile(np.array([0.0, 1.0], np.float32), (4, 1))
-    roots = rises(row, reference, (0, 1, 2, 0))[:, 2]
+    row = np.stack([share, place], axis=1).astype(np.float32)
+    reference = np.tile(np.array([0.0, 0.0, 1.0], np.float32), (4, 1))
+    roots = rises(row, reference, (0, 1, 0, 1))[:, 2]
     np.testing.assert_allclose(roots, roots[0], rtol=2e-3)
 
 

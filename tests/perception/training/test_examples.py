@@ -9,7 +9,6 @@ import pytest
 
 from monochord.core.errors import InputError
 from monochord.datasets.store import Dataset, open_dataset
-from monochord.perception.features.base import SupportsCompliance
 from monochord.perception.heads import HEADS
 from monochord.perception.model.definition import FeatureRecord, Reference
 from monochord.perception.training.examples import (
@@ -25,7 +24,6 @@ from monochord.perception.training.examples import (
     scaling,
     touches_of,
     training_data,
-    with_objects,
 )
 from monochord.perception.training.settings import TrainingSettings
 
@@ -134,34 +132,6 @@ def test_a_split_of_another_dataset_is_refused(lesson: dict[str, Any], tmp_path:
     dataclasses.replace(split, dataset="", parts={**split.parts, "test": np.array([10**6])}).write(file)
     with pytest.raises(InputError, match=file.name):
         read_split(dataclasses.replace(settings, split=file), dataset)
-
-
-def test_copies_of_other_compliance_follow_the_recorded_windows(lesson: dict[str, Any]) -> None:
-    settings, source, part = made(
-        lesson, noise={"copies": 1}, objects={"copies": 3, "compliance": [0.5, 2.0]}
-    )
-    calls: list[tuple[np.ndarray, np.ndarray]] = []
-
-    class Augmented(SupportsCompliance):
-        def with_compliance(self, rows: np.ndarray, force: np.ndarray, share: np.ndarray) -> np.ndarray:
-            calls.append((force, share))
-            return rows + 1.0
-
-    examples = examples_of(source, part, "train", noises_of(settings, 16000))
-    source = dataclasses.replace(source, feature=dataclasses.replace(source.feature, extractor=Augmented()))
-    augmented = with_objects(source, examples, settings)
-    assert (examples.base.shape[0], augmented.base.shape[0], augmented.context.shape[0]) == (2, 8, 8)
-    np.testing.assert_array_equal(augmented.base[2:4], examples.base + 1.0)
-    np.testing.assert_array_equal(augmented.context[6:8], examples.context)
-    force, share = calls[0]
-    valid = examples.masks["force"]
-    np.testing.assert_allclose(force[valid], examples.labels["force"][valid])
-    assert (force[~valid] == 0.0).all()
-    assert 0.5 <= share.min() < 0.6
-    assert 1.8 < share.max() <= 2.0
-    assert len({share.tobytes() for _, share in calls}) == 6
-    with pytest.raises(InputError, match="'bands'"):  # which cannot do that
-        with_objects(made(lesson)[1], examples, settings)
 
 
 def test_a_touch_is_a_run_of_windows_in_one_session(dataset: Dataset) -> None:

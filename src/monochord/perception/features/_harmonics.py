@@ -7,8 +7,9 @@ from numpy.typing import NDArray
 
 from monochord.core.kernels import kernel, part
 from monochord.core.types import Floats
-from monochord.core.units import Hertz, Metres
-from monochord.perception.closed_form.hypotheses import StringModel
+from monochord.core.units import Hertz
+from monochord.perception.reader.measures import MODE_1, MODE_2, OPEN, POSITION, REST
+from monochord.perception.spectrum import SpectrumAnalyser
 
 HARMONICS = 8
 """Harmonics of a series."""
@@ -39,36 +40,34 @@ CHANNEL_QUANTITIES = 10
 """Quantities of a channel as a whole."""
 
 
-@kernel()
-def expected_harmonics(
-    segments: tuple[tuple[Metres, Hertz, float], tuple[Metres, Hertz, float]],
-    own: Hertz,
-    rest: Hertz,
-    string: StringModel,
-) -> Floats:
+def expected_harmonics(analyser: SpectrumAnalyser, measures: Floats, *, touched: bool) -> Floats:
     """Return the expected harmonics of both segments and of the untouched string, (3, `HARMONICS`) in Hz.
 
-    They are the stiff partials, and in a segment the multiples of its sustained line where a mode is one.
+    They are the stiff partials, and in a segment the multiples of its sustained line where a mode is one. An
+    untouched string has no segments: their harmonics are 0.
 
     Parameters
     ----------
-    segments
-        Length of each segment, 0 of no touch, the line that is sustained there, and that line's mode.
-    own, rest
-        Open frequency as the touch has it, and that of the untouched string.
-    string
-        The string.
+    analyser
+        The analyser, for the string.
+    measures
+        The reader's measures of the window.
+    touched
+        Whether something touches the string.
     """
+    number = np.arange(1.0, HARMONICS + 1.0)
     partials = np.zeros((3, HARMONICS))
-    for n in range(1, HARMONICS + 1):
-        for s in range(2):
-            side, line, mode = segments[s]
-            if side > 0.0 and n % int(mode) == 0:
-                partials[s, n - 1] = line * (n // int(mode))
-            elif side > 0.0:
-                stretch = np.sqrt(1.0 + string.stiffness * (n / side) ** 2)
-                partials[s, n - 1] = n * (own * string.length / side) * stretch
-        partials[2, n - 1] = n * rest * np.sqrt(1.0 + string.stiffness * (n / string.length) ** 2)
+    position = measures[POSITION]
+    for s, (side, mode) in enumerate(((position, measures[MODE_1]), (1.0 - position, measures[MODE_2]))):
+        if not touched or side <= 0.0:
+            continue
+        fundamental = analyser.nominal * (1.0 + 0.001 * measures[OPEN]) / side
+        partials[s] = number * fundamental * np.sqrt(1.0 + analyser.bending * (number / side) ** 2)
+        if mode > 0.0:
+            line = mode * fundamental * np.sqrt(1.0 + analyser.bending * (mode / side) ** 2)
+            partials[s] = np.where(number % mode == 0.0, line * number / mode, partials[s])
+    rest = analyser.nominal * (1.0 + 0.001 * measures[REST])
+    partials[2] = number * rest * np.sqrt(1.0 + analyser.bending * number**2)
     return partials
 
 
@@ -117,21 +116,6 @@ def measure_harmonics(
                 measured[c, s, n, GROWTH] = clarity * min(max(growth, -MAX_GROWTH), MAX_GROWTH)
                 measured[c, s, n, LIKENESS] = clarity * likeness
     return measured
-
-
-@kernel()
-def lines_near(power: Floats, partials: Floats, spacing: Hertz) -> Floats:
-    """Return the bin, the power and the sidebands' power of each line, (channels, series, harmonics, 3).
-
-    Bin 0 is that of none. `power`, `partials` and `spacing` are as of `measure_harmonics`.
-    """
-    lines = np.zeros((power.shape[0], *partials.shape, 3))
-    for c in range(power.shape[0]):
-        for s in range(partials.shape[0]):
-            for n in range(partials.shape[1]):
-                peak, line, side = _line_near(power[c], partials[s, n] / spacing)
-                lines[c, s, n, 0], lines[c, s, n, 1], lines[c, s, n, 2] = peak, line, side
-    return lines
 
 
 @part()

@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 
 from monochord.core.ranges import Checked
-from monochord.core.types import Audio, Floats, Signal
+from monochord.core.types import Audio, Signal
 from monochord.core.units import Samples
 
 
@@ -66,22 +66,4 @@ class Feature(Checked, ABC):
 
         All slow work (tables, filters, weights, compilation) happens here. Raises `InputError` if the feature
         cannot handle the signal or the size, or if weights are missing; the message says how to get them.
-        """
-
-
-class SupportsCompliance(ABC):
-    """Optional interface of an `Extractor`: contact-compliance augmentation, for training."""
-
-    @abstractmethod
-    def with_compliance(self, rows: Audio, force: Floats, share: Floats) -> Audio:
-        """Return the features (n, columns) that objects of another compliance would give.
-
-        Parameters
-        ----------
-        rows
-            Features (n, columns) of recorded windows.
-        force
-            Force (n,) of the touch in each window, in N. A row with force 0 does not change.
-        share
-            Compliance (n,) as a multiple of the actual object's, above 0.
         """

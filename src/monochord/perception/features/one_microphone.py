@@ -39,7 +39,7 @@ class OneMicrophone(Feature):
     """
 
     microphone: Literal[1, 2] = 1
-    feature: dict[str, Any] = field(default_factory=lambda: {"name": "fft_harmonic"})
+    feature: dict[str, Any] = field(default_factory=lambda: {"name": "reading"})
 
     def prepare(self, signal: Signal, size: Samples) -> Extractor:
         """Prepare the other feature.

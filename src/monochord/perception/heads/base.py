@@ -8,16 +8,23 @@ from typing import Annotated, Literal, TypeAlias
 from msgspec import Meta
 
 from monochord.core.errors import InputError
-from monochord.core.ranges import Checked, NonNegative, PartialShare, Positive
+from monochord.core.ranges import Checked, NonNegative, PartialShare, Positive, Share
+from monochord.core.units import Metres
 
 Loss: TypeAlias = Literal["logistic", "square", "gauss", "laplace"]
 """Loss of a head. A probability has "logistic". For a quantity, "square" states one standard error for all
 windows; "gauss" and "laplace" learn a standard error per window, for errors of that distribution."""
+LEARNED_SPREADS = ("gauss", "laplace")
+"""Losses that learn a standard error per window."""
 CONTACT = "contact"
 """The contact label. Every head that is defined only during a touch depends on it."""
+REFINED_SCALE: Metres = 1e-3
+"""Scale of the error of a position that a head refines."""
+RIGHT_WITHIN: Metres = 5e-3
+"""Largest error of a position that counts as right."""
 POSITION = "position"
 """The label of the touch position, in m from pickup 1."""
-MAX_UNITS, MAX_MEMBERS = 4096, 16
+MAX_UNITS = 4096
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,16 +50,15 @@ class Task(Checked):
         Names of the reference's columns that are inputs; * matches any characters. Empty: all.
     hidden
         Units of each hidden layer (ReLU); empty for a linear head.
-    linear
-        Add a ridge regression, solved in closed form. The hidden layers learn its residual. For quantities
-        only.
-    members
-        Number of networks in the ensemble, which differ in their initial weights. The estimate is their mean,
-        and their disagreement adds to its standard error.
     weight
         Weight of this head's loss in the joint loss.
     limit
         Largest standard error that the head states, in `unit`. Above it, the head abstains.
+    refines
+        Name of a column with a position over the string's length, which the head corrects by a learned error.
+        The head also learns the probability that the column is right; empty for none.
+    certain
+        With `refines`, the least probability at which the head states an estimate.
     rise
         Whether the rise of the pitch is an input too; see `monochord.perception.model.rise`.
     blur
@@ -74,22 +80,19 @@ class Task(Checked):
     columns: tuple[str, ...] = ()
     reference: tuple[str, ...] = ()
     hidden: tuple[Annotated[int, Meta(ge=1, le=MAX_UNITS)], ...] = ()
-    linear: bool = False
-    members: Annotated[int, Meta(ge=1, le=MAX_MEMBERS)] = 1
     weight: Positive[float] = 1.0
     limit: Annotated[float, Meta(gt=0.0)] = math.inf
+    refines: str = ""
+    certain: Share = 0.97
     rise: bool = False
     blur: NonNegative[float] = 0.0
     drop: PartialShare = 0.0
 
     def __post_init__(self) -> None:
         Checked.__post_init__(self)
-        if self.members > 1 and not self.hidden:
-            raise InputError(f"{self.members} members without hidden layers", "1 member, or hidden layers")
-        if self.linear and self.is_probability:
-            raise InputError("linear = true with the logistic loss", "linear = true for quantities only")
-        if self.linear and (self.blur or self.drop):
-            raise InputError("blur or drop with linear = true", "hidden layers alone", "set linear = false")
+        if self.refines and self.loss not in LEARNED_SPREADS:
+            given = f"refines = '{self.refines}' for a head of {self.loss} loss"
+            raise InputError(given, f"a loss that learns its standard error: {', '.join(LEARNED_SPREADS)}")
 
     @property
     def is_probability(self) -> bool:
@@ -98,8 +101,8 @@ class Task(Checked):
 
     @property
     def outputs(self) -> int:
-        """Number of outputs: the value, and the logarithm of its spread if the loss learns it."""
-        return 2 if self.loss in ("gauss", "laplace") else 1
+        """Number of outputs: the value, the logarithm of its spread if learned, and with `refines` a logit."""
+        return 1 + (self.loss in LEARNED_SPREADS) + bool(self.refines)
 
 
 class Head(Checked, ABC):

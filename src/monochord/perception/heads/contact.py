@@ -21,11 +21,14 @@ class Contact(Head):
     limit
         Largest standard error sqrt(p (1 - p)) that the head states. With 0.4 it abstains for probabilities p
         between 0.2 and 0.8. An abstention does less harm than a wrong "no contact".
+    columns
+        Names of the feature's columns that are inputs; * matches any characters. Empty: all.
     """
 
     weight: float = 1.0
     hidden: tuple[int, ...] = ()
     limit: float = math.inf
+    columns: tuple[str, ...] = ()
 
     def task(self) -> Task:
         """Return the task of a probability that is defined in every window."""
@@ -37,4 +40,5 @@ class Contact(Head):
             hidden=self.hidden,
             weight=self.weight,
             limit=self.limit,
+            columns=self.columns,
         )

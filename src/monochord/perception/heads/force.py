@@ -9,7 +9,7 @@ from monochord.perception.heads.base import Head, Task
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Force(Head):
-    """The normal force, by a ridge regression and three hidden layers.
+    """The normal force, by three hidden layers.
 
     Parameters
     ----------
@@ -17,8 +17,6 @@ class Force(Head):
         Weight of the head's loss, the paper's lambda_F.
     hidden
         Units of each hidden layer.
-    linear
-        Add a ridge regression, solved in closed form. The hidden layers learn its residual.
     loss
         "square" as in the paper; "gauss" and "laplace" state a standard error per window.
     columns
@@ -30,7 +28,7 @@ class Force(Head):
         Largest standard error in N that the head states. Above it, the head abstains.
     rise
         Add the rise of the pitch above the untouched string's as inputs in which force is nearly linear.
-        Requires the feature fft_harmonic and the untouched reference.
+        Requires the feature reading, for windows and for the untouched reference.
     blur, drop
         Standard deviation of noise on the scaled inputs, and dropout share of the hidden units, both in
         training only. They reduce overfitting to the builds of the training.
@@ -38,7 +36,6 @@ class Force(Head):
 
     weight: float = 1.0
     hidden: tuple[int, ...] = (128, 128, 128)
-    linear: bool = True
     loss: Literal["square", "gauss", "laplace"] = "laplace"
     columns: tuple[str, ...] = ()
     reference: tuple[str, ...] = ()
@@ -56,7 +53,6 @@ class Force(Head):
             columns=self.columns,
             reference=self.reference,
             hidden=self.hidden,
-            linear=self.linear,
             weight=self.weight,
             limit=self.limit,
             rise=self.rise,

@@ -9,7 +9,7 @@ from monochord.perception.heads.base import POSITION, Head, Task
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Position(Head):
-    """The position of the touch from pickup 1, by a ridge regression and three hidden layers.
+    """The position of the touch from pickup 1, by three hidden layers.
 
     Parameters
     ----------
@@ -17,11 +17,6 @@ class Position(Head):
         Weight of the head's loss, the paper's lambda_x.
     hidden
         Units of each hidden layer.
-    linear
-        Add a ridge regression, solved in closed form. The hidden layers learn its residual.
-    members
-        Number of networks in the ensemble, which differ in their initial weights. Their disagreement adds to
-        the standard error.
     loss
         "square" as in the paper; "gauss" and "laplace" state a standard error per window.
     columns
@@ -31,16 +26,24 @@ class Position(Head):
         it.
     limit
         Largest standard error in m that the head states. Above it, the head abstains.
+    refines
+        Name of a column with a position over the string's length, such as ``position`` of the feature
+        reading. The head learns its error, and the probability that it is right within 5 mm.
+    certain
+        With `refines`, the least probability at which the head states a position.
+    drop
+        Dropout share of the hidden units, in training only.
     """
 
     weight: float = 1.0
     hidden: tuple[int, ...] = (128, 128, 128)
-    linear: bool = True
-    members: int = 1
     loss: Literal["square", "gauss", "laplace"] = "laplace"
     columns: tuple[str, ...] = ()
     context: bool = True
     limit: Metres = 0.03
+    refines: str = ""
+    certain: float = 0.97
+    drop: float = 0.0
 
     def task(self) -> Task:
         """Return the task of a quantity in m."""
@@ -51,8 +54,9 @@ class Position(Head):
             columns=self.columns,
             context=self.context,
             hidden=self.hidden,
-            linear=self.linear,
-            members=self.members,
             weight=self.weight,
             limit=self.limit,
+            refines=self.refines,
+            certain=self.certain,
+            drop=self.drop,
         )

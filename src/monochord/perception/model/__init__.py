@@ -1,5 +1,6 @@
 """A trained model as one object: from windows to contact, slip, position and force."""
 
+from monochord.perception.model.bundled import bundled_folder
 from monochord.perception.model.context import ModelState
 from monochord.perception.model.definition import Definition
 from monochord.perception.model.files import folder_of, load
@@ -13,6 +14,7 @@ __all__ = [
     "Model",
     "ModelState",
     "PredictionTable",
+    "bundled_folder",
     "folder_of",
     "load",
     "save",

@@ -17,8 +17,8 @@ import numpy as np
 
 from monochord.core.types import Audio
 from monochord.core.units import Samples, Seconds
-from monochord.perception.model.anomaly import INITIAL_STATE, AnomalyState
 from monochord.perception.model.definition import Reference
+from monochord.perception.model.faults import INITIAL_STATE, FaultState
 
 TIME_TOLERANCE: Seconds = 1e-6
 """Times that differ by less than this are equal."""
@@ -34,7 +34,7 @@ class ModelState:
     oldest first, and `median` is their median; None without rows. `pending` holds (time, features) of windows
     that enter the reference unless a touch begins shortly after. `accepted` is the time of the newest window
     in `rows` or `pending`, in s. `touched` is the time of the last window that was not believed untouched, in
-    s. `anomaly` is the state of the anomaly detector.
+    s. `faults` is the average over windows of the odds of faults.
     """
 
     start: Samples = -1
@@ -43,7 +43,7 @@ class ModelState:
     pending: tuple[tuple[Seconds, Audio], ...] = ()
     accepted: Seconds = -math.inf
     touched: Seconds = -math.inf
-    anomaly: AnomalyState = INITIAL_STATE
+    faults: FaultState = INITIAL_STATE
 
 
 def step(

@@ -14,11 +14,12 @@ from monochord.core.types import StringParams
 from monochord.core.units import Metres, Samples, Seconds
 from monochord.perception.heads.base import CONTACT, POSITION, Task
 from monochord.perception.model import rise
+from monochord.perception.model.faults import FAULTS
 
-FORMAT = 2
+FORMAT = 3
 """Version of the format of a model's folder."""
-DETECTOR = "known"
-"""Prefix of the anomaly detector's arrays."""
+ORDINARY = "ordinary"
+"""Kind of a window without a fault."""
 TOUCHES_KEPT = 64
 """Number of touches that a correction stores, as candidates for the most helpful next touch."""
 MAX_COLUMNS, MAX_HEADS, MAX_LAYERS, MAX_PATTERNS, MAX_VARIABLES = 1 << 17, 64, 16, 64, 16
@@ -100,48 +101,22 @@ class CorrectionRecord(Checked):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AnomalyRecord(Checked):
-    """The anomaly detector: sound unlike the training data; see `monochord.perception.model.anomaly`.
+class FaultRecord(Checked):
+    """When a model reports a fault; see `monochord.perception.model.faults`.
 
-    The network has `hidden` layers. Its first output stands for sound like the training data; one output for
-    each of `reasons` follows. Its inputs are the feature's `columns`, given as names or patterns; empty for
-    all.
-
-    The log odds of each reason are averaged over its time in `memory`, in s. The model abstains from a window
-    if the combined score exceeds `limit`. Reasons in `touched` are detected in touched windows only; their
-    averages do not change between touches.
-
-    Contact stays reliable during the reasons in `contact_holds`, and only the other heads abstain. Reasons in
-    `brief` imply a touch, and contact abstains only if its head estimates "no contact". `measured` holds the
-    shares of validation windows above the limit: of ordinary windows, and of each kind of anomaly.
+    The model abstains from a window if the averaged score exceeds `limit`. `measured` holds the shares of
+    validation windows above the limit: of ordinary windows, and of each kind of fault. `lowered` is what is
+    taken from the log odds of each fault, for a sensor whose healthy sound resembles it; empty for nothing.
     """
 
-    hidden: tuple[int, ...] = (64,)
-    columns: tuple[str, ...] = ()
-    reasons: tuple[str, ...] = ()
-    memory: tuple[Pause, ...] = ()
-    touched: tuple[str, ...] = ()
-    brief: tuple[str, ...] = ()
-    contact_holds: tuple[str, ...] = ()
     limit: Finite[float] = 0.0
+    lowered: tuple[NonNegative[float], ...] = ()
     measured: dict[str, float] = field(default_factory=dict[str, float])
 
     def __post_init__(self) -> None:
         Checked.__post_init__(self)
-        if len(self.memory) != len(self.reasons):
-            given = f"{len(self.memory)} times in the detector's memory"
-            raise InputError(given, f"{len(self.reasons)}, one for each reason")
-        if len(self.hidden) > MAX_LAYERS or not 1 <= len(self.reasons) <= MAX_PATTERNS:
-            given = f"{len(self.hidden)} hidden layers and {len(self.reasons)} reasons of a detector"
-            raise InputError(given, f"at most {MAX_LAYERS} layers, and 1 to {MAX_PATTERNS} reasons")
-        for reason in (*self.touched, *self.brief, *self.contact_holds):
-            if reason not in self.reasons:
-                given = f"reason '{reason}', which the detector does not have"
-                raise InputError(given, ", ".join(self.reasons), did_you_mean(reason, self.reasons))
-        if len(self.columns) > MAX_PATTERNS:
-            raise InputError(
-                f"{len(self.columns)} patterns of columns of a detector", f"{MAX_PATTERNS} at most"
-            )
+        if len(self.lowered) not in (0, len(FAULTS)):
+            raise InputError(f"{len(self.lowered)} values lowered", f"{len(FAULTS)}, one for each fault")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -170,8 +145,8 @@ class HeadRecord(Checked):
 class Definition(Checked):
     """A model without its arrays.
 
-    `sample_rate` (Hz), `channels`, and `window` and `hop` (frames) describe the training data. `known` is the
-    anomaly detector, or None. `clip` limits the magnitude of scaled columns, for outliers. A window whose
+    `sample_rate` (Hz), `channels`, and `window` and `hop` (frames) describe the training data. `faults` says
+    when a fault is reported; None for never. `clip` limits the magnitude of scaled columns, for outliers. A window whose
     root mean square is below `quietest` is silence: no driver drives the string.
 
     `string` is the string of the sensor's design. `sensing_range` is the range of positions in m that the
@@ -191,7 +166,7 @@ class Definition(Checked):
     feature: FeatureRecord
     reference: Reference | None = None
     heads: dict[str, HeadRecord]
-    known: AnomalyRecord | None = None
+    faults: FaultRecord | None = None
     clip: Positive[float] = 8.0
     quietest: NonNegative[float] = 0.0
     string: StringParams | None = None
@@ -216,8 +191,6 @@ class Definition(Checked):
         if self.sensing_range is not None and not -inf < self.sensing_range[0] < self.sensing_range[1] < inf:
             given = f"sensing_range {self.sensing_range} of a model"
             raise InputError(given, "two positions in m from pickup 1, the smaller one first")
-        if DETECTOR in self.heads:
-            raise InputError(f"a head called {DETECTOR}", "another name: the detector's arrays are called so")
         if sum(record.task.label == CONTACT for record in self.heads.values()) != 1:
             given = f"heads {', '.join(self.heads) or '(none)'}"
             raise InputError(given, f"one that learns the label {CONTACT}, beside others", "add it")
@@ -250,15 +223,23 @@ class Definition(Checked):
         return _fitting(self.feature, self.heads[name].task.columns, f"the head '{name}'")
 
     @property
-    def detector_columns(self) -> tuple[int, ...]:
-        """The indices of the feature's columns that are inputs of the anomaly detector.
+    def fault_columns(self) -> tuple[int, ...]:
+        """The indices of the columns with the logits of an ordinary window and of each fault, or empty.
 
         Raises
         ------
         InputError
-            If a pattern in the detector's `columns` matches no column.
+            If the feature lacks one of these columns.
         """
-        return _fitting(self.feature, self.known.columns, "the anomaly detector") if self.known else ()
+        if self.faults is None:
+            return ()
+        columns = self.feature.columns
+        wanted = [f"kind {kind}" for kind in (ORDINARY, *FAULTS)]
+        missing = [column for column in wanted if column not in columns]
+        if missing:
+            given = f"faults of a model whose feature lacks the column '{missing[0]}'"
+            raise InputError(given, "the feature reading", "or set faults = 0")
+        return tuple(map(columns.index, wanted))
 
     def reference_of(self, name: str) -> tuple[int, ...]:
         """Return the indices of the reference's columns that are inputs of a head, with the presence mark.
@@ -301,6 +282,23 @@ class Definition(Checked):
             pairs.append((index(of), index(less) if minus else -1))
         return tuple(pairs)
 
+    def refined(self, name: str) -> int | None:
+        """Return the index of the column that a head refines; None if it refines none.
+
+        Raises
+        ------
+        InputError
+            If the feature lacks the column, or the string's length is not known.
+        """
+        column, columns = self.heads[name].task.refines, self.feature.columns
+        if not column:
+            return None
+        if column not in columns or self.string is None:
+            lacks = f"the column '{column}'" if column not in columns else "a string of known length"
+            given = f"refines = '{column}' for the head '{name}' without {lacks}"
+            raise InputError(given, "a position over the string's length", "use the feature reading")
+        return columns.index(column)
+
     @property
     def rise_columns(self) -> tuple[int, ...]:
         """The indices of the columns that give the rise of the pitch; empty if no head uses it.
@@ -315,17 +313,26 @@ class Definition(Checked):
             return ()
         columns, reference = self.feature.columns, self.reference.feature.columns if self.reference else ()
         missing = [column for column in rise.COLUMNS if column not in columns]
-        if missing or rise.REFERENCE not in reference:
-            lacks = f"the column '{missing[0]}'" if missing else f"a reference with '{rise.REFERENCE}'"
-            given = f"rise = true for the head '{wanted[0]}' without {lacks}"
-            raise InputError(given, "the feature fft_harmonic and context.on", "or set rise = false")
-        return (*(columns.index(column) for column in rise.COLUMNS), reference.index(rise.REFERENCE))
+        missing += [column for column in rise.REFERENCES if column not in reference]
+        if missing:
+            given = f"rise = true for the head '{wanted[0]}' without the column '{missing[0]}'"
+            expected = "the feature reading, for windows and for the untouched reference"
+            raise InputError(given, expected, "or set rise = false")
+        return (*map(columns.index, rise.COLUMNS), *map(reference.index, rise.REFERENCES))
+
+    def input_columns(self, name: str) -> tuple[int, ...]:
+        """Return the indices of a head's inputs in the row of feature, reference with presence mark, and rise."""
+        base, context = self.widths
+        rises = range(rise.COUNT if self.heads[name].task.rise and self.rise_columns else 0)
+        return (
+            *self.columns_of(name),
+            *(base + column for column in self.reference_of(name)),
+            *(base + context + column for column in rises),
+        )
 
     def inputs(self, name: str) -> int:
         """Return the number of inputs of a head: columns of the feature and the reference, and the rise."""
-        task = self.heads[name].task
-        rises = rise.COUNT if task.rise and self.rise_columns else 0
-        return len(self.columns_of(name)) + len(self.reference_of(name)) + rises
+        return len(self.input_columns(name))
 
     def shapes(self) -> dict[str, tuple[int, ...]]:
         """Return the names and shapes of all weights.
@@ -333,11 +340,9 @@ class Definition(Checked):
         Their order is:
 
         - the scaling, with the features of the probe windows;
-        - the layers of the anomaly detector;
-        - for each head, its layers in order, its linear path and its correction.
+        - for each head, its layers in order and its correction.
 
-        A layer has a matrix (outputs, inputs) and a bias (outputs,); a head with several members has a
-        leading axis of members. A correction includes position, force and variables of representative
+        A layer has a matrix (outputs, inputs) and a bias (outputs,). A correction includes position, force and variables of representative
         touches.
         """
         base, context = self.widths
@@ -352,20 +357,11 @@ class Definition(Checked):
                 "context.scale": (context,),
                 "context.probe": (3, context - 1),
             }
-        if self.known:
-            units = (len(self.detector_columns), *self.known.hidden, 1 + len(self.known.reasons))
-            for number, (inputs, outputs) in enumerate(pairwise(units)):
-                shapes[f"{DETECTOR}.{number}.weight"] = (outputs, inputs)
-                shapes[f"{DETECTOR}.{number}.bias"] = (outputs,)
         for name, record in self.heads.items():
             units = (self.inputs(name), *record.task.hidden, record.task.outputs)
-            members = (record.task.members,) if record.task.members > 1 else ()
             for number, (inputs, outputs) in enumerate(pairwise(units)):
-                shapes[f"{name}.{number}.weight"] = (*members, outputs, inputs)
-                shapes[f"{name}.{number}.bias"] = (*members, outputs)
-            if record.task.linear:
-                shapes[f"{name}.linear.weight"] = (1, self.inputs(name))
-                shapes[f"{name}.linear.bias"] = (1,)
+                shapes[f"{name}.{number}.weight"] = (outputs, inputs)
+                shapes[f"{name}.{number}.bias"] = (outputs,)
             if record.correction:
                 count, terms = 1 + len(record.correction.variables), record.correction.terms
                 shapes[f"{name}.correction.centre"] = shapes[f"{name}.correction.scale"] = (count,)

@@ -22,6 +22,7 @@ from monochord.core.types import (
     Estimate,
     Estimates,
     Floats,
+    Indices,
     Signal,
     StringParams,
     Window,
@@ -32,19 +33,12 @@ from monochord.metrics import DECISION, hit_rate
 from monochord.perception.closed_form.usable import unusable_reason
 from monochord.perception.features import FEATURES
 from monochord.perception.features.base import Extractor
-from monochord.perception.model.anomaly import Detector
+from monochord.perception.model import faults
 from monochord.perception.model.context import ModelState, context_row, step
 from monochord.perception.model.correction import Correction
 from monochord.perception.model.definition import Definition, FeatureRecord
-from monochord.perception.model.network import UNCERTAIN, Network, Output, estimates_of, probability, quantity
-from monochord.perception.model.place import (
-    LEAD,
-    NO_PLACE,
-    PLACE,
-    PlaceByLines,
-    may_be_outside,
-    withheld_reason,
-)
+from monochord.perception.model.faults import OF_REASON, fault_reason
+from monochord.perception.model.network import Network, Output, estimates_of, probability, quantity
 from monochord.perception.model.probe import probed, refuse_another
 from monochord.perception.model.saving import save
 from monochord.perception.model.stream import Fixed, Followed, ModelStream
@@ -57,6 +51,9 @@ from monochord.physics.theory import open_frequency
 
 MAX_RETUNING = 0.12
 """Largest relative deviation of a string's pitch from the training's, if that is known."""
+EDGE_DEVIATIONS, MAX_EDGE = 2.0, 1e-3
+"""Number of standard errors, and largest distance in m, by which the estimate of a touch at an end of the
+sensing range may lie outside."""
 UNUSABLE = ("gap", "silence", "samples that are not numbers")
 """Reasons that make a window unusable for a model. Clipped windows are usable: training includes them."""
 
@@ -65,13 +62,12 @@ class WindowReading(NamedTuple):
     """A model's reading of a window, before it states estimates.
 
     `state` is the state after the window. `outputs` are the heads' outputs; empty for an unusable window.
-    `reason` is the reason to abstain; empty for none. `by_lines` is the position from the window's lines.
+    `reason` is the reason to abstain; empty for none.
     """
 
     state: ModelState
     outputs: Mapping[str, Output]
     reason: str
-    by_lines: PlaceByLines = NO_PLACE
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -394,17 +390,40 @@ class Model:
         windows
             The window of each stream, of the training's length.
         """
-        results: list[tuple[ModelState, Estimates]] = []
-        for (model, _), reading in zip(streams, Model._read(streams, windows), strict=True):
-            trained, outputs = model.definition, reading.outputs
-            estimates: dict[str, Estimate] = {}
-            if outputs:
-                estimates = model.at_string_tension(estimates_of(trained, outputs, model.corrections))
-            reason, withheld = model.withheld(reading, estimates)
-            for name in (each for each in trained.heads if each in withheld):  # in their order
-                estimates[name] = Estimate.abstain(trained.heads[name].task.unit, reason)
-            results.append((reading.state, model.with_length_error(estimates)))
-        return results
+        readings = Model._read(streams, windows)
+        return [
+            (reading.state, model.estimates(reading))
+            for (model, _), reading in zip(streams, readings, strict=True)
+        ]
+
+    def estimates(self, reading: WindowReading) -> dict[str, Estimate]:
+        """Return the estimates of a window.
+
+        Outside the sensing range, every head that requires a touch abstains. Where the position is not
+        certain, force is not either. With a fault, every head abstains, except contact where it stays
+        reliable.
+        """
+        heads, gate, reason = self.definition.heads, self.definition.gate, reading.reason
+        if not reading.outputs:
+            return {name: Estimate.abstain(record.task.unit, reason) for name, record in heads.items()}
+        estimates = estimates_of(self.definition, reading.outputs, self.corrections)
+        estimates = self.with_length_error(self.at_string_tension(estimates))
+        contact, fault = estimates[gate], OF_REASON.get(reason)
+        touched, kept = contact.valid and contact.value >= DECISION, set[str]()
+        place = self._no_place_reason(reading, estimates) if touched else ""
+        if place == OUTSIDE_RANGE and (not reason or (fault and (fault.brief or fault.of_touch))):
+            # Outside the sensing range one touch may sound soft, like two, or as if its driver were silent.
+            reason, kept = place, {name for name, record in heads.items() if not record.task.touched}
+        elif place and not reason:
+            reason, kept = place, {name for name, record in heads.items() if record.task.is_probability}
+        elif not reason:
+            return estimates
+        elif fault and (fault.contact_reliable or (fault.brief and touched)):
+            kept = {gate}
+        return {
+            name: each if name in kept else Estimate.abstain(each.unit, reason)
+            for name, each in estimates.items()
+        }
 
     def with_length_error(self, estimates: dict[str, Estimate]) -> dict[str, Estimate]:
         """Return estimates whose standard error of position includes that of the string's length.
@@ -418,38 +437,21 @@ class Model:
         position = estimates[name]
         return {**estimates, name: replace(position, std=hypot(position.std, share * position.value))}
 
-    def withheld(self, reading: WindowReading, estimates: Estimates) -> tuple[str, set[str]]:
-        """Return the reason why heads abstain from a window, and the names of these heads; "" for none.
-
-        Outside the sensing range, every head that requires a touch abstains. If the lines give another
-        position, position and force abstain. With an anomaly, every head abstains, except contact where it
-        stays reliable.
-        """
-        trained, reason, record = self.definition, reading.reason, self.definition.known
-        # Outside the sensing range one touch may sound soft, like two, or as if its driver were silent.
-        of_touches = (*record.brief, *record.touched) if record is not None else ()
-        no_place = self._no_place_reason(reading, estimates) if reason in ("", *of_touches) else ""
-        if no_place == OUTSIDE_RANGE or (no_place and not reason):
-            tasks = {name: head.task for name, head in trained.heads.items() if head.task.touched}
-            is_outside = no_place == OUTSIDE_RANGE
-            return no_place, {name for name, task in tasks.items() if is_outside or not task.is_probability}
-        withheld = set(trained.heads) if reason else set[str]()
-        if estimates and self.contact_reliable(estimates[trained.gate], reason):
-            withheld.remove(trained.gate)
-        return reason, withheld
-
     def _no_place_reason(self, reading: WindowReading, estimates: Estimates) -> str:
-        """Return why the place of a touch cannot be stated, empty for no reason and where nothing touches."""
-        name, contact = self.definition.place, estimates.get(self.definition.gate)
-        if name is None or contact is None or not (contact.valid and contact.value >= DECISION):
+        """Return why the position of a touch cannot be stated; empty if it can."""
+        name, places = self.definition.place, self.places
+        if name is None:
             return ""
-        stated, head = estimates[name], self.definition.heads[name]
-        place, std = stated.value, stated.std
-        if not stated.valid:  # it is withheld, and may lie outside all the same
-            place, std = quantity(reading.outputs[name], head, self.corrections.get(name))
-        reason = withheld_reason(place, std, reading.by_lines, self.places)
-        is_near_an_end = stated.valid and may_be_outside(place, std, head.task.limit, self.places)
-        return reason or (UNCERTAIN if is_near_an_end else "")
+        position = estimates[name]
+        place, std = position.value, position.std
+        if not position.valid:  # it is withheld, and may lie outside all the same
+            place, std = quantity(
+                reading.outputs[name], self.definition.heads[name], self.corrections.get(name)
+            )
+        edge = min(EDGE_DEVIATIONS * std, MAX_EDGE)
+        if places is not None and not places[0] - edge <= place <= places[1] + edge:
+            return OUTSIDE_RANGE
+        return "" if position.valid else position.reason
 
     @staticmethod
     def _read(
@@ -466,63 +468,48 @@ class Model:
         if not usable:
             return results
         first = streams[usable[0]][0]
-        trained, network, detector = first.definition, first.network, first.detector
+        trained, network = first.definition, first.network
         rows = np.stack([streams[k][0].extractors[0](windows[k].samples[np.newaxis])[0] for k in usable])
         known = np.stack([context_row(results[k].state, trained.widths[1]) for k in usable])
         inputs = network.inputs(rows, known)
         outputs = {name: network.outputs(name, inputs) for name in trained.heads}
-        logits = detector.logits(inputs) if detector else None
         for at, k in enumerate(usable):
             own = {name: each[at] for name, each in outputs.items()}
-            odds = None if logits is None else logits[at]
-            results[k] = streams[k][0].after(results[k].state, windows[k], own, (rows[at], known[at]), odds)
+            results[k] = streams[k][0].after(results[k].state, windows[k], own, rows[at], known[at])
         return results
 
     def after(
-        self,
-        state: ModelState,
-        window: Window,
-        outputs: dict[str, Output],
-        rows: tuple[Audio, Audio],
-        logits: Floats | None,
+        self, state: ModelState, window: Window, outputs: dict[str, Output], row: Audio, known: Audio
     ) -> WindowReading:
         """Return the reading of a window: its state, outputs with variables, and reason to abstain.
 
-        `rows` are the window's features and the reference. `logits` are the anomaly detector's; None without
-        a detector.
+        `row` is the window's features, and `known` the reference.
         """
-        trained, (row, known) = self.definition, rows
+        trained = self.definition
+        for name, (column, unit) in self._refined.items():
+            outputs[name] = replace(outputs[name], value=outputs[name].value + unit * float(row[column]))
         for name, pairs in self._variables.items():
             columns = np.concatenate([row, known[:-1], np.zeros(1, np.float32)])  # the last one is for -1
             values = tuple(float(columns[of]) - float(columns[less]) for of, less in pairs)
             outputs[name] = replace(outputs[name], variables=values)
         time, reason = window.start / window.sample_rate, ""
         contact = probability(outputs[trained.gate], trained.heads[trained.gate])
-        if self.detector is not None and logits is not None:
-            anomaly = self.detector.step(state.anomaly, logits, time, touched=contact > DECISION)
-            state = replace(state, anomaly=anomaly)
-            reason = self.detector.anomaly_reason(state.anomaly)
-        reference = self.extractors[1]
-        if reference is not None and trained.reference is not None:
-            # What is unlike the training is no untouched string, whatever the head of contact says.
+        if trained.faults is not None:
+            ordinary, *kinds = self._fault_columns
+            odds = row[kinds].astype(np.float64) - float(row[ordinary])
+            odds -= trained.faults.lowered or 0.0
+            state = replace(state, faults=faults.step(state.faults, odds, time, touched=contact > DECISION))
+            reason = fault_reason(state.faults.odds, trained.faults.limit)
+        if trained.reference is not None:
+            # A faulty window is no untouched string, whatever the contact head says.
             contact = 1.0 if reason else contact
-            samples = window.samples[np.newaxis]
-            state = step(state, trained.reference, time, contact, lambda: reference(samples)[0])
-        return WindowReading(state, outputs, reason, self._lines(row))
+            state = step(state, trained.reference, time, contact, lambda: self._reference_row(window, row))
+        return WindowReading(state, outputs, reason)
 
-    def _lines(self, row: Audio) -> PlaceByLines:
-        """Return the position from a window's lines, which some features have in their columns."""
-        if self._line_columns is None or self.definition.string is None:
-            return NO_PLACE
-        place, lead = (float(row[column]) for column in self._line_columns)
-        return PlaceByLines(place * self.definition.string.length, lead) if place > 0.0 else NO_PLACE
-
-    def contact_reliable(self, contact: Estimate, reason: str) -> bool:
-        """Return whether the contact estimate is reliable in a window with this reason to abstain."""
-        record = self.definition.known
-        if record is None:
-            return False
-        return reason in record.contact_holds or (reason in record.brief and contact.value >= DECISION)
+    def _reference_row(self, window: Window, row: Audio) -> Audio:
+        """Return a window's features for the reference; `row` is its features for the heads."""
+        reference = self.extractors[1]
+        return row if reference is None else reference(window.samples[np.newaxis])[0]
 
     def unusable_reason(self, window: Window) -> str:
         """Return why a window cannot be used; empty if it can."""
@@ -579,9 +566,18 @@ class Model:
         return {name: self.definition.variables_of(name) for name, record in heads if record.correction}
 
     @cached_property
-    def _line_columns(self) -> tuple[int, int] | None:
-        columns = self.definition.feature.columns
-        return (columns.index(PLACE), columns.index(LEAD)) if {PLACE, LEAD} <= set(columns) else None
+    def _refined(self) -> dict[str, tuple[int, float]]:
+        """The column that each head refines, and the string's length in units of the head's scale."""
+        refined: dict[str, tuple[int, float]] = {}
+        for name, record in self.definition.heads.items():
+            column, string = self.definition.refined(name), self.definition.string
+            if column is not None and string is not None:
+                refined[name] = column, string.length / record.scale
+        return refined
+
+    @cached_property
+    def _fault_columns(self) -> Indices:
+        return np.array(self.definition.fault_columns, np.int64)
 
     @cached_property
     def network(self) -> Network:
@@ -589,13 +585,11 @@ class Model:
         return Network.of(self.definition, self.weights)
 
     @cached_property
-    def detector(self) -> Detector | None:
-        """The anomaly detector; None if the model has none."""
-        return Detector.of(self.definition, self.weights)
-
-    @cached_property
     def extractors(self) -> tuple[Extractor, Extractor | None]:
-        """The extractors of the window's feature and of the reference, checked against the training."""
+        """The extractors of the window's feature and of the reference, checked against the training.
+
+        The reference has none of its own where its feature is the window's.
+        """
         trained = self.definition
         signal = Signal(sample_rate=trained.sample_rate, channels=trained.channels, string=trained.string)
 
@@ -611,10 +605,9 @@ class Model:
             return feature.prepare(replace(signal, string=self.string, design=trained.string), trained.window)
 
         reference = trained.reference
-        return (
-            extractor(trained.feature, "scaler"),
-            extractor(reference.feature, "context") if reference else None,
-        )
+        has_own = reference is not None and reference.feature != trained.feature
+        own = extractor(reference.feature, "context") if reference is not None and has_own else None
+        return extractor(trained.feature, "scaler"), own
 
 
 def _track(frames: Samples, sample_rate: int, truth: Mapping[str, Floats]) -> LabelTrack:

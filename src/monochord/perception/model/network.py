@@ -13,10 +13,9 @@ from monochord.metrics import DECISION
 from monochord.perception.heads.base import Loss
 from monochord.perception.model.correction import Correction
 from monochord.perception.model.definition import Definition, HeadRecord
-from monochord.perception.model.rise import COUNT as RISES
 from monochord.perception.model.rise import rises
 
-NO_CONTACT, UNCERTAIN = "no contact", "too uncertain"
+NO_CONTACT, UNCERTAIN, TWO_PLACES = "no contact", "too uncertain", "two candidates"
 """Reasons for a head to abstain."""
 CONTACT_LIMIT_SHARE = 2.0 / 3.0
 """Share of the contact head's limit on its standard error up to which other heads state estimates. At nodes
@@ -35,11 +34,13 @@ STD_OF_SPREAD: Mapping[Loss, float] = {"gauss": 1.0, "laplace": math.sqrt(2.0)}
 class Output:
     """Output of a head's last layer: a logit, or a scaled quantity with the logarithm of its spread.
 
-    `variables` are the values of the correction's variables, without the head's own estimate.
+    `certainty` is the probability that the position which a head refines is right. `variables` are the values
+    of the correction's variables, without the head's own estimate.
     """
 
     value: float
     log_spread: float = 0.0
+    certainty: float = 1.0
     variables: tuple[float, ...] = ()
 
 
@@ -105,55 +106,34 @@ def _outputs(rows: Audio, columns: Indices, units: Indices, weights: Audio) -> A
 class Network:
     """The scaling and the layers of all heads.
 
-    `layers` holds the layers of each member of a head, which read columns of `inputs`. `linear` holds the
-    linear paths of heads that have one. `unit` is the standard deviation of a head's error for a spread of 1.
-    `rise_columns` are the columns that give the rise of the pitch; empty if no head uses it.
+    `layers` holds the layers of each head, which read columns of `inputs`. `rise_columns` are the columns
+    that give the rise of the pitch; empty if no head uses it.
     """
 
     scaler: tuple[Audio, Audio]
     context_scaler: tuple[Audio, Audio] | None
     clip: float
-    layers: Mapping[str, tuple[Layers, ...]]
-    linear: Mapping[str, Layers]
-    unit: Mapping[str, float]
+    layers: Mapping[str, Layers]
     rise_columns: tuple[int, ...]
 
     @classmethod
     def of(cls, definition: Definition, weights: Mapping[str, Audio]) -> "Network":
         """Return the network of a definition with weights of the shapes in `Definition.shapes`."""
-        heads = definition.heads
-        base, context = definition.widths
-
-        def layers(name: str, *parts: str, member: tuple[int, ...] = ()) -> Layers:
-            rise = range(RISES if heads[name].task.rise and definition.rise_columns else 0)
-            columns = [
-                *definition.columns_of(name),
-                *(base + column for column in definition.reference_of(name)),
-                *(base + context + column for column in rise),
-            ]
-            return Layers.of(
-                columns,
-                [
-                    (weights[f"{name}.{part}.weight"][member], weights[f"{name}.{part}.bias"][member])
-                    for part in parts
-                ],
-            )
-
+        has_context = definition.widths[1] > 0
         return cls(
             scaler=(weights["scaler.mean"], weights["scaler.scale"]),
-            context_scaler=(weights["context.mean"], weights["context.scale"])
-            if definition.widths[1]
-            else None,
+            context_scaler=(weights["context.mean"], weights["context.scale"]) if has_context else None,
             clip=definition.clip,
             layers={
-                name: tuple(
-                    layers(name, *map(str, range(len(record.task.hidden) + 1)), member=member)
-                    for member in np.ndindex((record.task.members,) if record.task.members > 1 else ())
+                name: Layers.of(
+                    definition.input_columns(name),
+                    [
+                        (weights[f"{name}.{number}.weight"], weights[f"{name}.{number}.bias"])
+                        for number in range(len(record.task.hidden) + 1)
+                    ],
                 )
-                for name, record in heads.items()
+                for name, record in definition.heads.items()
             },
-            linear={name: layers(name, "linear") for name, record in heads.items() if record.task.linear},
-            unit={name: STD_OF_SPREAD.get(record.task.loss, 1.0) for name, record in heads.items()},
             rise_columns=definition.rise_columns,
         )
 
@@ -182,39 +162,14 @@ class Network:
 
     def outputs(self, name: str, inputs: Audio) -> list[Output]:
         """Return the outputs of a head for each row of `inputs` (n, d + c + r)."""
-        members = [layers.outputs(inputs) for layers in self.layers[name]]
-        values = (members[0] if len(members) == 1 else mixture(np.stack(members), self.unit[name])).tolist()
-        linear = self.linear[name].outputs(inputs).tolist() if name in self.linear else [[0.0]] * len(values)
         return [
-            Output(value=value + added, log_spread=spread[0] if spread else 0.0)
-            for (value, *spread), (added,) in zip(values, linear, strict=True)
+            Output(
+                value=value,
+                log_spread=more[0] if more else 0.0,
+                certainty=1.0 / (1.0 + math.exp(min(-more[1], MAX_LOGIT))) if len(more) > 1 else 1.0,
+            )
+            for value, *more in self.layers[name].outputs(inputs).tolist()
         ]
-
-
-def mixture(members: Audio, unit: float) -> Audio:
-    """Return the outputs (n, k) of an ensemble (m, n, k): the mean, and the spread of the mixture.
-
-    The variance of a mixture is the mean variance plus the variance of the means (Lakshminarayanan, Pritzel
-    and Blundell, Simple and scalable predictive uncertainty estimation using deep ensembles, 2017).
-
-    Parameters
-    ----------
-    members
-        Values and, if learned, logarithms of spreads, of each member.
-    unit
-        Standard deviation of an error with spread 1.
-
-    Examples
-    --------
-    >>> same, apart = np.zeros((2, 1, 2), np.float32), np.array([[[-3.0, 0.0]], [[3.0, 0.0]]], np.float32)
-    >>> mixture(same, 1.0).tolist(), np.exp(2.0 * mixture(apart, 1.0)).round().tolist()
-    ([[0.0, 0.0]], [[1.0, 10.0]])
-    """
-    mean = members.mean(axis=0)
-    if members.shape[2] > 1:
-        square = np.exp(2.0 * np.clip(members[:, :, 1], -MAX_LOG_SPREAD, MAX_LOG_SPREAD)).mean(axis=0)
-        mean[:, 1] = 0.5 * np.log(square + members[:, :, 0].var(axis=0) / unit**2)
-    return mean
 
 
 def scaled(row: Audio, mean: Audio, scale: Audio, clip: float) -> Audio:
@@ -298,6 +253,9 @@ def estimates_of(
             value = probability(outputs[name], record)
             std = math.sqrt(value * (1.0 - value))
         else:
+            if outputs[name].certainty < task.certain:
+                estimates[name] = Estimate.abstain(task.unit, TWO_PLACES)
+                continue
             value, std = quantity(outputs[name], record, corrections.get(name))
         estimates[name] = (
             Estimate(value=value, std=std, unit=task.unit)

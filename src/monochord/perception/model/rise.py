@@ -13,10 +13,10 @@ from monochord.core.errors import InputError
 from monochord.core.kernels import kernel
 from monochord.core.types import Audio
 
-COLUMNS = ("ratio open", "ratio rest", "ratio place")
-"""Columns of the feature: both readings of the open frequency in thousandths, and the position x / L."""
-REFERENCE = "open"
-"""Column of the untouched reference that the readings are compared with."""
+COLUMNS = ("open", "position")
+"""Columns of the feature: the open pitch under the touch in thousandths, and the position x / L."""
+REFERENCES = ("rest", "lowest")
+"""Columns of the untouched reference that the pitch is compared with: two readings of the open pitch."""
 COUNT = 5
 KNEE = 2.0
 """Rise in thousandths above which the input is logarithmic; noise lies below."""
@@ -27,17 +27,17 @@ NEAREST_END = 0.05
 def rises(row: Audio, reference: Audio, columns: tuple[int, ...]) -> Audio:
     """Return the inputs (..., `COUNT`) from features (..., d) and their references (..., c).
 
-    The inputs are ``asinh(r / KNEE)`` of both rises r, ``sign(r) sqrt(|r| / g)`` of both, and g = 4 x (L - x)
-    / L^2. Without a reference, all are 0. `columns` are the indices of the three `COLUMNS` in the feature and
-    of `REFERENCE` in the reference.
+    The inputs are ``asinh(r / KNEE)`` of the rises r over both readings of the untouched pitch, ``sign(r)
+    sqrt(|r| / g)`` of both, and g = 4 x (L - x) / L^2. Without a reference, all are 0. `columns` are the
+    indices of `COLUMNS` in the feature and of `REFERENCES` in the reference.
 
     Examples
     --------
-    >>> row, reference = np.array([4.0, 0.0, 0.5], np.float32), np.array([0.0, 1.0], np.float32)
-    >>> rises(row, reference, (0, 1, 2, 0)).round(2).tolist()
+    >>> row, reference = np.array([4.0, 0.5], np.float32), np.array([0.0, 4.0, 1.0], np.float32)
+    >>> rises(row, reference, (0, 1, 0, 1)).round(2).tolist()
     [1.44..., 0.0, 2.0, 0.0, 1.0]
     """
-    if not (max(columns[:3]) < row.shape[-1] and columns[3] < reference.shape[-1]):
+    if not (max(columns[:2]) < row.shape[-1] and max(columns[2:]) < reference.shape[-1]):
         given = f"rows of {row.shape[-1]} columns and a reference of {reference.shape[-1]}"
         raise InputError(given, f"columns with the indices {columns}")
     rows, references = row.reshape(-1, row.shape[-1]), reference.reshape(-1, reference.shape[-1])
@@ -46,14 +46,14 @@ def rises(row: Audio, reference: Audio, columns: tuple[int, ...]) -> Audio:
 
 @kernel()
 def _rises(rows: Audio, references: Audio, columns: tuple[int, ...]) -> Audio:
-    pitch, rest, at, untouched = columns
+    pitch, at = columns[:2]
     inputs = np.zeros((rows.shape[0], COUNT), np.float32)
     for k in range(rows.shape[0]):
         if references[k, -1] > 0.0:
             place = min(max(rows[k, at], NEAREST_END), 1.0 - NEAREST_END)
             depth = 4.0 * place * (1.0 - place)
-            for which, column in enumerate((pitch, rest)):
-                rise = rows[k, column] - references[k, untouched]
+            for which, column in enumerate(columns[2:]):
+                rise = rows[k, pitch] - references[k, column]
                 inputs[k, which] = np.arcsinh(rise / KNEE)
                 inputs[k, 2 + which] = np.sign(rise) * np.sqrt(abs(rise) / depth)
             inputs[k, 4] = depth

@@ -6,9 +6,6 @@ from typing import TYPE_CHECKING
 from monochord.core.errors import InputError
 from monochord.core.types import Estimate, Estimates, Signal, StringParams, Window
 from monochord.core.units import Samples
-from monochord.perception.closed_form.spectrum import SpectrumAnalyser
-from monochord.perception.closed_form.two_segments import MIN_SCORE
-from monochord.perception.closed_form.usable import unusable_reason
 from monochord.perception.estimators.base import Condition, Watching
 from monochord.perception.model.context import ModelState
 from monochord.perception.tuning import StringFollower, TunerState, Tuning
@@ -18,8 +15,6 @@ if TYPE_CHECKING:
     from monochord.perception.model.model import Model
 
 EXPECTED_PITCH = "the pitch that this model expects"
-UNKNOWN = "the string's pitch is not known yet"
-"""The reason in the first untouched windows, if they do not fit the string's expected pitch."""
 
 
 class ModelStream(ABC):
@@ -60,31 +55,27 @@ class Followed(ModelStream, Watching):
 
     def __init__(self, model: "Model", signal: Signal, size: Samples) -> None:
         self._follower = StringFollower.of(signal, size, lowest=LOWEST, highest=HIGHEST)
-        self._analyser = SpectrumAnalyser.of(signal, size)
         self._trained = self._model = model
         self._string = self._follower.string
         self._state, self._tuner = ModelState(), TunerState()
-        self._has_tuning, self._reason = False, ""
+        self._reason = ""
 
     def before(self, window: Window) -> "tuple[Model, ModelState]":
         """Update the pitch from the window, and return the model for this pitch with its state."""
         if window.start <= self._state.start:
             self._use(self._trained, self._follower.string)
-            self._has_tuning = False
         before, self._tuner = self._tuner.tuning, self._follower.step(self._tuner, window)
         tuning = self._tuner.tuning
         if tuning is not before and tuning is not None:
-            self._has_tuning = True
             self._follow(tuning)
         return self._model, self._state
 
     def after(self, window: Window, state: ModelState, estimates: Estimates) -> Estimates:
         """Store the state, and return the estimates; abstentions if the pitch cannot be followed."""
         self._state = state
-        reason = self._reason if self._has_tuning else self._other_tuning_reason(window)
-        if not reason:
+        if not self._reason:
             return estimates
-        return {name: Estimate.abstain(each.unit, reason) for name, each in estimates.items()}
+        return {name: Estimate.abstain(each.unit, self._reason) for name, each in estimates.items()}
 
     @property
     def condition(self) -> Condition:
@@ -110,13 +101,3 @@ class Followed(ModelStream, Watching):
             self._use(self._trained.tuned(string), string)
         except InputError:  # further off the training's string than a tuning can be estimated
             self._reason = self._follower.detuned_reason(tuning, EXPECTED_PITCH)
-
-    def _other_tuning_reason(self, window: Window) -> str:
-        """Return why not to read a window before the pitch is known, empty for no reason."""
-        if unusable_reason(window):
-            return ""
-        spectrum = self._analyser.analyse(window.samples)
-        has_partials = bool(self._tuner.lines) and not self._tuner.refused
-        if has_partials and spectrum.reading.untouched_score < MIN_SCORE:
-            return UNKNOWN
-        return self._follower.other_tuning_reason(self._analyser, spectrum, EXPECTED_PITCH)

@@ -12,9 +12,9 @@ from monochord.core.types import Flags, Floats, Indices, Progress
 from monochord.core.units import Metres
 from monochord.datasets.store import Dataset
 from monochord.metrics import coverage
-from monochord.perception.model.anomaly import MAX_ODDS, reason
 from monochord.perception.model.correction import Correction
-from monochord.perception.model.definition import DETECTOR, HeadRecord
+from monochord.perception.model.definition import HeadRecord
+from monochord.perception.model.faults import MAX_ODDS, fault_reason
 from monochord.perception.model.model import Model
 from monochord.perception.training.adaptation import Adaptation, HeadAdaptation, Suggestion, Trust
 from monochord.perception.training.correct import LabelledErrors, Replayed, labelled_errors, with_correction
@@ -215,32 +215,32 @@ def _trust(
 
 
 def desensitised(model: Model, odds: Sequence[Floats]) -> tuple[Model, dict[str, float]]:
-    """Return a model whose anomaly detector is desensitised to the sound of a healthy sensor.
+    """Return a model that reports no faults of a healthy sensor.
 
-    The log odds of each reason are lowered until they exceed the reason's part of the limit in at most
+    The log odds of each fault are lowered until they exceed the fault's part of the limit in at most
     `MAX_ALARM_SHARE` of the windows, but by no more than `MAX_ODDS`.
 
     Parameters
     ----------
     model
-        A model with or without an anomaly detector.
+        A model, whether it reports faults or not.
     odds
-        The detector's log odds (reasons,) after each window of the sensor.
+        The averaged log odds (faults,) after each window of the sensor.
 
     Returns
     -------
     The model, and the share of windows from which the given model abstains, by reason.
     """
-    detector = model.detector
-    if detector is None or not odds:
+    record = model.definition.faults
+    if record is None or not odds:
         return model, {}
-    record, every = detector.record, np.stack(odds)
-    reasons = Counter(why for each in every if (why := reason(each, record)))
+    every = np.stack(odds)
+    reasons = Counter(why for each in every if (why := fault_reason(each, record.limit)))
     high = np.quantile(every, 1.0 - MAX_ALARM_SHARE, axis=0)
-    lowered = np.clip(high - (record.limit - np.log(len(record.reasons))), 0.0, MAX_ODDS)
-    name = f"{DETECTOR}.{len(record.hidden)}.bias"
-    bias = model.weights[name] - np.concatenate([[0.0], lowered])
-    model = replace(model, weights={**model.weights, name: bias.astype(np.float32)})
+    lowered = np.clip(high - (record.limit - np.log(every.shape[1])), 0.0, MAX_ODDS)
+    lowered += record.lowered or 0.0
+    record = replace(record, lowered=tuple(lowered.tolist()))
+    model = replace(model, definition=replace(model.definition, faults=record))
     return model, {why: count / len(every) for why, count in reasons.most_common()}
 
 

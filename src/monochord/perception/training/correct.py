@@ -21,8 +21,8 @@ Outputs = Mapping[int, Mapping[str, Output]]
 class Replayed:
     """A model's outputs for the windows of a dataset, by row, computed window by window as in the live loop.
 
-    `outputs` holds the outputs of every head. `odds` holds the anomaly detector's averaged log odds
-    (reasons,); empty without a detector. Unusable windows are absent from both.
+    `outputs` holds the outputs of every head. `odds` holds the averaged log odds of faults (faults,); empty
+    for a model that reports none. Unusable windows are absent from both.
     """
 
     outputs: Outputs
@@ -64,7 +64,9 @@ def counting(definition: Definition, name: str, dataset: Dataset, outputs: Outpu
     """Return the rows of windows that count for a head and have an output."""
     rows = np.array(sorted(outputs), np.int64)
     task = definition.heads[name].task
-    return rows[masks_of(dataset, {name: task})[name][rows]]
+    rows = rows[masks_of(dataset, {name: task})[name][rows]]
+    # A position that is not certain is not stated, and its error tells nothing of those that are.
+    return rows[[outputs[row][name].certainty >= task.certain for row in rows.tolist()]] if len(rows) else rows
 
 
 def labelled_errors(definition: Definition, name: str, dataset: Dataset, outputs: Outputs) -> LabelledErrors:

@@ -13,8 +13,7 @@ from monochord.core.types import Audio, Flags, Floats, Indices, Progress, Signal
 from monochord.core.units import Metres
 from monochord.datasets.split import SPLIT_FILE, Split
 from monochord.datasets.store import Dataset
-from monochord.perception.features.base import SupportsCompliance
-from monochord.perception.heads.base import CONTACT, POSITION, Task
+from monochord.perception.heads.base import CONTACT, POSITION, REFINED_SCALE, Task
 from monochord.perception.model.context import ModelState, context_row, step
 from monochord.perception.model.definition import Definition, FeatureRecord, HeadRecord, Reference
 from monochord.perception.model.probe import probed
@@ -302,39 +301,6 @@ def examples_of(
     return assembled(dataset, rows, data.tasks, base, context, scales)
 
 
-def with_objects(data: TrainingData, examples: Examples, settings: TrainingSettings) -> Examples:
-    """Return the examples with copies for objects of other compliance added.
-
-    Raises
-    ------
-    InputError
-        If the feature does not support this augmentation, or the dataset has no force label.
-    """
-    dataset, options = data.dataset, settings.objects
-    if not options.copies:
-        return examples
-    label, valid = dataset.label("force")[examples.rows], dataset.valid["force"][examples.rows]
-    force = np.where(valid & (dataset.label(CONTACT)[examples.rows] == 1.0), label, 0.0)
-    random = np.random.default_rng(settings.seed)
-    extractor = data.feature.extractor
-    if not isinstance(extractor, SupportsCompliance):
-        name = type(extractor).__module__.rpartition(".")[2]
-        given = f"feature '{name}' with contact-compliance augmentation"
-        raise InputError(given, "fft_harmonic with tones = true", "set objects.copies = 0")
-    base, context = [examples.base], [examples.context]
-    for _ in range(options.copies):
-        compliance = np.exp(
-            random.uniform(*np.log(options.compliance), size=(len(examples.base), len(force)))
-        )
-        augmented = [
-            extractor.with_compliance(row, force, share)
-            for row, share in zip(examples.base, compliance, strict=True)
-        ]
-        base.append(np.stack(augmented))
-        context.append(examples.context)
-    return dataclasses.replace(examples, base=np.concatenate(base), context=np.concatenate(context))
-
-
 def scaling(train: Examples) -> dict[str, Audio]:
     """Return mean and standard deviation of each column, as the arrays of a model.
 
@@ -360,6 +326,9 @@ def scaled_heads(definition: Definition, train: Examples) -> Definition:
         labels: Floats = train.labels[name][train.masks[name]]
         if record.task.is_probability:
             heads[name] = record
+            continue
+        if record.task.refines:
+            heads[name] = dataclasses.replace(record, scale=REFINED_SCALE)
             continue
         scale = float(labels.std()) or 1.0
         heads[name] = dataclasses.replace(record, offset=float(labels.mean()), scale=scale)

@@ -8,21 +8,15 @@ from typing import Annotated, Any
 from msgspec import Meta
 
 from monochord.core.config import Tree, from_tree, to_tree
-from monochord.core.errors import InputError, did_you_mean
+from monochord.core.errors import InputError
 from monochord.core.ranges import (
     Checked,
     Count,
     InnerShare,
-    Pair,
-    PartialShare,
-    Positive,
     Share,
-    refuse_unordered,
 )
 from monochord.core.registry import Registry
-from monochord.core.units import Seconds
 from monochord.datasets.augment import Augmentation
-from monochord.datasets.faults import FAULTS
 from monochord.perception.features import FEATURES
 from monochord.perception.features.base import Feature
 from monochord.perception.heads import HEADS
@@ -41,7 +35,7 @@ class ContextSettings(Checked):
     """
 
     on: bool = True
-    feature: dict[str, Any] = field(default_factory=lambda: {"name": "untouched"})
+    feature: dict[str, Any] = field(default_factory=lambda: {"name": "reading"})
     below: InnerShare = 0.1
     keep: Kept = 8
     every: Pause = 0.1
@@ -61,109 +55,6 @@ class ContextSettings(Checked):
             settle=self.settle,
             guard=self.guard,
         )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ObjectSettings(Checked):
-    """Contact-compliance augmentation.
-
-    Each training window, clean or noisy, gets `copies` copies; 0 adds none. A copy has the features for an
-    object of another compliance. Its compliance is a log-uniform multiple, between the two values of
-    `compliance`, of the real object's. The feature must support this, as `fft_harmonic` with `tones` does.
-    """
-
-    copies: Annotated[int, Meta(ge=0, le=100)] = 0
-    compliance: Pair[Positive[float]] = (0.05, 4.0)
-
-    def __post_init__(self) -> None:
-        Checked.__post_init__(self)
-        refuse_unordered("objects", compliance=self.compliance)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AnomalySettings(Checked):
-    """Settings of the anomaly detector, see `monochord.perception.training.anomaly`.
-
-    Parameters
-    ----------
-    on
-        Whether the model has an anomaly detector.
-    dataset
-        Folder of a dataset of anomalous sessions, such as the plan `studies/plans/odd.toml` gives. Without
-        it, the detector learns microphone faults only.
-    reasons
-        The reason to abstain for each pattern of session names in `dataset`. Sessions that match no pattern
-        are left out.
-    touches
-        Patterns of sessions that are anomalous only while something touches the string.
-    brief
-        Patterns from `touches` whose anomaly ends with the touch.
-    faults
-        The reason to abstain for each fault of `monochord.datasets.faults.FAULTS` that is simulated on
-        training windows.
-    contact_holds
-        Reasons during which contact stays reliable and is still estimated; dead microphones, hum and clipping
-        should not be among them. During reasons of `brief`, contact is estimated only if it is "touched".
-    spared
-        Patterns of names of training sessions without simulated faults. Use it for other sensor designs:
-        their sound with swapped microphones may be another valid design.
-    memory, touch_memory
-        Averaging times in s for faults and for reasons of `brief`; 0 judges each window alone.
-    share
-        Share of ordinary validation windows that may be reported as anomalies.
-    columns
-        Names of the feature's columns that are inputs; * matches any characters. Empty: all.
-    hidden
-        Units of the hidden layers.
-    drop
-        Dropout: share of the hidden units that each training step leaves out.
-    rate, decay, batch, epochs
-        Learning rate, weight decay, batch size and epochs of AdamW; the rate falls to zero along half a
-        cosine.
-    """
-
-    on: bool = False
-    dataset: Path | None = None
-    reasons: dict[str, str] = field(
-        default_factory=lambda: {
-            "two_touches_*": "two things seem to touch",
-            "foam_*": "something very soft seems to touch",
-            "driver_*_dead_*": "one driver seems silent",
-        }
-    )
-    touches: tuple[str, ...] = ("two_touches_*", "foam_*", "driver_*_dead_*")
-    brief: tuple[str, ...] = ("two_touches_*", "foam_*")
-    faults: dict[str, str] = field(
-        default_factory=lambda: {
-            "microphone 1 dead": "microphone 1 is silent",
-            "microphone 2 dead": "microphone 2 is silent",
-            "microphones swapped": "the microphones seem swapped",
-            "clipping": "mostly clipped",
-            "hum": "hum louder than the string",
-            "second string": "two strings sound at once",
-        }
-    )
-    contact_holds: tuple[str, ...] = ("one driver seems silent", "the microphones seem swapped")
-    spared: tuple[str, ...] = ()
-    memory: Seconds = 2.0
-    touch_memory: Seconds = 0.2
-    share: Annotated[float, Meta(gt=0.0, lt=0.5)] = 0.01
-    columns: tuple[str, ...] = ()
-    hidden: tuple[int, ...] = (64,)
-    rate: InnerShare = 2e-3
-    decay: PartialShare = 1e-2
-    drop: PartialShare = 0.3
-    batch: Count = 256
-    epochs: Count = 20
-
-    def __post_init__(self) -> None:
-        Checked.__post_init__(self)
-        if self.on and not (self.faults or (self.dataset and self.reasons)):
-            given = "known.on without faults and without a dataset"
-            raise InputError(given, "faults, or a dataset with reasons", "set known.faults or known.dataset")
-        for kind in self.faults:
-            if kind not in FAULTS:
-                raise InputError(f"known.faults '{kind}'", ", ".join(FAULTS), did_you_mean(kind, FAULTS))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -217,10 +108,9 @@ class TrainingSettings:
         Options of each head to train, by name.
     noise
         Noisy copies of training windows.
-    objects
-        Contact-compliance augmentation of training windows.
-    known
-        The anomaly detector.
+    faults
+        Share of ordinary validation windows that may be reported as faults; 0 reports none. The feature must
+        be ``reading``.
     corrections
         Variables of each head's correction for an unknown build and object, by head: columns of the feature
         or the reference, or the difference of two columns; see `monochord.perception.model.correction`.
@@ -239,14 +129,13 @@ class TrainingSettings:
     sensor: str = "prototype"
     length_std: Annotated[float, Meta(ge=0.0, le=0.1)] = 0.0
     seed: int = 0
-    feature: dict[str, Any] = field(default_factory=lambda: {"name": "fft_harmonic"})
+    feature: dict[str, Any] = field(default_factory=lambda: {"name": "reading"})
     context: ContextSettings = ContextSettings()
     heads: dict[str, dict[str, Any]] = field(
         default_factory=lambda: dict[str, dict[str, Any]]((name, {}) for name in DEFAULT_HEADS)
     )
     noise: Augmentation = field(default_factory=Augmentation)
-    objects: ObjectSettings = ObjectSettings()
-    known: AnomalySettings = AnomalySettings()
+    faults: Annotated[float, Meta(ge=0.0, lt=0.5)] = 0.0
     corrections: dict[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
     optimiser: OptimiserSettings = OptimiserSettings()
     cache: Path | None = None
@@ -282,8 +171,6 @@ class TrainingSettings:
         tree = to_tree(self)
         del tree["board"]
         tree["dataset"] = str(self.dataset.absolute())
-        if self.known.dataset:
-            tree["known"]["dataset"] = str(self.known.dataset.absolute())
         tree |= {key: str(path.absolute()) for key in ("split", "cache") if (path := getattr(self, key))}
         tree["feature"] = {"name": name, **options}
         tree["heads"] = {

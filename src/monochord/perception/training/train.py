@@ -13,15 +13,15 @@ from monochord.core.types import Floats, Indices, Progress, Signal, Window
 from monochord.core.units import Samples
 from monochord.datasets.store import Dataset, open_dataset
 from monochord.metrics import detection_score, mean_absolute_error, regression_score
+from monochord.perception.model import faults
 from monochord.perception.model.context import ModelState
 from monochord.perception.model.correction import Correction
-from monochord.perception.model.definition import Calibration, Definition
+from monochord.perception.model.definition import Calibration, Definition, FaultRecord
 from monochord.perception.model.files import INSIDE_A_RUN
 from monochord.perception.model.model import Model
 from monochord.perception.model.network import Output, probability, quantity
 from monochord.perception.model.saving import save
 from monochord.perception.training._torch import torch_library
-from monochord.perception.training.anomaly import with_detector
 from monochord.perception.training.calibrate import calibrate_probability, calibrate_quantity
 from monochord.perception.training.checkpoint import Checkpoint
 from monochord.perception.training.correct import Replayed, counting, with_prior, with_variables
@@ -37,7 +37,6 @@ from monochord.perception.training.examples import (
     stream_of,
     touches_of,
     training_data,
-    with_objects,
 )
 from monochord.perception.training.loop import TrainingSetup, fit
 from monochord.perception.training.run_folder import (
@@ -53,6 +52,8 @@ from monochord.perception.training.settings import TrainingSettings
 from monochord.perception.tuning.sessions import force_scales, retuned_strings
 
 HeadScores = dict[str, float]
+NEVER = 1.0e6
+"""Limit that no score of faults exceeds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,10 +107,8 @@ def train(
         chosen(dataset, split.parts[name], data.tasks, name)  # refuses before anything is written
     claim(out, settings.resolved())
     noises = noises_of(settings, dataset.manifest.sample_rate)
-    learned = with_objects(data, examples_of(data, split.train, "train", noises, progress), settings)
-    judged = with_objects(
-        data, examples_of(data, split.validation, "validation", progress=progress), settings
-    )
+    learned = examples_of(data, split.train, "train", noises, progress)
+    judged = examples_of(data, split.validation, "validation", progress=progress)
     definition, scaler = scaled_heads(data.definition, learned), scaling(learned)
     definition = dataclasses.replace(definition, quietest=quietest(dataset, learned.rows))
     definition = with_variables(definition, settings.corrections)
@@ -126,12 +125,11 @@ def train(
 
         state, weights = fit(setup, scaler, learned, judged, out / CHECKPOINT, report)
         report(state)  # a kill between a checkpoint and its report would leave out its epoch
-    parts = split.train, split.validation
-    definition, detector = with_detector(
-        definition, scaler, settings, data, (learned, judged), parts, progress
-    )
-    model = Model(definition=definition, weights={**scaler, **probes(data), **weights, **detector})
-    model, scores = calibrated(model, dataset, stream_of(dataset, split.validation), progress)
+    if settings.faults:
+        definition = dataclasses.replace(definition, faults=FaultRecord(limit=NEVER))
+    model = Model(definition=definition, weights={**scaler, **probes(data), **weights})
+    rows = stream_of(dataset, split.validation)
+    model, scores = calibrated(model, dataset, rows, progress, fault_share=settings.faults)
     model = save(model, out / INSIDE_A_RUN)
     write_metrics(
         out,
@@ -142,7 +140,6 @@ def train(
             "calibration": {
                 name: to_tree(record.calibration) for name, record in model.definition.heads.items()
             },
-            **({"known": model.definition.known.measured} if model.definition.known else {}),
             "epochs": state.epoch,
             "best_epochs": state.at,
             "windows": {"train": len(learned.rows), "validation": len(judged.rows)},
@@ -155,9 +152,16 @@ def train(
 
 
 def calibrated(
-    model: Model, dataset: Dataset, rows: Indices, progress: Progress = lambda *_: None
+    model: Model,
+    dataset: Dataset,
+    rows: Indices,
+    progress: Progress = lambda *_: None,
+    *,
+    fault_share: float = 0.0,
 ) -> tuple[Model, dict[str, HeadScores]]:
     """Return a model with its uncertainty calibrated on a stream of windows (n,), and its scores on them.
+
+    The share `fault_share` of these windows, all ordinary, may be reported as faults.
 
     The model reads the windows one by one, as in the live loop. Forces are scaled to the design's tension.
     Contact is calibrated first, because its probability decides which windows enter the untouched reference.
@@ -167,6 +171,11 @@ def calibrated(
     dataset, touch = with_design_forces(model, dataset), touches_of(dataset)
     outputs = read_in_turn(model, dataset, rows, progress).outputs
     model = _with(model, gate, _calibration(model.definition, gate, dataset, outputs, touch))
+    if fault_share:
+        odds = np.stack(list(read_in_turn(model, dataset, rows, progress).odds.values()))
+        limit = float(np.quantile(faults.score(odds), 1.0 - fault_share, method="higher"))
+        record = FaultRecord(limit=limit)
+        model = dataclasses.replace(model, definition=dataclasses.replace(model.definition, faults=record))
     outputs = read_in_turn(model, dataset, rows, progress).outputs
     scores: dict[str, HeadScores] = {}
     for name in model.definition.heads:
@@ -264,8 +273,8 @@ def read_in_turn(
         state, outputs = own.outputs(state, window_of(dataset, row))
         if outputs:
             every[row] = outputs
-            if state.anomaly.odds is not None:
-                odds[row] = state.anomaly.odds
+            if state.faults.odds is not None:
+                odds[row] = state.faults.odds
         if done % 256 == 0 or done == len(rows):
             progress("validation, window by window", done, len(rows))
     return Replayed(outputs=every, odds=odds)

@@ -4,10 +4,8 @@ from pathlib import Path
 
 from monochord.core.presets import preset_names, preset_path
 
-DEFAULT = "tones"
-"""The default preset of `monochord train`, which gives the published results."""
-BUNDLED = "builds"
-"""The preset of the bundled model."""
+DEFAULT = "reader"
+"""The default preset of `monochord train`, and that of the bundled model."""
 
 
 def config_names() -> list[str]:

@@ -1,4 +1,4 @@
-"""What the network of places sees, and its arithmetic against a plain one."""
+"""The cells that the reader's network sees, and its arithmetic against a plain one."""
 
 from dataclasses import replace
 
@@ -6,24 +6,21 @@ import numpy as np
 import pytest
 
 from monochord.core.types import Audio, Floats, StringParams
-from monochord.perception.closed_form.place_density import (
-    CELLS,
-    CHANNELS,
+from monochord.perception.reader.cells import CELLS, CHANNELS, LOWEST, STEP, cells_of
+from monochord.perception.reader.measures import MASS, PLACE
+from monochord.perception.reader.network import (
     DILATIONS,
-    LOWEST,
-    SAME_PLACE,
-    STEP,
+    KINDS,
+    POSITIONS,
     STRIDES,
-    PlaceNetwork,
-    cells_of,
-    density,
-    most_probable_place,
-    place_network,
+    Network,
+    bundled_network,
+    logits,
 )
-from monochord.perception.closed_form.prominence import prominences
-from monochord.perception.closed_form.spectrum import SpectrumAnalyser, string_model
+from monochord.perception.reader.reader import Reader, spectrum_cells
+from monochord.perception.spectrum import SpectrumAnalyser
 from monochord.physics.strings import load_string
-from monochord.physics.theory import open_frequency
+from monochord.physics.theory import inharmonicity, open_frequency, stiff_partials
 
 SIZE, RATE = 4410, 44100
 STRING = load_string("prototype").string
@@ -34,8 +31,8 @@ def touched(place: float, string: StringParams = STRING, rate: int = RATE) -> Au
     random, time = np.random.default_rng(1), np.arange(SIZE) / rate
     takes: list[Floats] = []
     for share in (place, 1.0 - place):
-        partials = analyser_of(string, rate).partials(
-            open_frequency(string) / share, share * string.length, 5
+        partials = stiff_partials(
+            open_frequency(string) / share, inharmonicity(string, share * string.length), np.arange(1.0, 6.0)
         )
         loudness = np.arange(1.0, 6.0) ** -2.0
         takes.append(loudness @ np.sin(2.0 * np.pi * np.outer(partials, time)))
@@ -44,13 +41,12 @@ def touched(place: float, string: StringParams = STRING, rate: int = RATE) -> Au
 
 
 def analyser_of(string: StringParams = STRING, rate: int = RATE) -> SpectrumAnalyser:
-    return SpectrumAnalyser(string=string, sample_rate=rate, size=SIZE, model=string_model(string))
+    return SpectrumAnalyser(string=string, sample_rate=rate, size=SIZE)
 
 
 def seen(window: Audio, string: StringParams = STRING, rate: int = RATE) -> Audio:
     analyser = analyser_of(string, rate)
-    _, _, power, peaks = analyser.transformed(window)
-    return cells_of(power, peaks[1], prominences(power, peaks[1]), analyser.bin_spacing, analyser.model)
+    return spectrum_cells(analyser, analyser.analyse(window))
 
 
 @pytest.mark.parametrize("place", [0.27, 0.5])
@@ -80,7 +76,7 @@ def test_swapping_the_microphones_swaps_the_channels() -> None:
 
 def test_a_spectrum_that_ends_early_leaves_the_cells_above_it_empty() -> None:
     power, height = np.ones((2, 64)), np.ones((2, 8))
-    cells = cells_of(power, height, np.ones((2, 64)), 100.0, string_model(STRING))
+    cells = cells_of(power, height, np.ones((2, 64)), open_frequency(STRING) / 100.0, inharmonicity(STRING))
     reached = int(np.log(6300.0 / open_frequency(STRING) / LOWEST) / STEP)
     assert cells[0, : reached - 10].min() == 1.0
     assert not cells[:, reached + 10 :].any()
@@ -91,16 +87,16 @@ def test_a_silent_microphone_leaves_its_cells_empty() -> None:
     window[1] = 0.0
     cells = seen(window)
     assert not cells[[1, 3]].any()
-    assert np.isfinite(density(cells, place_network())).all()
+    assert np.isfinite(logits(cells, bundled_network())).all()
 
 
-def random_network(seed: int = 0) -> PlaceNetwork:
-    random, shapes = np.random.default_rng(seed), [array.shape for array in place_network()]
-    return PlaceNetwork(*(random.normal(0.0, 0.1, shape).astype(np.float32) for shape in shapes))
+def random_network(seed: int = 0) -> Network:
+    random, shapes = np.random.default_rng(seed), [array.shape for array in bundled_network()]
+    return Network(*(random.normal(0.0, 0.1, shape).astype(np.float32) for shape in shapes))
 
 
-def plain_density(cells: Audio, network: PlaceNetwork) -> Floats:
-    """Return the probabilities by a sum for each number, in double precision."""
+def plain_logits(cells: Audio, network: Network) -> Floats:
+    """Return the network's outputs by a sum for each number, in double precision."""
     values: Floats = cells.astype(float)
     arrays = [array.astype(float) for array in network]
     for layer, (stride, dilation) in enumerate(zip(STRIDES, DILATIONS, strict=True)):
@@ -114,21 +110,20 @@ def plain_density(cells: Audio, network: PlaceNetwork) -> Floats:
         ]
         values = np.maximum(np.array(columns) @ weights + bias, 0.0).T
     hidden, hidden_bias, last, last_bias = arrays[-4:]
-    logits = np.maximum(values.ravel() @ hidden + hidden_bias, 0.0) @ last + last_bias
-    likelihood = np.exp(logits - logits.max())
-    return likelihood / likelihood.sum()
+    return np.maximum(values.ravel() @ hidden + hidden_bias, 0.0) @ last + last_bias
 
 
 def test_the_kernel_computes_what_a_plain_convolution_does() -> None:
     cells = np.random.default_rng(1).random((CHANNELS, CELLS)).astype(np.float32)
     network = random_network(1)
-    probability = density(cells, network)
-    assert probability.sum() == pytest.approx(1.0)
-    np.testing.assert_allclose(probability, plain_density(cells, network), rtol=1e-4, atol=1e-9)
+    outputs = logits(cells, network)
+    assert outputs.shape == (1 + len(POSITIONS) + len(KINDS),)
+    np.testing.assert_allclose(outputs, plain_logits(cells, network), rtol=1e-4, atol=1e-4)
 
 
-def test_the_network_of_the_package_sees_where_two_pure_segments_meet() -> None:
+def test_the_network_of_the_package_finds_where_two_pure_segments_meet() -> None:
+    reader = Reader.of(analyser_of())
     for place in (0.27, 0.35, 0.44, 0.62, 0.7):
-        at, probability = most_probable_place(density(seen(touched(place)), place_network()))
-        assert at == pytest.approx(place, abs=SAME_PLACE)
-        assert probability > 0.5
+        measures = reader.read(analyser_of().analyse(touched(place))).measures
+        assert measures[PLACE] == pytest.approx(place, abs=0.012)
+        assert measures[MASS] > 0.5

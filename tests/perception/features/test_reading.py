@@ -28,12 +28,11 @@ def noise(seed: int, size: int = SIZE, channels: int = 2) -> Floats:
 def bands(row: Row) -> Bands:
     """Return the function from a window (2, size) to the measures (3, bands)."""
 
-    def measured(window: Floats, feature: str = "fft_harmonic") -> Floats:
-        columns = row(feature, window.astype(np.float32), gaps=True)
-        prefix = {"fft_harmonic": "", "untouched": "untouched "}[feature]
+    def measured(window: Floats) -> Floats:
+        columns = row("reading", window.astype(np.float32))
         names = ("mic 1", "mic 2", "likeness")
         return np.array(
-            [[columns[f"{prefix}gaps {what} band {band + 1}"] for band in range(BANDS)] for what in names]
+            [[columns[f"gaps {what} band {band + 1}"] for band in range(BANDS)] for what in names]
         )
 
     return measured
@@ -103,14 +102,9 @@ def test_silence_is_the_least_density_and_a_dead_microphone_like_nothing(bands: 
     assert not bands(noise(7) * np.array([[1.0], [0.0]]))[2].any()
 
 
-def test_untouched_has_the_same_measures(bands: Bands, sing: Sing) -> None:
-    window = sing(None) + noise(8)
-    assert np.array_equal(bands(window, "untouched"), bands(window))
-
-
 def test_a_sensor_sampled_slowly_has_no_sound_above_half_the_rate() -> None:
     signal = Signal(sample_rate=11025, channels=2, string=load_string("prototype").string)
-    extract = FEATURES.build("untouched", {"gaps": True}).prepare(signal, 1102)
+    extract = FEATURES.build("reading").prepare(signal, 1102)
     row = dict(zip(extract.columns, extract(noise(10, 1102)[np.newaxis].astype(np.float32))[0], strict=True))
-    assert row["untouched gaps mic 1 band 28"] == np.float32(-15.0)
-    assert row["untouched gaps mic 1 band 20"] > -15.0 + 3.0
+    assert row["gaps mic 1 band 28"] == np.float32(-15.0)
+    assert row["gaps mic 1 band 20"] > -15.0 + 3.0

@@ -1,0 +1,64 @@
+"""What the reader tells of a window: position, pitch, levels, the sound between the lines, and what is odd."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from monochord.core.shapes import batch
+from monochord.core.types import Audio, Signal
+from monochord.core.units import Samples
+from monochord.perception.features.base import Extractor, Feature
+from monochord.perception.reader.gaps import COLUMNS as GAPS
+from monochord.perception.reader.gaps import measure_gaps
+from monochord.perception.reader.measures import COLUMNS as MEASURES
+from monochord.perception.reader.network import KINDS
+from monochord.perception.reader.reader import Reader
+from monochord.perception.spectrum import SpectrumAnalyser
+
+COLUMNS = (*MEASURES, *(f"kind {kind}" for kind in KINDS), *GAPS)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reading(Feature):
+    """The measures of the reader: one network on the spectra of both microphones, and the nearest pair of lines.
+
+    Columns: those of `monochord.perception.reader.measures.measure`; the logit of each kind of window,
+    ordinary or with a fault; and the sound between the lines of `monochord.perception.reader.gaps`, which a
+    sliding touch makes on any build. All are relative to the string's own pitch and length. The bundled model
+    uses this feature.
+
+    Examples
+    --------
+    >>> from monochord.physics.strings import load_string
+    >>> signal = Signal(sample_rate=44100, channels=2, string=load_string("prototype").string)
+    >>> extract = Reading().prepare(signal, 4410)
+    >>> extract(np.zeros((1, 2, 4410), np.float32)).shape[1] == len(extract.columns)
+    True
+    """
+
+    def prepare(self, signal: Signal, size: Samples) -> Extractor:
+        """Return the compiled extractor for two channels of a known string."""
+        extractor = _Extractor(Reader.of(SpectrumAnalyser.of(signal, size)))
+        extractor(np.zeros((1, 2, size), np.float32))
+        return extractor
+
+
+class _Extractor(Extractor):
+    def __init__(self, reader: Reader) -> None:
+        self._reader = reader
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        return COLUMNS
+
+    def __call__(self, windows: Audio) -> Audio:
+        analyser = self._reader.analyser
+        windows = batch(windows, 2, analyser.size)
+        rows = np.empty((len(windows), len(COLUMNS)), np.float32)
+        for window, row in zip(windows, rows, strict=True):
+            spectrum = analyser.analyse(window)
+            measures, kinds = self._reader.read(spectrum)
+            gaps = measure_gaps(spectrum.transform, spectrum.power, analyser.bin_spacing)
+            row[: len(MEASURES)], row[len(MEASURES) : -gaps.size] = measures, kinds
+            row[-gaps.size :] = gaps.ravel()
+        return rows

@@ -1,0 +1,141 @@
+"""Faults and unusual touches: which kind of window the reader sees, averaged over time.
+
+The reader gives each window the log odds of every fault over an ordinary window
+(`monochord.perception.reader.network.KINDS`). One window is not enough for some faults, so the log odds are
+averaged: over seconds for a lasting fault, and over less than the length of a touch for an unusual touch. A
+silent driver is detected during a touch, when its segment hardly rings; without a touch, a string of another
+design may sound the same.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from monochord.core.kernels import kernel
+from monochord.core.types import Flags, Floats
+from monochord.core.units import Seconds
+
+SOME_FAULT = "sound unlike what this model learned"
+"""The reason if no fault is likely enough by itself."""
+MAX_ODDS = 10.0
+"""Largest log odds of a window; the limit lets the average fall soon after a clear fault ends."""
+MIN_SHARE = 0.5
+"""Smallest probability among all faults at which one is named."""
+
+
+class Fault(NamedTuple):
+    """How a fault is reported.
+
+    `reason` is the sentence for it, and `memory` the averaging time in s. A fault `of_touch` is detected in
+    touched windows alone; a `brief` one ends with the touch, and implies a touch. Contact stays reliable
+    where `contact_reliable` says so.
+    """
+
+    reason: str
+    memory: Seconds = 2.0
+    of_touch: bool = False
+    brief: bool = False
+    contact_reliable: bool = False
+
+
+FAULTS: Mapping[str, Fault] = {
+    "microphone 1 dead": Fault("microphone 1 is silent"),
+    "microphone 2 dead": Fault("microphone 2 is silent"),
+    "microphones swapped": Fault("the microphones seem swapped", contact_reliable=True),
+    "clipping": Fault("mostly clipped"),
+    "hum": Fault("hum louder than the string"),
+    "second string": Fault("two strings sound at once"),
+    "two touches": Fault("two things seem to touch", memory=0.2, brief=True),
+    "driver dead": Fault("one driver seems silent", of_touch=True, contact_reliable=True),
+    "very soft": Fault("something very soft seems to touch", memory=0.2, brief=True),
+    "detuned": Fault("the string seems out of tune: run monochord tune", memory=0.2, of_touch=True),
+}
+"""All faults by the names of their kinds of windows."""
+NAMES = tuple(FAULTS)
+OF_REASON = {fault.reason: fault for fault in FAULTS.values()}
+_MEMORY = np.array([fault.memory for fault in FAULTS.values()])
+_COUNTS = tuple(
+    np.array([touched or not fault.of_touch for fault in FAULTS.values()]) for touched in (False, True)
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FaultState:
+    """The averages on one stream, after the window that starts at `time` (s).
+
+    `odds` (faults,) are the averaged log odds; None before the first window. `weight` (faults,) is the total
+    weight of the windows that count for each fault; it approaches 1 in a long stream. It is NaN after the
+    first window, because the hop is unknown until the second window; None before any window.
+    """
+
+    odds: Floats | None = None
+    weight: Floats | None = None
+    time: Seconds = -math.inf
+
+
+INITIAL_STATE = FaultState()
+
+
+def step(state: FaultState, odds: Floats, time: Seconds, *, touched: bool) -> FaultState:
+    """Return the state after a window with log odds (faults,) that starts at `time` in s.
+
+    Weights fall by a factor e in each fault's memory, at any hop. The first windows of a stream count like
+    all others, although the drivers may only be starting. `touched` says whether something touches the string
+    in the window.
+
+    >>> state = step(FaultState(), np.full(10, 2.0), 0.0, touched=True)
+    >>> step(state, np.zeros(10), 0.5, touched=True).odds[[0, 6]].round(2).tolist()
+    [0.88, 0.15]
+    """
+    counts = _COUNTS[touched]
+    if state.odds is None or state.weight is None:
+        clipped = np.clip(odds, -MAX_ODDS, MAX_ODDS)
+        return FaultState(
+            odds=np.where(counts, clipped, -MAX_ODDS), weight=np.where(counts, np.nan, 0.0), time=time
+        )
+    elapsed = max(time - state.time, 1e-9)
+    averaged, weight = _averaged(state.odds, state.weight, odds, elapsed, _MEMORY, counts)
+    return FaultState(odds=averaged, weight=weight, time=time)
+
+
+@kernel()
+def _averaged(
+    odds: Floats, weight: Floats, own: Floats, elapsed: Seconds, memory: Floats, counts: Flags
+) -> tuple[Floats, Floats]:
+    """Return the averaged log odds and their weights once one more window counts."""
+    odds, weight = odds.copy(), weight.copy()
+    for k in range(odds.size):
+        if counts[k]:
+            value = min(max(own[k], -MAX_ODDS), MAX_ODDS)
+            share = np.exp(-elapsed / memory[k])
+            before = share * (1.0 - share if np.isnan(weight[k]) else weight[k])
+            weight[k] = before + 1.0 - share
+            odds[k] = (before * odds[k] + (1.0 - share) * value) / weight[k]
+    return odds, weight
+
+
+def score(odds: Floats) -> Floats:
+    """Return the log odds (...,) that there is any fault, from the log odds (..., faults) of each.
+
+    >>> round(float(score(np.array([0.0, 0.0]))), 3)
+    0.693
+    """
+    return np.logaddexp.reduce(odds, axis=-1)
+
+
+def fault_reason(odds: Floats | None, limit: float) -> str:
+    """Return why to abstain from the averaged log odds (faults,); empty if their score is at most `limit`.
+
+    >>> fault_reason(np.array([-5.0, 6.0, *[-5.0] * 8]), 3.0)
+    'microphone 2 is silent'
+    """
+    if odds is None:
+        return ""
+    total = float(score(odds))
+    if not total > limit:
+        return ""
+    best = int(odds.argmax())
+    return FAULTS[NAMES[best]].reason if math.exp(odds[best] - total) > MIN_SHARE else SOME_FAULT

@@ -1,0 +1,19 @@
+"""Reads a window's spectrum: where along the string something touches, and what is odd."""
+
+from monochord.perception.reader.cells import CELLS, CHANNELS
+from monochord.perception.reader.network import DILATIONS, FILE, KINDS, POSITIONS, STRIDES, Network
+from monochord.perception.reader.reader import Reader, Reading, spectrum_cells
+
+__all__ = [
+    "CELLS",
+    "CHANNELS",
+    "DILATIONS",
+    "FILE",
+    "KINDS",
+    "POSITIONS",
+    "STRIDES",
+    "Network",
+    "Reader",
+    "Reading",
+    "spectrum_cells",
+]

@@ -1,0 +1,216 @@
+"""Training of the reader's network in torch, and its export to the package's format."""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monochord.core.types import Floats, Indices, Signal, StringParams
+from monochord.datasets import FAULTS, Augmentation, Dataset, Fault
+from monochord.dsp import NOISES
+from monochord.perception.reader import CELLS, CHANNELS, DILATIONS, KINDS, POSITIONS, STRIDES, Network, spectrum_cells
+from monochord.perception.spectrum import SpectrumAnalyser
+from monochord.perception.training import torch_library
+
+Cells: TypeAlias = NDArray[np.uint8]
+
+GROUPS = {"two_touches": "two touches", "driver_": "driver dead", "foam": "very soft"}
+"""Kinds of the touched windows of plan groups, by the beginning of the group's name."""
+ORDINARY, DETUNED = KINDS.index("ordinary"), KINDS.index("detuned")
+PLACED = tuple(KINDS.index(kind) for kind in ("ordinary", "driver dead", "very soft"))
+"""Kinds with one position that can be told."""
+FAULTY_SHARE, DETUNED_SHARE, NOISY_SHARE, RATIOS = 0.12, 0.04, 0.4, (5.0, 30.0)
+"""Shares of the ordinary windows that get a simulated fault, are read at a wrong pitch, or get noise; and the
+noise's signal-to-noise ratios in dB."""
+PITCH_STD, UNTUNED_SHARE, UNTUNED, DETUNED_RANGE = 0.0015, 0.15, (-0.008, 0.015), (0.025, 0.1)
+"""Error of the pitch that cells are relative to: deviation, share of windows with a larger one, its range, and
+the range of a wrong pitch."""
+QUIETEST = 1.0e-3
+"""Rms in full scale below which a window is silent."""
+WIDTH = 0.006
+"""Standard deviation of a label, over the length: neighbouring positions are nearly right."""
+SWAPPED = [1, 0, 3, 2]
+"""Channels of the same touch with both ends of the string swapped."""
+RESPONSE, KNOTS = 0.08, 6
+"""Standard deviation of a microphone's response, in levels, at this many points along the axis: 6 dB."""
+MASKS, WIDEST = 3, 60
+"""Number of dropped bands of a window, and cells of the widest."""
+CHANNELS_OUT, TAPS, HIDDEN, DROPPED = (16, 24, 32, 40, 8), (9, 5, 5, 3, 1), 96, 0.3
+BATCH, RATE, DECAY, KIND_WEIGHT = 512, 3.0e-3, 0.1, 0.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Examples:
+    """Windows (n,) as the network learns them; positions are over the length, NaN of untouched windows."""
+
+    cells: Cells
+    position: Floats
+    kind: Indices
+
+    @classmethod
+    def joined(cls, parts: list["Examples"]) -> "Examples":
+        """Return the windows of all parts."""
+        return cls(**{own.name: np.concatenate([getattr(p, own.name) for p in parts]) for own in fields(cls)})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Job:
+    """Windows `rows` (n,) of one session of a dataset; `string` is the session's, with its length and pitch."""
+
+    dataset: str
+    session: int
+    rows: Indices
+    string: StringParams
+
+
+def examples_of(job: Job, datasets: Mapping[str, Dataset], seed: int) -> Examples:
+    """Return the examples of one session's windows."""
+    dataset = datasets[job.dataset]
+    part, rate = dataset.manifest.parts[job.session], dataset.manifest.sample_rate
+    random = np.random.default_rng((seed, *part.name.encode()))
+    noise = Augmentation(kinds=tuple(NOISES), share=NOISY_SHARE, ratios=RATIOS)
+    group = next((kind for name, kind in GROUPS.items() if part.name.startswith(name)), KINDS[ORDINARY])
+    touched = dataset.label("contact")[job.rows] == 1.0
+    position = np.where(touched, dataset.label("position")[job.rows] / job.string.length, np.nan)
+    windows = noise(dataset.batch(job.rows), job.rows, seed=seed, sample_rate=rate)
+    cells, kinds = np.empty((len(job.rows), CHANNELS, CELLS), np.uint8), np.zeros(len(job.rows), np.int64)
+    signal = Signal(sample_rate=rate, channels=2, string=job.string)
+    for k, row in enumerate(job.rows.tolist()):
+        kind, window, error = KINDS.index(group), windows[k : k + 1], random.normal(0.0, PITCH_STD)
+        if random.random() < UNTUNED_SHARE:
+            error = random.uniform(*UNTUNED)
+        # Without a touch neither a soft object nor a silent driver can be told.
+        kind = kind if touched[k] else ORDINARY
+        if kind == ORDINARY and group == KINDS[ORDINARY]:
+            chance = random.random()
+            if chance < FAULTY_SHARE:
+                fault = FAULTS[random.integers(len(FAULTS))]
+                window, kind = Fault(kind=fault)(window, [row], seed=seed, sample_rate=rate), KINDS.index(fault)
+            elif touched[k] and chance < FAULTY_SHARE + DETUNED_SHARE:
+                kind, error = DETUNED, float(random.choice((-1.0, 1.0)) * random.uniform(*DETUNED_RANGE))
+        own = replace(job.string, tension=job.string.tension * (1.0 + error) ** 2)
+        analyser = SpectrumAnalyser.of(replace(signal, string=own), window.shape[2])
+        cells[k] = np.round(255.0 * spectrum_cells(analyser, analyser.analyse(window[0])))
+        kinds[k] = kind
+    return Examples(cells=cells, position=position, kind=kinds)
+
+
+def jobs_of(
+    name: str, dataset: Dataset, strings: Mapping[str, StringParams], count: int, seed: int
+) -> Iterator[Job]:
+    """Yield a job for each session with a string: `count` touched windows, and a third as many untouched."""
+    contact, random = dataset.label("contact"), np.random.default_rng(seed)
+    ready = dataset.usable & ~dataset.clipped
+    for number, part in enumerate(dataset.manifest.parts):
+        if part.name not in strings:
+            continue
+        own = slice(part.first, part.first + part.windows)
+        chosen = list[Indices]()
+        for value, most in ((1.0, count), (0.0, count // 3)):
+            rows = part.first + np.flatnonzero(ready[own] & (contact[own] == value))
+            chosen.append(random.choice(rows, min(most, len(rows)), replace=False))
+        rows = np.sort(np.concatenate(chosen))
+        level = np.sqrt(np.mean(np.square(dataset.batch(rows), dtype=np.float32), axis=(1, 2)))
+        yield Job(dataset=name, session=number, rows=rows[level > QUIETEST], string=strings[part.name])
+
+
+def train_network(
+    examples: Examples, *, epochs: int, seed: int, report: Callable[[int, float], None]
+) -> Network:
+    """Return the reader's network, trained on examples; `report` is called with each epoch and its loss."""
+    torch: Any = torch_library()
+    torch.manual_seed(seed)
+    module = _module(torch)
+    cells, kind = torch.from_numpy(examples.cells), torch.from_numpy(examples.kind)
+    position = torch.tensor(examples.position, dtype=torch.float32)
+    is_placed = torch.tensor(np.isin(examples.kind, PLACED))
+    count = torch.bincount(kind, minlength=len(KINDS)).clamp(min=1)
+    weight = (count[ORDINARY] / count) ** 0.5
+    optimiser = torch.optim.AdamW(module.parameters(), RATE, weight_decay=DECAY)
+    steps = epochs * -(-len(kind) // BATCH) + 1
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, RATE, total_steps=steps, pct_start=0.1)
+    mirror = torch.arange(len(KINDS))
+    mirror[[1, 2]] = mirror[[2, 1]]  # the microphone that is dead
+    for epoch in range(epochs):
+        module.train()
+        total = 0.0
+        for rows in torch.randperm(len(kind)).split(BATCH):
+            swapped = torch.rand(len(rows)) < 0.5
+            inputs = cells[rows].float() / 255.0
+            inputs = torch.where(swapped[:, None, None], inputs[:, SWAPPED], inputs)
+            inputs = _varied(torch, inputs.roll(int(torch.randint(-1, 2, ())), 2))
+            where, odd = module(inputs, swapped)
+            own = torch.where(swapped, 1.0 - position[rows], position[rows])
+            misplaced = -(_expected(torch, own) * torch.log_softmax(where, 1)).sum(1)[is_placed[rows]]
+            of_kind = torch.where(swapped, mirror[kind[rows]], kind[rows])
+            loss = misplaced.mean() + KIND_WEIGHT * torch.nn.functional.cross_entropy(odd, of_kind, weight)
+            optimiser.zero_grad()
+            loss.backward()
+            optimiser.step()
+            schedule.step()
+            total += float(loss.detach()) * len(rows)
+        report(epoch + 1, total / len(kind))
+    return _exported(module.eval())
+
+
+def _module(torch: Any) -> Any:
+    nn = torch.nn
+
+    class Module(nn.Module):
+        def __init__(self) -> None:
+            super().__init__()
+            layers, before = list[Any](), CHANNELS + 1
+            for outputs, taps, stride, dilation in zip(CHANNELS_OUT, TAPS, STRIDES, DILATIONS, strict=True):
+                pad = taps // 2 * int(dilation)
+                layers += [nn.Conv1d(before, outputs, taps, int(stride), pad, int(dilation)), nn.ReLU()]
+                before = outputs
+            cells = -(-CELLS // int(np.prod(STRIDES)))
+            layers += [nn.Flatten(), nn.Linear(before * cells, HIDDEN), nn.ReLU(), nn.Dropout(DROPPED)]
+            self.layers = nn.Sequential(*layers, nn.Linear(HIDDEN, 1 + len(POSITIONS) + len(KINDS)))
+
+        def forward(self, cells: Any, swapped: Any) -> tuple[Any, Any]:
+            flag = swapped.float()[:, None, None].expand(-1, 1, cells.shape[2])
+            outputs = self.layers(torch.cat((cells, flag), 1))
+            return outputs[:, : 1 + len(POSITIONS)], outputs[:, 1 + len(POSITIONS) :]
+
+    return Module()
+
+
+def _expected(torch: Any, position: Any) -> Any:
+    """Return the distribution (n, 1 + positions) that is expected of windows: no touch, or about a position."""
+    untouched = torch.isnan(position)
+    near = torch.exp(-0.5 * ((torch.tensor(POSITIONS, dtype=torch.float32) - position[:, None]) / WIDTH) ** 2)
+    near = torch.where(untouched[:, None], 0.0, torch.nan_to_num(near / near.sum(1, keepdim=True)))
+    return torch.cat((untouched.float()[:, None], near), 1)
+
+
+def _varied(torch: Any, inputs: Any) -> Any:
+    """Return inputs (windows, channels, cells) with random responses and dropped bands."""
+    count, cells = len(inputs), torch.arange(CELLS)
+    response = torch.nn.functional.interpolate(
+        RESPONSE * torch.randn(count, 2, KNOTS), size=CELLS, mode="linear", align_corners=True
+    )
+    levels, prominences = inputs[:, :2], inputs[:, 2:]
+    levels = torch.clamp(levels + response * (levels > 0.0), min=0.0)
+    kept = torch.ones(count, CELLS, dtype=torch.bool)
+    for _ in range(MASKS):
+        first = torch.randint(0, CELLS, (count, 1))
+        kept &= (cells < first) | (cells >= first + torch.randint(0, WIDEST, (count, 1)))
+    return torch.cat((levels, prominences), 1) * kept[:, None]
+
+
+def _exported(module: Any) -> Network:
+    """Return the network in the package's format, which never swaps its input."""
+    arrays = list[Any]()
+    for layer in module.layers:
+        if not hasattr(layer, "weight"):
+            continue
+        matrix = layer.weight.detach().numpy()
+        if matrix.ndim == 3:
+            matrix = matrix[:, : CHANNELS if not arrays else None].transpose(2, 1, 0).reshape(-1, len(matrix))
+        else:
+            matrix = matrix.T
+        arrays += [np.ascontiguousarray(matrix), layer.bias.detach().numpy().copy()]
+    return Network(*arrays)

@@ -1,0 +1,142 @@
+"""Make the bundled model from nothing: simulate, build, train the reader's network, then the heads.
+
+    python -m studies.bundled_model FOLDER
+
+takes some 60 minutes on two cores and 70 GB of disk. FOLDER receives the sessions of both plans, their
+datasets, and the training run. Existing parts are kept, so an interrupted run continues. Three fifths of the
+builds train the reader's network, a quarter the heads, and the others calibrate them. The network and the
+model replace those of the package.
+"""
+
+import json
+import time
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from shutil import copy2, rmtree
+
+import click
+import numpy as np
+from safetensors.numpy import save_file
+from studies._command import main, progress_bar
+from studies._reader_training import Examples, Job, examples_of, jobs_of, train_network
+
+import monochord as mc
+from monochord.core.types import StringParams
+from monochord.core.units import Metres
+from monochord.datasets import Dataset, Split, open_dataset
+from monochord.lab import assignments, load_plan, run_all
+from monochord.perception.model import bundled_folder
+from monochord.perception.reader import FILE, Network
+from monochord.physics.sensors import load_sensor
+
+PLANS = {"ordinary": ("studies/plans/builds_2.toml", ()), "odd": ("studies/plans/odd.toml", ("world=plausible",))}
+"""Plans of ordinary touches and of faults, with their overrides."""
+READER, HEADS = 0.6, 0.85
+"""Share of the builds up to which they train the reader's network, and up to which they train heads."""
+SENSOR = "prototype"
+
+
+def plan_sessions(name: str, seed: int) -> dict[str, tuple[int, Metres]]:
+    """Return the build and the true length of the string of each session of a plan, by session name."""
+    file, overrides = PLANS[name]
+    sessions = assignments(load_plan(file, list(overrides)), seed)
+    return {session.name: (session.build or 0, session.sensor().string.length) for session in sessions}
+
+
+def shares_of(builds: Iterable[int], seed: int) -> dict[int, float]:
+    """Return a random rank of each build, from 0 to 1."""
+    different = np.unique(list(builds))
+    order = np.random.default_rng(seed).permutation(len(different))
+    return dict(zip(different.tolist(), (order / len(different)).tolist(), strict=True))
+
+
+def reader_jobs(datasets: Mapping[str, Dataset], count: int, seed: int) -> list[Job]:
+    """Return the windows of both datasets that train the reader's network."""
+    design, jobs = load_sensor(SENSOR).string, list[Job]()
+    for name, dataset in datasets.items():
+        known = plan_sessions(name, seed)
+        share, strings = shares_of((build for build, _ in known.values()), seed), dict[str, StringParams]()
+        for part in dataset.manifest.parts:
+            build, length = known[part.name]
+            if share[build] < READER:
+                tension = (part.tension or design.tension) * (length / design.length) ** 2  # at its pitch
+                strings[part.name] = replace(design, length=length, tension=tension)
+        jobs += jobs_of(name, dataset, strings, count, seed)
+    return jobs
+
+
+def train_reader(folder: Path, *, count: int, epochs: int, seed: int, workers: int | None) -> Network:
+    """Return the reader's network, trained on both datasets in a folder."""
+    datasets = {name: open_dataset(folder / f"{name}_dataset") for name in PLANS}
+    parts, jobs = list[Examples](), reader_jobs(datasets, count, seed)
+    work = partial(examples_of, datasets=datasets, seed=seed)
+    with progress_bar("windows") as progress:
+        for done, (_, part) in enumerate(run_all(jobs, work, workers=workers), 1):
+            progress("windows", done, len(jobs))
+            parts.append(part)
+    examples = Examples.joined(parts)
+    with progress_bar("epochs") as progress:
+
+        def report(epoch: int, loss: float) -> None:
+            progress("epochs", epoch, epochs)
+            print(f"reader, epoch {epoch} of {epochs}: loss {loss:.3f}", flush=True)
+
+        return train_network(examples, epochs=epochs, seed=seed, report=report)
+
+
+def heads_split(folder: Path, seed: int) -> Path:
+    """Write the split of the ordinary dataset for the heads, without the builds of the reader's network."""
+    dataset, known = open_dataset(folder / "ordinary_dataset"), plan_sessions("ordinary", seed)
+    share = shares_of((build for build, _ in known.values()), seed)
+    own = np.array([share[known[part.name][0]] for part in dataset.manifest.parts])[dataset.session]
+    rows = {"train": (own >= READER) & (own < HEADS), "validation": own >= HEADS, "test": own < 0.0}
+    parts = {name: np.flatnonzero(each) for name, each in rows.items()}
+    file = folder / "heads_split.json"
+    Split(by="build", parts=parts, seed=seed, dataset=dataset.checksum).write(file)
+    return file
+
+
+@click.command()
+@click.argument("folder", type=click.Path(path_type=Path))
+@click.option("--count", default=60, show_default=True, help="Touched windows of a session for the reader.")
+@click.option("--epochs", default=14, show_default=True, help="Passes of the reader's network.")
+@click.option("--seed", default=0, show_default=True, help="Random seed.")
+@click.option("--workers", type=int, help="Worker processes; by default one a core.")
+@click.option("--heads-only", is_flag=True, help="Keep the package's reader.")
+def command(
+    folder: Path, *, count: int, epochs: int, seed: int, workers: int | None, heads_only: bool
+) -> None:
+    """Make the bundled model in FOLDER."""
+    begin = time.monotonic()
+
+    def report(what: str) -> None:
+        print(f"{what}, after {(time.monotonic() - begin) / 60.0:.1f} min", flush=True)
+
+    for name, (file, overrides) in PLANS.items():
+        sessions, dataset = folder / name, folder / f"{name}_dataset"
+        if not dataset.is_dir():
+            mc.collect(file, sessions, settings=overrides, seed=seed, workers=workers)
+            report(f"collected {name}")
+            mc.build(sessions, dataset, split="build", force=True, workers=workers)
+            rmtree(sessions)
+            report(f"built {name}")
+    if not heads_only:
+        network = train_reader(folder, count=count, epochs=epochs, seed=seed, workers=workers)
+        save_file(network._asdict(), FILE)
+        report("trained the reader")
+    run = folder / "run"
+    rmtree(run, ignore_errors=True)
+    settings = [f"split={heads_split(folder, seed)}", f"seed={seed}"]
+    model = mc.train(folder / "ordinary_dataset", run, config="reader", settings=settings, workers=workers)
+    target = bundled_folder("demo")
+    assert target is not None
+    for file in (run / "model").iterdir():
+        copy2(file, target / file.name)
+    print(json.dumps(model.scores, indent=1))
+    report("trained the heads")
+
+
+if __name__ == "__main__":
+    main(command)
