@@ -46,7 +46,7 @@ def test_the_pair_of_lines_gives_position_modes_and_pitch(
         pytest.skip("above the highest line")
     own = measured(sound(np.array(lines[:1]), np.array(lines[1:])), position + 0.004)
     assert own["paired"] == 1.0
-    assert own["position"] == pytest.approx(position, abs=2e-4)  # stiffness is taken at the place
+    assert own["position"] == pytest.approx(position, abs=1e-4)
     assert (own["mode 1"], own["mode 2"]) == modes
     assert own["open"] == pytest.approx(1000.0 * rise, abs=0.4)
 

@@ -11,7 +11,7 @@ onset. Times are window starts, so the same sound gives nearly the same referenc
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,8 +26,7 @@ PRESENT: Audio = np.ones(1, np.float32)
 """Last column of a reference, which marks it as present."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ModelState:
+class ModelState(NamedTuple):
     """The state of a model on one stream of windows, passed in and out; initially ``ModelState()``.
 
     `start` is the first frame of the last window. `rows` holds the features of the reference's windows, the
@@ -76,7 +75,7 @@ def step(
     [0.5]
     """
     if not contact < rule.below:
-        return replace(state, pending=(), touched=time)
+        return state._replace(pending=(), touched=time)
     entering = [each for each in state.pending if each[0] + rule.guard <= time + TIME_TOLERANCE]
     pending = state.pending[len(entering) :]
     accepted = state.accepted
@@ -84,10 +83,10 @@ def step(
     if is_due and time - state.touched >= rule.settle - TIME_TOLERANCE:
         pending, accepted = (*pending, (time, row())), time
     if not entering:
-        return replace(state, pending=pending, accepted=accepted)
+        return state._replace(pending=pending, accepted=accepted)
     rows = (*state.rows, *(each for _, each in entering))[-rule.keep :]
     median = np.median(np.stack(rows), axis=0).astype(np.float32)
-    return replace(state, rows=rows, median=median, pending=pending, accepted=accepted)
+    return state._replace(rows=rows, median=median, pending=pending, accepted=accepted)
 
 
 def context_row(state: ModelState, width: int) -> Audio:

@@ -13,11 +13,13 @@ from monochord.core.ranges import Checked, Finite, InnerShare, NonNegative, Posi
 from monochord.core.types import StringParams
 from monochord.core.units import Metres, Samples, Seconds
 from monochord.perception.heads.base import CONTACT, POSITION, Task
-from monochord.perception.model import rise
 from monochord.perception.model.faults import FAULTS
 
 FORMAT = 3
 """Version of the format of a model's folder."""
+RISE_COLUMNS, RISE_REFERENCES, RISE_COUNT = ("open", "position"), ("rest", "lowest"), 5
+"""Columns of the feature and of the untouched reference from which the rise of the pitch is computed, and its
+number of inputs: the open pitch in thousandths, the position x / L, and two readings of the untouched pitch."""
 ORDINARY = "ordinary"
 """Kind of a window without a fault."""
 TOUCHES_KEPT = 64
@@ -312,18 +314,18 @@ class Definition(Checked):
         if not wanted:
             return ()
         columns, reference = self.feature.columns, self.reference.feature.columns if self.reference else ()
-        missing = [column for column in rise.COLUMNS if column not in columns]
-        missing += [column for column in rise.REFERENCES if column not in reference]
+        missing = [column for column in RISE_COLUMNS if column not in columns]
+        missing += [column for column in RISE_REFERENCES if column not in reference]
         if missing:
             given = f"rise = true for the head '{wanted[0]}' without the column '{missing[0]}'"
             expected = "the feature reading, for windows and for the untouched reference"
             raise InputError(given, expected, "or set rise = false")
-        return (*map(columns.index, rise.COLUMNS), *map(reference.index, rise.REFERENCES))
+        return (*map(columns.index, RISE_COLUMNS), *map(reference.index, RISE_REFERENCES))
 
     def input_columns(self, name: str) -> tuple[int, ...]:
         """Return the indices of a head's inputs in the row of feature, reference with presence mark, and rise."""
         base, context = self.widths
-        rises = range(rise.COUNT if self.heads[name].task.rise and self.rise_columns else 0)
+        rises = range(RISE_COUNT if self.heads[name].task.rise and self.rise_columns else 0)
         return (
             *self.columns_of(name),
             *(base + column for column in self.reference_of(name)),

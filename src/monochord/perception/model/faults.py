@@ -9,7 +9,6 @@ design may sound the same.
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -62,8 +61,7 @@ _COUNTS = tuple(
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FaultState:
+class FaultState(NamedTuple):
     """The averages on one stream, after the window that starts at `time` (s).
 
     `odds` (faults,) are the averaged log odds; None before the first window. `weight` (faults,) is the total

@@ -462,7 +462,7 @@ class Model:
         for (model, before), window in zip(streams, windows, strict=True):
             model.check_size(window.samples.shape[1])
             checked(window.samples, model.definition.channels)
-            state = replace(before if window.start > before.start else ModelState(), start=window.start)
+            state = (before if window.start > before.start else ModelState())._replace(start=window.start)
             results.append(WindowReading(state, {}, model.unusable_reason(window)))
         usable = [k for k, reading in enumerate(results) if not reading.reason]
         if not usable:
@@ -471,10 +471,7 @@ class Model:
         trained, network = first.definition, first.network
         rows = np.stack([streams[k][0].extractors[0](windows[k].samples[np.newaxis])[0] for k in usable])
         known = np.stack([context_row(results[k].state, trained.widths[1]) for k in usable])
-        inputs = network.inputs(rows, known)
-        outputs = {name: network.outputs(name, inputs) for name in trained.heads}
-        for at, k in enumerate(usable):
-            own = {name: each[at] for name, each in outputs.items()}
+        for at, (k, own) in enumerate(zip(usable, network.outputs(rows, known), strict=True)):
             results[k] = streams[k][0].after(results[k].state, windows[k], own, rows[at], known[at])
         return results
 
@@ -487,18 +484,17 @@ class Model:
         """
         trained = self.definition
         for name, (column, unit) in self._refined.items():
-            outputs[name] = replace(outputs[name], value=outputs[name].value + unit * float(row[column]))
+            outputs[name] = outputs[name]._replace(value=outputs[name].value + unit * float(row[column]))
         for name, pairs in self._variables.items():
             columns = np.concatenate([row, known[:-1], np.zeros(1, np.float32)])  # the last one is for -1
             values = tuple(float(columns[of]) - float(columns[less]) for of, less in pairs)
-            outputs[name] = replace(outputs[name], variables=values)
+            outputs[name] = outputs[name]._replace(variables=values)
         time, reason = window.start / window.sample_rate, ""
         contact = probability(outputs[trained.gate], trained.heads[trained.gate])
         if trained.faults is not None:
-            ordinary, *kinds = self._fault_columns
-            odds = row[kinds].astype(np.float64) - float(row[ordinary])
-            odds -= trained.faults.lowered or 0.0
-            state = replace(state, faults=faults.step(state.faults, odds, time, touched=contact > DECISION))
+            kinds = row[self._fault_columns].astype(np.float64)
+            odds = kinds[1:] - kinds[0] - (trained.faults.lowered or 0.0)
+            state = state._replace(faults=faults.step(state.faults, odds, time, touched=contact > DECISION))
             reason = fault_reason(state.faults.odds, trained.faults.limit)
         if trained.reference is not None:
             # A faulty window is no untouched string, whatever the contact head says.

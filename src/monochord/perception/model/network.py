@@ -3,17 +3,17 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from monochord.core.errors import InputError
-from monochord.core.kernels import kernel
+from monochord.core.kernels import kernel, part
 from monochord.core.types import Audio, Estimate, Indices
 from monochord.metrics import DECISION
 from monochord.perception.heads.base import Loss
 from monochord.perception.model.correction import Correction
-from monochord.perception.model.definition import Definition, HeadRecord
-from monochord.perception.model.rise import rises
+from monochord.perception.model.definition import RISE_COUNT, Definition, HeadRecord
 
 NO_CONTACT, UNCERTAIN, TWO_PLACES = "no contact", "too uncertain", "two candidates"
 """Reasons for a head to abstain."""
@@ -24,14 +24,16 @@ MAX_LOGIT = 700.0
 """Largest logit whose exponential is a finite double."""
 MAX_LOG_SPREAD = 20.0
 """Largest magnitude of the logarithm of a spread."""
-NO_RISE: Audio = np.zeros(0, np.float32)
+KNEE = 2.0
+"""Rise of the pitch in thousandths above which its input is logarithmic; noise lies below."""
+NEAREST_END = 0.05
+"""Smallest distance of a position from an end, as a share of the length, in the input of its rise."""
 NO_CORRECTIONS: Mapping[str, Correction] = {}
 STD_OF_SPREAD: Mapping[Loss, float] = {"gauss": 1.0, "laplace": math.sqrt(2.0)}
 """Standard deviation of an error distribution whose spread is 1."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Output:
+class Output(NamedTuple):
     """Output of a head's last layer: a logit, or a scaled quantity with the logarithm of its spread.
 
     `certainty` is the probability that the position which a head refines is right. `variables` are the values
@@ -44,12 +46,11 @@ class Output:
     variables: tuple[float, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Layers:
-    """The layers of a network; all but the last have a ReLU.
+class Layers(NamedTuple):
+    """The layers of one head; all but the last have a ReLU.
 
-    `columns` (inputs,) are the indices of the columns that enter the first layer. `units` (layers + 1,) is
-    the number of inputs, then the number of outputs of each layer. `weights` is one array with the matrix
+    `columns` (inputs,) are the indices of the inputs that enter the first layer. `units` (layers + 1,) is the
+    number of inputs, then the number of outputs of each layer. `weights` is one array with the matrix
     (inputs, outputs) and the bias of each layer in turn, so one compiled kernel serves any number of layers.
     """
 
@@ -66,132 +67,160 @@ class Layers:
             weights=np.concatenate([part for weight, bias in layers for part in (weight.T.ravel(), bias)]),
         )
 
-    def outputs(self, rows: Audio) -> Audio:
-        """Return the outputs (n, outputs) for rows (n, d); equal rows give equal bits in any batch.
 
-        >>> layers = Layers.of([0, 2], [(np.ones((1, 2), np.float32), np.zeros(1, np.float32))])
-        >>> layers.outputs(np.array([[1.0, 9.0, 2.0], [0.0, 9.0, -3.0]], np.float32)).tolist()
-        [[3.0], [-3.0]]
-        """
-        return _outputs(rows, self.columns, self.units, self.weights)
+class Scaling(NamedTuple):
+    """Mean and scale of the feature (d,) and of the reference (c,), and the columns of the rise of the pitch.
 
+    Without a reference its arrays are empty. The columns of the rise are indices of `RISE_COLUMNS` in the
+    feature and of `RISE_REFERENCES` in the reference; empty if no head uses the rise.
+    """
 
-@kernel()
-def _outputs(rows: Audio, columns: Indices, units: Indices, weights: Audio) -> Audio:
-    if columns.max() >= rows.shape[1]:
-        raise IndexError("the network reads columns that the rows lack")
-    values, at = rows, 0
-    for layer in range(units.size - 1):
-        inputs, outputs = units[layer], units[layer + 1]
-        sums = np.zeros((rows.shape[0], outputs), np.float32)
-        # Inputs outside, outputs inside: each weight is read once for all rows, and the compiler sums several
-        # outputs at once without a change of the order in which any of them is summed.
-        for i in range(inputs):
-            weight, at = weights[at : at + outputs], at + outputs
-            for k in range(rows.shape[0]):
-                value = values[k, columns[i] if layer == 0 else i]
-                if layer > 0 and value <= 0.0:  # the ReLU of the layer before
-                    continue
-                for o in range(outputs):
-                    sums[k, o] += value * weight[o]
-        bias, at = weights[at : at + outputs], at + outputs
-        for k in range(rows.shape[0]):
-            for o in range(outputs):
-                sums[k, o] += bias[o]
-        values = sums
-    return values
+    mean: Audio
+    scale: Audio
+    context_mean: Audio
+    context_scale: Audio
+    rise: Indices
+
+    @classmethod
+    def of(cls, definition: Definition, weights: Mapping[str, Audio]) -> "Scaling":
+        """Return the scaling of a model with weights of the shapes in `Definition.shapes`."""
+        nothing = np.zeros(0, np.float32)
+        return cls(
+            mean=weights["scaler.mean"],
+            scale=weights["scaler.scale"],
+            context_mean=weights.get("context.mean", nothing),
+            context_scale=weights.get("context.scale", nothing),
+            rise=np.array(definition.rise_columns, np.int64),
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Network:
-    """The scaling and the layers of all heads.
+    """The scaling of the inputs and the layers of all heads, in the order of `names`."""
 
-    `layers` holds the layers of each head, which read columns of `inputs`. `rise_columns` are the columns
-    that give the rise of the pitch; empty if no head uses it.
-    """
-
-    scaler: tuple[Audio, Audio]
-    context_scaler: tuple[Audio, Audio] | None
+    scaling: Scaling
     clip: float
-    layers: Mapping[str, Layers]
-    rise_columns: tuple[int, ...]
+    names: tuple[str, ...]
+    heads: tuple[Layers, ...]
 
     @classmethod
     def of(cls, definition: Definition, weights: Mapping[str, Audio]) -> "Network":
         """Return the network of a definition with weights of the shapes in `Definition.shapes`."""
-        has_context = definition.widths[1] > 0
-        return cls(
-            scaler=(weights["scaler.mean"], weights["scaler.scale"]),
-            context_scaler=(weights["context.mean"], weights["context.scale"]) if has_context else None,
-            clip=definition.clip,
-            layers={
-                name: Layers.of(
-                    definition.input_columns(name),
-                    [
-                        (weights[f"{name}.{number}.weight"], weights[f"{name}.{number}.bias"])
-                        for number in range(len(record.task.hidden) + 1)
-                    ],
-                )
-                for name, record in definition.heads.items()
-            },
-            rise_columns=definition.rise_columns,
-        )
-
-    def scaled(self, row: Audio) -> Audio:
-        """Return features (..., d) minus their mean, in standard deviations, limited to `clip`."""
-        return scaled(row, *self.scaler, self.clip)
-
-    def scaled_context(self, row: Audio) -> Audio:
-        """Return untouched references (..., c) scaled like the features; an absent reference gives zeros."""
-        if self.context_scaler is None:
-            return row[..., :0]
-        return scaled(row, *self.context_scaler, self.clip) * row[..., -1:]
-
-    def rises(self, row: Audio, reference: Audio) -> Audio:
-        """Return the rise of the pitch as inputs, from unscaled features (..., d) and references (..., c)."""
-        return rises(row, reference, self.rise_columns) if self.rise_columns else row[..., :0]
-
-    def inputs(self, row: Audio, reference: Audio) -> Audio:
-        """Return heads' inputs (..., d + c + r) from unscaled features (..., d) and references (..., c)."""
-        parts = self.scaled(row), self.scaled_context(reference), self.rises(row, reference)
-        return np.concatenate(parts, axis=-1)
-
-    def output(self, name: str, base: Audio, context: Audio, rise: Audio = NO_RISE) -> Output:
-        """Return the output of a head for scaled features (d,), a scaled reference (c,) and the rise (r,)."""
-        return self.outputs(name, np.concatenate([base, context, rise])[np.newaxis])[0]
-
-    def outputs(self, name: str, inputs: Audio) -> list[Output]:
-        """Return the outputs of a head for each row of `inputs` (n, d + c + r)."""
-        return [
-            Output(
-                value=value,
-                log_spread=more[0] if more else 0.0,
-                certainty=1.0 / (1.0 + math.exp(min(-more[1], MAX_LOGIT))) if len(more) > 1 else 1.0,
+        heads = [
+            Layers.of(
+                definition.input_columns(name),
+                [
+                    (weights[f"{name}.{number}.weight"], weights[f"{name}.{number}.bias"])
+                    for number in range(len(record.task.hidden) + 1)
+                ],
             )
-            for value, *more in self.layers[name].outputs(inputs).tolist()
+            for name, record in definition.heads.items()
+        ]
+        scaling = Scaling.of(definition, weights)
+        return cls(scaling=scaling, clip=definition.clip, names=tuple(definition.heads), heads=tuple(heads))
+
+    def outputs(self, rows: Audio, references: Audio) -> list[dict[str, Output]]:
+        """Return the outputs of all heads for features (n, d) and untouched references (n, c).
+
+        Equal rows give equal bits in any batch.
+        """
+        values = _outputs(rows, references, self.scaling, self.clip, self.heads).tolist()
+        return [
+            {
+                name: Output(value, log_spread, 1.0 / (1.0 + math.exp(min(-logit, MAX_LOGIT))))
+                for name, (value, log_spread, logit) in zip(self.names, row, strict=True)
+            }
+            for row in values
         ]
 
 
-def scaled(row: Audio, mean: Audio, scale: Audio, clip: float) -> Audio:
-    """Return rows (..., d) minus `mean`, divided by `scale`, and limited to plus or minus `clip`.
+def network_inputs(rows: Audio, references: Audio, scaling: Scaling, clip: float) -> Audio:
+    """Return the inputs (n, d + c + r) of the heads from features (n, d) and untouched references (n, c).
 
-    >>> one, two = np.ones(1, np.float32), np.full(1, 2.0, np.float32)
-    >>> scaled(np.array([[5.0], [100.0]], np.float32), one, two, 8.0).tolist()
-    [[2.0], [8.0]]
+    Features are minus their mean, in standard deviations, limited to `clip`; likewise the references, which
+    are 0 where there is none: the last column marks its presence. Then follows, where a head uses it, the
+    rise of the pitch above the untouched string's, as r = `RISE_COUNT` inputs in which force is nearly
+    linear: ``asinh(r / KNEE)`` of the rises r over both readings of the untouched pitch, ``sign(r) sqrt(|r| /
+    g)`` of both, and g = 4 x (L - x) / L^2.
+
+    A light press F at x by a rigid object raises the open frequency by the share E A F^2 x (L - x) / (4 L^2
+    T^3) (`physics.theory.geometric_tension`), so F is proportional to the root. A compliant object lowers the
+    pitch, at a light touch by many times more; a logarithm limits this range.
+
+    Examples
+    --------
+    >>> one, none = np.ones(2, np.float32), np.zeros(0, np.float32)
+    >>> scaling = Scaling(one, 2.0 * one, none, none, np.zeros(0, np.int64))
+    >>> rows = np.array([[5.0, 100.0]], np.float32)
+    >>> network_inputs(rows, rows[:, :0], scaling, 8.0).tolist()
+    [[2.0, 8.0]]
     """
-    if not mean.shape == scale.shape == row.shape[-1:]:
-        raise InputError(f"rows of {row.shape[-1]} columns", f"{mean.size} columns, as in the scaling")
-    return _scaled(row.reshape(-1, row.shape[-1]), mean, scale, clip).reshape(row.shape)
+    if not (rows.shape[1:] == scaling.mean.shape and references.shape[1:] == scaling.context_mean.shape):
+        given = f"rows of {rows.shape[1]} columns and a reference of {references.shape[1]}"
+        raise InputError(given, f"{scaling.mean.size} and {scaling.context_mean.size}, as in the scaling")
+    return _network_inputs(rows, references, scaling, clip)
 
 
 @kernel()
-def _scaled(rows: Audio, mean: Audio, scale: Audio, clip: float) -> Audio:
-    values = np.empty_like(rows)
+def _network_inputs(rows: Audio, references: Audio, scaling: Scaling, clip: float) -> Audio:
+    return _inputs(rows, references, scaling, clip)
+
+
+@part()
+def _inputs(rows: Audio, references: Audio, scaling: Scaling, clip: float) -> Audio:
+    base, context = rows.shape[1], references.shape[1]
+    inputs = np.zeros((rows.shape[0], base + context + (RISE_COUNT if scaling.rise.size else 0)), np.float32)
     for k in range(rows.shape[0]):
-        for i in range(rows.shape[1]):
+        for i in range(base):
             # NumPy's minimum and maximum keep what is not a number.
-            values[k, i] = np.minimum(np.maximum((rows[k, i] - mean[i]) / scale[i], -clip), clip)
-    return values
+            value = (rows[k, i] - scaling.mean[i]) / scaling.scale[i]
+            inputs[k, i] = np.minimum(np.maximum(value, -clip), clip)
+        if context and references[k, -1] != 0.0:
+            for i in range(context):
+                value = (references[k, i] - scaling.context_mean[i]) / scaling.context_scale[i]
+                inputs[k, base + i] = np.minimum(np.maximum(value, -clip), clip) * references[k, -1]
+        if scaling.rise.size and references[k, -1] > 0.0:
+            place = min(max(rows[k, scaling.rise[1]], NEAREST_END), 1.0 - NEAREST_END)
+            depth = 4.0 * place * (1.0 - place)
+            for which in range(2):
+                rise = rows[k, scaling.rise[0]] - references[k, scaling.rise[2 + which]]
+                inputs[k, base + context + which] = np.arcsinh(rise / KNEE)
+                inputs[k, base + context + 2 + which] = np.sign(rise) * np.sqrt(abs(rise) / depth)
+            inputs[k, base + context + 4] = depth
+    return inputs
+
+
+@kernel()
+def _outputs(
+    rows: Audio, references: Audio, scaling: Scaling, clip: float, heads: tuple[Layers, ...]
+) -> Audio:
+    """Return the outputs (n, heads, 3): a head with fewer has 0 for its spread, and certainty."""
+    outputs = np.zeros((rows.shape[0], len(heads), 3), np.float32)
+    outputs[:, :, 2] = MAX_LOGIT
+    inputs = _inputs(rows, references, scaling, clip)
+    for h in range(len(heads)):
+        values, at = inputs, 0
+        columns, units, weights = heads[h]
+        for layer in range(units.size - 1):
+            count, width = units[layer], units[layer + 1]
+            sums = np.zeros((rows.shape[0], width), np.float32)
+            # Inputs outside, outputs inside: each weight is read once for all rows, and the compiler sums
+            # several outputs at once without a change of the order in which any of them is summed.
+            for i in range(count):
+                weight, at = weights[at : at + width], at + width
+                for k in range(rows.shape[0]):
+                    value = values[k, columns[i] if layer == 0 else i]
+                    if layer > 0 and value <= 0.0:  # the ReLU of the layer before
+                        continue
+                    for o in range(width):
+                        sums[k, o] += value * weight[o]
+            bias, at = weights[at : at + width], at + width
+            for k in range(rows.shape[0]):
+                for o in range(width):
+                    sums[k, o] += bias[o]
+            values = sums
+        outputs[:, h, : values.shape[1]] = values
+    return outputs
 
 
 def probability(output: Output, record: HeadRecord) -> float:

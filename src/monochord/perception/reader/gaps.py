@@ -16,8 +16,8 @@ BANDS = 28
 """Bands, of equal ratio."""
 EDGES = np.geomspace(20.0, 16000.0, BANDS + 1)
 """Edges of the bands in Hz."""
-MIN_BINS = 3
-"""Fewest bins of a band; a narrower one has the nearest so many instead."""
+MIN_BINS, MAX_BINS = 3, 32
+"""Fewest bins of a band, of which a narrower one has the nearest; of a wide one, some so many are measured."""
 FIRST_BIN = 2
 """Lowest bin; those below hold what removing the mean leaves."""
 NOISE_BINS = 1.5
@@ -59,11 +59,12 @@ def measure_gaps(transform: NDArray[np.complex128], power: Floats, spacing: Hert
         if last - first < MIN_BINS:
             measured[:2, b] = np.log10(MIN_DENSITY)
             continue
-        median_1, median_2 = np.median(power[0, first:last]), np.median(power[1, first:last])
+        step = max((last - first) // MAX_BINS, 1)
+        median_1, median_2 = np.median(power[0, first:last:step]), np.median(power[1, first:last:step])
         measured[0, b] = np.log10(max(median_1 * mean, MIN_DENSITY))
         measured[1, b] = np.log10(max(median_2 * mean, MIN_DENSITY))
         cross, squares = 0.0, MIN_SQUARE
-        for k in range(first, last):
+        for k in range(first, last, step):
             if power[0, k] + power[1, k] <= median_1 + median_2:
                 one, two = _hann(transform, 0, k), _hann(transform, 1, k)
                 cross += 2.0 * (one.real * two.real + one.imag * two.imag)

@@ -159,6 +159,10 @@ def _measure_pair(
                 best, line_1, line_2 = score, frequency[0, i], frequency[1, k]
                 row[POSITION], row[SHIFT], row[PAIRED] = position, off, 1.0
                 row[OPEN], row[MODE_1], row[MODE_2] = 1000.0 * (pitch - 1.0), mode_1, mode_2
+    if row[PAIRED] > 0.0:  # the segments' stiffness, of the position now known
+        one = line_1 / nominal / (row[MODE_1] * _stretch(row[MODE_1], row[POSITION], bending))
+        two = line_2 / nominal / (row[MODE_2] * _stretch(row[MODE_2], 1.0 - row[POSITION], bending))
+        row[POSITION], row[OPEN] = two / (one + two), 1000.0 * (one * two / (one + two) - 1.0)
     return line_1, line_2
 
 
@@ -171,7 +175,13 @@ def _mode(ratio: float, side: float, bending: float) -> tuple[float, float]:
     mode = max(np.round(ratio * side), 1.0)
     if ratio <= 0.0 or mode > MAX_MODE:
         return 0.0, 0.0
-    return mode, ratio / (mode * np.sqrt(1.0 + bending * (mode / side) ** 2))
+    return mode, ratio / (mode * _stretch(mode, side, bending))
+
+
+@part()
+def _stretch(mode: float, side: float, bending: float) -> float:
+    """Return by what stiffness raises a partial of a segment, `side` over the length."""
+    return np.sqrt(1.0 + bending * (mode / side) ** 2)
 
 
 @part()

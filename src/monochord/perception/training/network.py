@@ -9,8 +9,7 @@ import numpy as np
 from monochord.core.types import Audio
 from monochord.perception.heads.base import REFINED_SCALE, RIGHT_WITHIN, Task
 from monochord.perception.model.definition import Definition
-from monochord.perception.model.network import scaled
-from monochord.perception.model.rise import rises
+from monochord.perception.model.network import Scaling, network_inputs
 from monochord.perception.training._torch import torch_library
 from monochord.perception.training.examples import Examples
 
@@ -24,16 +23,15 @@ class TrainingTensors:
     """Examples as scaled tensors: `copies` copies of `count` windows."""
 
     def __init__(self, definition: Definition, scaler: Mapping[str, Audio], examples: Examples) -> None:
-        torch, clip = torch_library(), definition.clip
+        torch = torch_library()
         self.copies, self.count = examples.base.shape[:2]
         self.tasks = {name: record.task for name, record in definition.heads.items()}
-        parts = [scaled(examples.base, scaler["scaler.mean"], scaler["scaler.scale"], clip)]
-        if definition.widths[1]:
-            context = scaled(examples.context, scaler["context.mean"], scaler["context.scale"], clip)
-            parts.append(context * examples.context[..., -1:])
-        if definition.rise_columns:
-            parts.append(rises(examples.base, examples.context, definition.rise_columns))
-        self._inputs = torch.from_numpy(np.concatenate(parts, axis=-1))
+        scaling = Scaling.of(definition, scaler)
+        inputs = [
+            network_inputs(base, context, scaling, definition.clip)
+            for base, context in zip(examples.base, examples.context, strict=True)
+        ]
+        self._inputs = torch.from_numpy(np.stack(inputs))
         self._columns = {name: torch.tensor(definition.input_columns(name)) for name in self.tasks}
         self._own = torch.arange(self._inputs.shape[-1]) < definition.widths[0]
         self._targets: dict[str, Any] = {}
