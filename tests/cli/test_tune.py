@@ -57,6 +57,35 @@ def test_silence_and_noise_name_what_to_look_at(
     assert "let go" not in line
 
 
+def test_a_measured_length_is_written_and_kept(
+    take: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, again = tmp_path / "sensor.toml", tmp_path / "again.toml"
+    words = [str(take), "--sensor", "prototype", "--length", "0.1983", "--out", str(path)]
+    assert run(["tune", *words]) == 0
+    assert "198.3 mm, -1.7 mm off the design's" in capsys.readouterr().out
+    sensor, design = load_sensor(str(path)), load_sensor("prototype")
+    assert (sensor.measured_length, sensor.range) == (0.1983, design.range)
+    assert sensor.string.length == pytest.approx(0.1983)
+    assert open_frequency(sensor.string) / NOMINAL == pytest.approx(RATIO, abs=0.002)
+    assert sensor.drivers[1].sense == pytest.approx(design.drivers[1].sense - 0.0017)
+    assert run(["tune", str(take), "--sensor", str(path), "--out", str(again), "--json"]) == 0
+    facts = json.loads(capsys.readouterr().out)["tuning"]
+    assert facts["length"] == 0.1983
+    assert facts["tension"] == pytest.approx(sensor.string.tension, rel=1e-6)
+    assert mc.tune(take, sensor="prototype", length=0.1983).string.length == pytest.approx(0.1983)
+
+
+@pytest.mark.parametrize("length", ["0.1932", "0.207", "198.3"])
+def test_the_length_of_another_string_is_refused(
+    length: str, take: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ("--sensor", "prototype", "--length", length, "--out", str(tmp_path / "sensor.toml"))
+    line = refusal(capsys, "tune", str(take), *words)
+    assert all(word in line for word in (f"{float(length):g} m", "0.2 m within 3 %", "preset"))
+    assert not (tmp_path / "sensor.toml").exists()
+
+
 def test_it_prints_and_writes_the_sensor(
     take: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

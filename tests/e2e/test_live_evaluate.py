@@ -24,13 +24,14 @@ days = [10]
 """
 
 
-@pytest.fixture(scope="module", params=["prototype", "tuned"])
+@pytest.fixture(scope="module", params=["prototype", "tuned", "measured"])
 def session(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A session of the prototype, or of one that is recorded as tuned 5 % below nominal."""
+    """A session of the prototype, of one recorded as tuned 5 % low, or with a measured length besides."""
     folder, sensor = tmp_path_factory.mktemp("sessions"), "prototype"
-    if request.param == "tuned":
+    if request.param != "prototype":
+        length = 0.1983 if request.param == "measured" else None
         sensor = str(folder / "sensor.toml")
-        text = sensor_toml("prototype", SensorTuning(open_frequency=960.0))
+        text = sensor_toml("prototype", SensorTuning(open_frequency=960.0, length=length))
         Path(sensor).write_text(text, encoding="utf-8")
     plan = PLAN.replace("prototype", sensor)
     (folder / "plan.toml").write_text(plan, encoding="utf-8")

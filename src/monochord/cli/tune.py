@@ -41,6 +41,12 @@ OUT = Path("sensor.toml")
     metavar="S",
     help="Duration taken from each INPUT.",
 )
+@click.option(
+    "--length",
+    type=amount,
+    metavar="M",
+    help="Length of the string from end to end, measured with a ruler.  [default: as in --sensor FILE]",
+)
 @window_options
 @click.option(
     "--out",
@@ -59,7 +65,7 @@ def tune(inputs: tuple[str, ...], *, out: Path | None, force: bool, as_json: boo
     locate, record and collect. If the pitch cannot be found, nothing is written.
 
     \b
-    monochord tune --sensor prototype
+    monochord tune --sensor prototype --length 0.1983
     monochord tune --source twin --set source.sensor=gauge_012 --out thin.toml
     """  # noqa: D301
     path = out or OUT
@@ -76,6 +82,7 @@ def tune(inputs: tuple[str, ...], *, out: Path | None, force: bool, as_json: boo
         sensor=options["sensor"] or "",
         seconds=runs[0].seconds,
         window=runs[0].window,
+        length=options["length"],
     )
     result = dataclasses.replace(result, time=datetime.now(UTC).isoformat(timespec="seconds"))
     _write(path, result.toml())

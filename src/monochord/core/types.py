@@ -339,9 +339,10 @@ class Signal:
     """An open source's audio format: rate, channels, and the string if known.
 
     `string` is the tuned string. `design` is the same wire as in training, where the tuning differs: features
-    in hertz or newtons are then stated relative to it. `sensing_range` is the part of the string where the
-    sensor can resolve position, None for an unknown sensor. `drivers` holds the coil positions (sense and
-    drive) of each driver that is on; empty if unknown.
+    in hertz or newtons are then stated relative to it. `length_std` is the standard error of the string's
+    length in m, where it was measured; None for a length that is the design's. `sensing_range` is the part of
+    the string where the sensor can resolve position, None for an unknown sensor. `drivers` holds the coil
+    positions (sense and drive) of each driver that is on; empty if unknown.
 
     Examples
     --------
@@ -354,6 +355,7 @@ class Signal:
     channels: int
     string: StringParams | None = None
     design: StringParams | None = None
+    length_std: Metres | None = None
     sensing_range: tuple[Metres, Metres] | None = None
     drivers: tuple[tuple[Metres, Metres], ...] = ()
 

@@ -1,10 +1,12 @@
 """Builds a dataset from sessions, one at a time or in parallel."""
 
 import hashlib
+import json
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from glob import glob
 from importlib.metadata import version
+from math import inf
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
 
@@ -18,7 +20,7 @@ from monochord.core.labels import LabelColumns, Rules, window_labels
 from monochord.core.ownership import part_folder
 from monochord.core.ranges import Checked
 from monochord.core.types import Audio, Progress, StringParams
-from monochord.core.units import Newtons, Samples, Seconds
+from monochord.core.units import Metres, Newtons, Samples, Seconds
 from monochord.core.workers import run_all
 from monochord.datasets.checksums import FileSums, file_sums
 from monochord.datasets.kinds import counts_of, kinds_of
@@ -34,8 +36,8 @@ from monochord.datasets.store import (
     write_table,
 )
 from monochord.datasets.truth import SessionTruth, truth_of
-from monochord.physics.sensors import load_sensor
-from monochord.sessions import TUNING, AudioTrack, SessionReader, read_session
+from monochord.physics.sensors import load_sensor, same_wire
+from monochord.sessions import TUNING, AudioTrack, Description, SessionReader, read_session
 from monochord.sessions.alignment import AUDIO
 
 MANY = 16
@@ -255,7 +257,7 @@ def take(job: Job) -> Taken:
         truth = truth_of(session, options.labels, options.thresholds, force=options.force)
         if not options.force:
             _refuse_damaged(session)  # and what was malformed in what has been read
-        tension, tuned = _tension_of(session, job.listen, options.sensor)
+        tension, tuned, length, measured = _string_of(session, job.listen, options.sensor)
     except InputError as error:
         if not options.skip:
             raise
@@ -289,6 +291,8 @@ def take(job: Job) -> Taken:
         flags=truth.alignment.flags,
         tension=tension,
         tuned=tuned,
+        length=length,
+        measured_length=measured,
     )
     return Taken(
         part=part,
@@ -363,19 +367,34 @@ def _form_of(name: str, taken: Taken, before: tuple[int, int] | None) -> tuple[i
     return taken.form
 
 
-def _tension_of(session: SessionReader, listen: Listen, sensor: str) -> tuple[Newtons | None, str | None]:
-    """Return the tension of a session's string at rest, and its source."""
+def _string_of(
+    session: SessionReader, listen: Listen, sensor: str
+) -> tuple[Newtons | None, str | None, Metres | None, Metres | None]:
+    """Return the tension of a session's string and its source, and its length, stated and measured."""
     description = session.description
+    measured = _measured_length(description)
     string = description.string
     recorded = string.tension if string is not None and TUNING in description.more else None
     if sensor and recorded is None:
-        own = load_sensor(sensor).string
-        if string is not None and replace(own, tension=string.tension) != string:
+        known = load_sensor(sensor)
+        if string is not None and not same_wire(known.string, string):
             given = f"session {session.path.name} with sensor '{sensor}'"
             raise InputError(given, "the session's string, at any tension")
-        recorded = own.tension
+        string, recorded, measured = known.string, known.string.tension, known.measured_length or measured
     tension = listen(session.audio.samples, description.sample_rate, string, recorded)
-    return tension, None if tension is None else "heard" if recorded is None else "recorded"
+    tuned = None if tension is None else "heard" if recorded is None else "recorded"
+    return tension, tuned, None if string is None else string.length, measured
+
+
+def _measured_length(description: Description) -> Metres | None:
+    """Return the length of a session's string as measured with a ruler, None where unknown."""
+    try:
+        simulated = json.loads(description.more.get("length", "{}"))
+    except ValueError:
+        simulated = {}
+    stated = simulated.get("measured") if isinstance(simulated, dict) else None
+    length = description.sensor.get("measured_length", stated)
+    return length if isinstance(length, float) and 0.0 < length < inf else None
 
 
 def _refuse_damaged(session: SessionReader) -> None:

@@ -46,7 +46,8 @@ class Part:
     its alignment flags, where it was accepted despite them. `music` is the ambient sound, empty for none,
     None where unknown. `tension` is the string's tension at rest, in N, where known. `tuned` is the source of
     the tension: "recorded" with the tuned sensor, or "heard", estimated from the untouched beginning.
-    `mount` is the class of its object's mount, empty where unknown.
+    `length` is the length that the session states for its string, in m, and `measured_length` its length as
+    measured with a ruler, where known. `mount` is the class of its object's mount, empty where unknown.
     """
 
     name: str
@@ -70,6 +71,8 @@ class Part:
     flags: tuple[str, ...] = ()
     tension: Newtons | None = None
     tuned: str | None = None
+    length: Metres | None = None
+    measured_length: Metres | None = None
     mount: str = ""
 
     @property

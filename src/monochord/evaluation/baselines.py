@@ -30,7 +30,13 @@ from monochord.evaluation.replay import (
 from monochord.evaluation.results import Results, join
 from monochord.perception.features import FEATURES
 from monochord.perception.features.base import Extractor
-from monochord.perception.tuning.sessions import force_scale, force_scales, retuned_strings
+from monochord.perception.tuning.sessions import (
+    at_length_of,
+    force_scale,
+    force_scales,
+    length_scales,
+    retuned_strings,
+)
 
 RIDGE = "ridge"
 BASELINES = (RIDGE, "extra_trees")
@@ -49,7 +55,7 @@ Without it, a column that hardly varies in training could drive a linear map any
 
 
 FeatureRows: TypeAlias = tuple[Audio, Floats]
-"""Features (k, columns) of windows, and the scale (k,) of their forces."""
+"""Features (k, columns) of windows, and the scales (k, 2) of their positions and forces."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,7 +63,7 @@ class Baselines:
     """Fitted baselines: by name and label the regressor or classifier on a feature's rows.
 
     `design` is the string of the training. For a sensor tuned differently, features are relative to its own
-    string and forces are scaled, as in a model.
+    string, and positions and forces are scaled, as in a model.
     """
 
     feature: Mapping[str, Any]
@@ -91,7 +97,7 @@ def features_of(
     noise: Disturbance | None = None,
     progress: Progress = lambda *_: None,
 ) -> FeatureRows:
-    """Return the selected windows' features (k, columns), with noise, and the scale (k,) of their forces.
+    """Return the selected windows' features (k, columns), with noise, and the scales (k, 2) of their labels.
 
     Parameters
     ----------
@@ -147,10 +153,10 @@ def _features_of_session(
     (selection,), noise = conditions[number].selections, conditions[number].disturbance
     dataset, size = selection.dataset, selection.dataset.manifest.window
     starts = dataset.start[selection.rows[dataset.session[selection.rows] == session]]
-    signal, scale = selection.signal_of(session), np.ones(len(starts))
+    signal, scale = selection.signal_of(session), np.ones((len(starts), 2))
     if design is not None and signal.string is not None and signal.string != design:
-        scale[:] = force_scale(signal.string, design)
-        signal = replace(signal, design=design)
+        scale[:] = signal.string.length / design.length, force_scale(signal.string, design)
+        signal = replace(signal, string=at_length_of(signal.string, design), design=design)
     extractor = prepared(feature, signal, size)
     audio = disturbed_audio(dataset, session, noise)
     parts: list[Audio] = []
@@ -218,7 +224,8 @@ def _training_features_of_session(
     """Return the features (k, columns) of the selected windows of one session."""
     dataset, signal = training.dataset, training.signal
     if session in strings:
-        signal = replace(signal, string=strings[session], design=training.string)
+        own = at_length_of(strings[session], training.string) if training.string else strings[session]
+        signal = replace(signal, string=own, design=training.string)
     extractor = prepared(feature, signal, dataset.manifest.window)
     own = training.rows[dataset.session[training.rows] == session]
     return np.concatenate(
@@ -283,8 +290,9 @@ def _fitted(
         if name not in dataset.labels:
             continue
         label = dataset.label(name)[rows]
-        if name == FORCE and design is not None:
-            label = label / force_scales(dataset, design)[rows]
+        if name in QUANTITIES and design is not None:
+            scales = force_scales if name == FORCE else length_scales
+            label = label / scales(dataset, design)[rows]
         counts = np.isfinite(label) & (touched | (name == "contact"))
         if np.unique(label[counts]).size < 2:
             continue
@@ -319,8 +327,9 @@ def _columns(
         name: model.predict_proba(features)[:, 1] if name in PROBABILITIES else model.predict(features)
         for name, model in models.items()
     }
-    if FORCE in value:
-        value[FORCE] = scale * value[FORCE]
+    for number, name in enumerate(QUANTITIES):
+        if name in value:
+            value[name] = scale[:, number] * value[name]
     return {
         "value": {name: np.where(usable, column, np.nan) for name, column in value.items()},
         "std": {name: np.full(len(rows), np.nan) for name in value},

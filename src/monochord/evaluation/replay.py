@@ -19,6 +19,8 @@ from monochord.datasets.store import Dataset
 from monochord.evaluation.noise import Disturbance
 from monochord.evaluation.results import Results, Trial
 from monochord.perception.estimators.base import Estimator
+from monochord.perception.tuning.sessions import string_of
+from monochord.physics.sensors import RULER_STD, with_length
 
 MANY = 4000
 """Number of windows from which starting several processes pays off."""
@@ -36,13 +38,16 @@ class Selection:
     `sensing_range` the part of it, in m, where the sensor can resolve positions, for estimators that use
     them. `ambient_noise` names the noise present during the recording by session name pattern, for sessions
     that do not state whether there was music. With `tuned`, a session's string is tuned to its untouched
-    sound, as by ``monochord tune``; a session recorded with a tuned sensor always uses that tuning, as live.
+    sound and has its measured length, as by ``monochord tune``; a session recorded with a tuned sensor always
+    uses that tuning and length, as live. `length_std` is the standard error of its length in m, where
+    it was measured.
     """
 
     dataset: Dataset
     rows: Indices
     string: StringParams | None = None
     sensing_range: tuple[Metres, Metres] | None = None
+    length_std: Metres | None = None
     ambient_noise: Mapping[str, str] = field(default_factory=lambda: AMBIENT_NOISE)
     tuned: bool = False
 
@@ -58,16 +63,20 @@ class Selection:
             sample_rate=manifest.sample_rate,
             channels=manifest.channels,
             string=self.string,
+            length_std=self.length_std,
             sensing_range=self.sensing_range,
         )
 
     def signal_of(self, session: int) -> Signal:
-        """Return a session's signal, with its string's tuning."""
+        """Return a session's signal, with its string's tuning and length."""
         part = self.dataset.manifest.parts[session]
-        counts = self.tuned or part.tuned == RECORDED
-        if self.string is None or part.tension is None or not counts:
+        if self.string is None or not (self.tuned or part.tuned == RECORDED):
             return self.signal
-        return replace(self.signal, string=replace(self.string, tension=part.tension))
+        own = string_of(part, self.string, measured=self.tuned)
+        if self.length_std is not None and part.measured_length is None:
+            own = with_length(own, self.string.length)
+        is_measured = part.measured_length == own.length
+        return replace(self.signal, string=own, length_std=RULER_STD if is_measured else self.length_std)
 
     @property
     def sessions(self) -> list[int]:

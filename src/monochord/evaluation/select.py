@@ -5,7 +5,7 @@ apart.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
@@ -28,7 +28,7 @@ from monochord.perception.model import load as load_model
 from monochord.perception.model.definition import Definition
 from monochord.perception.training.run_folder import CONFIG
 from monochord.perception.tuning.sessions import tension_estimator
-from monochord.physics.sensors import load_sensor
+from monochord.physics.sensors import RULER_STD, load_sensor, same_wire
 from monochord.sessions import read_session
 
 LABELS = ("contact", "position", "force", "slip")
@@ -217,7 +217,12 @@ def select(
             notes += (f"the {settings.part} part was used to choose the model, so it is not a test",)
         rows = split.parts[settings.part]
     selection = Selection(
-        dataset=dataset, rows=rows, string=string, sensing_range=sensing_range, tuned=settings.tuned
+        dataset=dataset,
+        rows=rows,
+        string=string,
+        length_std=RULER_STD if sensor and sensor.measured_length else None,
+        sensing_range=sensing_range,
+        tuned=settings.tuned,
     )
     refuse_unusable_labels(selection)
     if definition is not None and not (split and settings.part != "test"):
@@ -327,15 +332,9 @@ def _known_of_sessions(
     strings = [session.description.string for session in sessions.values()]
     floors = {name: force_floor(session, window) for name, session in sessions.items()}
     known = {name: floor for name, floor in floors.items() if floor is not None}
-    is_one = all(_is_same_wire(string, strings[0]) for string in strings)
-    return known, strings[0] if is_one else None
-
-
-def _is_same_wire(string: StringParams | None, other: StringParams | None) -> bool:
-    """Return whether two strings are the same wire, at any tension."""
-    if string is None or other is None:
-        return string is other
-    return replace(string, tension=other.tension) == other
+    first = strings[0]
+    is_one = all(string and first and same_wire(string, first) for string in strings)
+    return known, first if is_one else None
 
 
 def training_of(candidate: Candidate, string: StringParams | None) -> Selection | None:

@@ -10,8 +10,7 @@ from monochord.capture.sources import SOURCES
 from monochord.core.errors import DeviceError, InputError
 from monochord.live import Scorer
 from monochord.live.tuning import tuned
-from monochord.perception.tuning.sessions import LENGTH_TOLERANCE
-from monochord.physics.sensors import load_sensor
+from monochord.physics.sensors import LENGTH_TOLERANCE, load_sensor
 
 LEARNED, PHYSICS = "model", "closed_form"
 BUNDLED = "demo"

@@ -26,11 +26,9 @@ from monochord.live.settings import LiveRun, channels_of
 from monochord.live.sinks.base import Run, Update
 from monochord.live.summary import Meter, Summary
 from monochord.perception.estimators.base import Watching
-from monochord.physics.sensors import load_sensor, with_sensor
+from monochord.physics.sensors import load_sensor, refuse_other_length, with_sensor
 from monochord.physics.strings import load_string
 
-LENGTH_TOLERANCE = 0.02
-"""Relative tolerance between a sensor's length and that of the source's string."""
 NO_TRUTH: Truth = MappingProxyType({})
 """The truth of one of several strings: empty, since a source's truth names no string."""
 
@@ -321,12 +319,9 @@ def _with_string(signal: Signal, preset: str, sensor: str) -> Signal:
     """
     if sensor:
         known, own = load_sensor(sensor), signal.string
-        length = known.string.length
-        if own is not None and abs(length / own.length - 1.0) > LENGTH_TOLERANCE:
-            given = f"sensor '{sensor}' with a string of {length:g} m"
-            raise InputError(
-                given, f"{own.length:g} m, the length of the source's string", "name that sensor"
-            )
+        if own is not None:
+            what = f"sensor '{sensor}' for a source, with a string"
+            refuse_other_length(known.string.length, own.length, what, "name the source's sensor")
         return with_sensor(signal, known)
     if not preset:
         return signal

@@ -10,7 +10,7 @@ from monochord.capture.sources.base import Source, Stream
 from monochord.core.errors import InputError
 from monochord.core.silence import SILENCE_REMEDY
 from monochord.core.types import StringParams
-from monochord.core.units import Hertz, Seconds
+from monochord.core.units import Hertz, Metres, Seconds
 from monochord.core.windows import windows
 from monochord.live.listen import source_of
 from monochord.live.settings import WindowSettings
@@ -20,9 +20,12 @@ from monochord.physics.sensors import (
     SensorTuning,
     designs_with,
     load_sensor,
+    refuse_other_length,
     sensor_design,
     sensor_names,
     sensor_toml,
+    sensor_tuning,
+    with_length,
 )
 from monochord.physics.theory import inharmonicity, open_frequency
 from monochord.physics.twin import Sensor
@@ -44,7 +47,8 @@ class SensorAsTuned:
     """A sensor's design with its tuning, measured from untouched sound.
 
     `design` is the preset's name, `sensor` that preset; `tuning` is the measurement, from `seconds` of
-    untouched sound of `source`, at `time`. `refused` windows were not used.
+    untouched sound of `source`, at `time`. `length` is the string's length in m, if it was measured.
+    `refused` windows were not used.
     """
 
     design: str
@@ -52,13 +56,15 @@ class SensorAsTuned:
     tuning: Tuning
     seconds: Seconds
     source: str
+    length: Metres | None = None
     time: str = ""
     refused: int = 0
 
     @property
     def string(self) -> StringParams:
-        """The design's string at the measured pitch's tension."""
-        return self.tuning.tuned(self.sensor.string)
+        """The design's string, of the measured length, at the measured pitch's tension."""
+        string = self.sensor.string
+        return self.tuning.tuned(with_length(string, self.length) if self.length else string)
 
     @property
     def nominal(self) -> Hertz:
@@ -98,6 +104,9 @@ class SensorAsTuned:
             f"  tension        {measured.tension:.2f} N +- {measured.tension_std:.2f}",
             f"  inharmonicity  {tuning.inharmonicity:.2e} +- {tuning.inharmonicity_std:.1e}",
         ]
+        if self.length is not None:
+            longer = 1e3 * (self.length - self.sensor.string.length)
+            lines.append(f"  length         {1e3 * self.length:.1f} mm, {longer:+.1f} mm off the design's")
         if measured.decay is not None:
             lines.append(
                 f"  losses         free partials decay at {tuning.decay:.1f} 1/s +- {tuning.decay_std:.1f}"
@@ -114,7 +123,7 @@ class SensorAsTuned:
     def measured(self) -> SensorTuning:
         """Return the measured values as written to the file."""
         tuning = self.tuning
-        tension, tension_std = tuning.tension(self.sensor.string)
+        tension, tension_std = tuning.tension(self.string)
         has_decay = math.isfinite(tuning.decay)
         return SensorTuning(
             open_frequency=tuning.frequency,
@@ -127,6 +136,7 @@ class SensorAsTuned:
             decay_std=tuning.decay_std if has_decay else None,
             partials=tuning.partials,
             microphones=tuning.channels,
+            length=self.length,
             seconds=self.seconds,
             time=self.time,
             source=self.source,
@@ -138,6 +148,7 @@ def tune(
     sensor: str = "",
     seconds: Seconds = SECONDS,
     window: Seconds = WINDOW.length,
+    length: Metres | None = None,
     **options: Any,
 ) -> SensorAsTuned:
     """Tune a sensor from its untouched sound.
@@ -154,14 +165,17 @@ def tune(
         Duration taken from each source, in s.
     window
         Length of the analysed windows, in s.
+    length
+        The string's length in m from end to end, measured with a ruler; by default the one in the earlier
+        file, or else unknown. Models then state positions on a string of this length.
     options
         Options of the source, such as ``seed=1`` or ``speed=0.0`` for the twin.
 
     Raises
     ------
     InputError
-        If the sensor is unknown, or the pitch cannot be found in the sound: it is silent, touched, from
-        another string or no string, or the pitch is ambiguous.
+        If the sensor is unknown, the length is not the design's within 3 %, or the pitch cannot be found in
+        the sound: it is silent, touched, from another string or no string, or the pitch is ambiguous.
     DeviceError
         If a device is missing or lost.
 
@@ -173,7 +187,8 @@ def tune(
     """
     opened = [source_of(source, options) for source in sources or ("jack",)]
     names = [str(source) if isinstance(source, str | Path) else type(source).__name__ for source in sources]
-    return tuned(opened, names or ["jack"], sensor, seconds, WindowSettings(length=window, hop=WINDOW.hop))
+    settings = WindowSettings(length=window, hop=WINDOW.hop)
+    return tuned(opened, names or ["jack"], sensor, seconds, settings, length)
 
 
 def tuned(
@@ -182,6 +197,7 @@ def tuned(
     sensor: str = "",
     seconds: Seconds = SECONDS,
     window: WindowSettings = WINDOW,
+    length: Metres | None = None,
 ) -> SensorAsTuned:
     """Return a tuned sensor, from source objects and their names; see `tune`.
 
@@ -192,12 +208,15 @@ def tuned(
     """
     design = sensor_design(sensor) if sensor else ""
     if design:
-        load_sensor(design)  # refused before any device is opened
+        _refuse_length(length, design)  # before any device is opened
+        earlier = sensor_tuning(sensor)
+        length = earlier.length if length is None and earlier else length
     state, reason = TunerState(), ""
     for source, name in zip(sources, names, strict=True):
         with source.open() as stream:
             signal = stream.signal
             design = design or preset_of(signal.string)
+            _refuse_length(length, design)
             before = state.start
             tuner, state = _followed(stream, load_sensor(design).string, state, seconds, window)
             reason = tuner.reason_against(state)
@@ -214,8 +233,16 @@ def tuned(
         tuning=state.tuning,
         seconds=len(state.lines) * window.hop,
         source=", ".join(names),
+        length=length,
         refused=state.refusals,
     )
+
+
+def _refuse_length(length: Metres | None, design: str) -> None:
+    """Raise `InputError` for an unknown design, or a measured length that a string of it cannot have."""
+    known = load_sensor(design).string.length
+    if length is not None:
+        refuse_other_length(length, known, f"a string of {design}", "change the preset: it is another string")
 
 
 def _followed(

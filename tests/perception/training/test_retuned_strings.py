@@ -27,7 +27,8 @@ from monochord.perception.tuning.sessions import (
     retuned_strings,
     tension_estimator,
 )
-from monochord.physics.sensors import SensorTuning, load_sensor, sensor_toml
+from monochord.physics.sensors import RULER_STD, SensorTuning, load_sensor, sensor_toml
+from monochord.physics.theory import open_frequency
 
 DESIGN = load_sensor("prototype").string
 OWN = 0.95
@@ -144,6 +145,36 @@ def test_a_model_is_calibrated_on_each_own_string(dataset: Dataset) -> None:
     assert np.abs(places - dataset.label("position")[rows]).max() < 5e-3
     forces = with_design_forces(model, dataset).label("force")
     np.testing.assert_allclose(forces * force_scales(dataset, DESIGN), dataset.label("force"))
+
+
+def test_a_measured_length_is_that_of_positions_and_forces(dataset: Dataset) -> None:
+    """All else equal, the touches of a string that is longer by 1 % lie further out by 1 %."""
+    parts = tuple(replace(part, measured_length=0.202) for part in dataset.manifest.parts)
+    longer = replace(dataset, manifest=replace(dataset.manifest, parts=parts))
+    strings = retuned_strings(longer, DESIGN)
+    assert [round(open_frequency(string) / open_frequency(DESIGN), 2) for string in strings.values()] == [
+        1.0,
+        OWN,
+        OWN,
+    ]
+    model = load("demo")
+    own, other = with_design_forces(model, longer), with_design_forces(model, dataset)
+    np.testing.assert_allclose(1.01 * own.label("position"), other.label("position"))
+    np.testing.assert_allclose(1.01**3 * own.label("force"), other.label("force"), rtol=1e-6)
+    signal = Signal(sample_rate=44100, channels=2, string=DESIGN)
+    rows, few = (
+        [
+            Rows.prepared(each, signal, "closed_form", {}, dataset.path / "features")
+            for each in (longer, dataset)
+        ],
+        np.flatnonzero(dataset.label("settled") == 1.0)[::7],
+    )
+    np.testing.assert_allclose(rows[0].of(few), rows[1].of(few), rtol=1e-5)
+    for tuned in (False, True):
+        selection = Selection(dataset=longer, rows=few, string=DESIGN, tuned=tuned)
+        lengths = [selection.signal_of(number).string for number in range(3)]
+        assert [string.length for string in lengths if string] == ([0.202] * 3 if tuned else [0.2] * 3)
+        assert (selection.signal_of(1).length_std == RULER_STD) is tuned
 
 
 def _whole(dataset: Dataset) -> Any:

@@ -8,8 +8,9 @@ import pytest
 from monochord.core.errors import InputError
 from monochord.core.types import StringParams
 from monochord.core.units import Newtons
-from monochord.perception.tuning.sessions import tension_estimator
-from monochord.physics.sensors import load_sensor
+from monochord.datasets.manifest import Part
+from monochord.perception.tuning.sessions import at_length_of, string_of, tension_estimator
+from monochord.physics.sensors import load_sensor, with_length
 from monochord.physics.strings import load_string
 from monochord.physics.theory import open_frequency, stiff_partials
 
@@ -25,6 +26,22 @@ def test_a_session_on_a_longer_string_is_refused() -> None:
 def test_one_of_nearly_the_same_length_or_that_names_none_is_listened_to() -> None:
     for design, string in ((DESIGN, replace(DESIGN, length=0.203)), (DESIGN, None), (None, DESIGN)):
         assert tension_estimator(design)(SOUND, 44100, string, None) is None  # silence tells no tension
+
+
+def test_a_session_keeps_its_pitch_on_the_designs_wire_and_its_own_length() -> None:
+    other = replace(load_sensor("gauge_012").string, length=0.203, tension=70.0)
+    tension = tension_estimator(DESIGN)(SOUND, 44100, other, 70.0)
+    blank = dict.fromkeys(("name", "source", "checksum", "audio", "audio_checksum", "labels"), "")
+    part = Part(**blank, frames=0, first=0, windows=0, tension=tension, tuned="recorded", length=0.203)
+    own = string_of(part, DESIGN, measured=True)
+    assert own.length == 0.203
+    assert open_frequency(own) == pytest.approx(open_frequency(other))
+    ruled = string_of(replace(part, measured_length=0.2021), DESIGN, measured=True)
+    assert (ruled.length, ruled.linear_density) == (0.2021, DESIGN.linear_density)
+    assert open_frequency(ruled) == pytest.approx(open_frequency(other))
+    assert string_of(replace(part, measured_length=0.2021), DESIGN, measured=False) == own
+    assert open_frequency(at_length_of(own, DESIGN)) == pytest.approx(open_frequency(other))
+    assert at_length_of(with_length(DESIGN, 0.203), DESIGN) is DESIGN
 
 
 def at_the_same_pitch(other: StringParams) -> Newtons:

@@ -2,7 +2,7 @@
 
 from collections.abc import Generator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +14,7 @@ from monochord.core.labels import LabelTrack, one_window_labels
 from monochord.core.ranges import Count, NonNegative
 from monochord.core.types import Audio, Signal, Truth
 from monochord.core.units import Samples
+from monochord.physics.sensors import RULER_STD
 from monochord.sessions import SessionReader, read_session
 from monochord.sessions.alignment import AUDIO, Alignment, align, calibration_spans
 
@@ -67,6 +68,8 @@ class _SessionStream(PacedStream):
     def __init__(self, session: SessionReader, options: SessionSource) -> None:
         about, track = session.description, session.audio
         signal = Signal(sample_rate=about.sample_rate, channels=about.channels, string=about.string)
+        if about.sensor.get("measured_length") is not None:
+            signal = replace(signal, length_std=RULER_STD)
         end = track.samples.shape[1]
         super().__init__(signal, block=options.block, speed=options.speed, end=end)
         self._samples = track.samples

@@ -44,8 +44,8 @@ from monochord.perception.model.saving import save
 from monochord.perception.model.stream import Fixed, Followed, ModelStream
 from monochord.perception.model.summary import facts
 from monochord.perception.model.table import PredictionTable
-from monochord.perception.tuning.sessions import force_scale, refuse_other_length
-from monochord.physics.sensors import Sensor, load_sensor, retuned, with_sensor
+from monochord.perception.tuning.sessions import at_length_of, force_scale, refuse_foreign
+from monochord.physics.sensors import Sensor, load_sensor, retuned, with_length, with_sensor
 from monochord.physics.strings import load_string
 from monochord.physics.theory import open_frequency
 
@@ -83,7 +83,10 @@ class Model:
     weights
         Arrays float32 with the names and shapes of `Definition.shapes`.
     string
-        The string at its present tuning, to which features are relative; None for the training's tuning.
+        The string at its present tuning and length; None for the training's. Features are relative to its
+        pitch, and positions to its length.
+    length_std
+        The standard error of its length in m, where it was measured; None for a length that is the design's.
     sensing_range
         The positions that the sensor can estimate, in m; None if the sensor does not state them. See
         `places`.
@@ -102,21 +105,33 @@ class Model:
     definition: Definition
     weights: Mapping[str, Audio]
     string: StringParams | None = None
+    length_std: Metres | None = None
     sensing_range: tuple[Metres, Metres] | None = None
 
     @property
+    def length_scale(self) -> float:
+        """The length of the string over that of the training."""
+        trained = self.definition.string
+        return 1.0 if self.string is None or trained is None else self.string.length / trained.length
+
+    @property
     def places(self) -> tuple[Metres, Metres] | None:
-        """The range of positions that are stated, in m: the overlap of sensor and training; None for any."""
+        """The range of positions that are stated, on a string of the training's length, in m; None for any.
+
+        It is the overlap of sensor and training. A sensor states its range in m, the training in shares of
+        the string.
+        """
         own, trained = self.sensing_range, self.definition.sensing_range
+        own = own and (own[0] / self.length_scale, own[1] / self.length_scale)
         if own is None or trained is None:
             return own or trained
         return max(own[0], trained[0]), min(own[1], trained[1])
 
     def tuned(self, string: StringParams) -> "Model":
-        """Return the model for a string at this tuning; features are relative to the string.
+        """Return the model for a string at this tuning and length; features are relative to its pitch.
 
-        The wire is the training's; only its tension follows the open frequency. A string at the training's
-        pitch gives the same bits.
+        The wire is the training's; its tension follows the open frequency. Positions scale with the length.
+        The training's pitch and length give the same bits.
 
         Raises
         ------
@@ -131,7 +146,9 @@ class Model:
             given = f"a string tuned to {own:.1f} Hz for a model"
             allowed = f"within {100.0 * MAX_RETUNING:.0f} % of {known:.1f} Hz, as it was trained"
             raise InputError(given, allowed, "tune the sensor, or train a model for it")
-        return self if own == known else replace(self, string=retuned(trained, own))
+        if own == known and string.length == trained.length:
+            return self
+        return replace(self, string=retuned(with_length(trained, string.length), own))
 
     def within(self, sensing_range: tuple[Metres, Metres]) -> "Model":
         """Return the model for a sensor with this sensing range, in m.
@@ -170,7 +187,7 @@ class Model:
             raise InputError(given, f"{trained.sample_rate} Hz, as it was trained", remedy)
         refuse_other_channels(signal.channels, trained.channels, "for a model")
         if trained.string and signal.string:
-            refuse_other_length(signal.string, trained.string)
+            refuse_foreign(signal.string, trained.string)
         if size is not None:
             self.check_size(size)
         _ = self.extractors
@@ -330,6 +347,7 @@ class Model:
             If the sample rate, channels, string or window differ from the training's.
         """
         model = self.tuned(signal.string) if signal.string else self
+        model = replace(model, length_std=signal.length_std)
         model = model.within(signal.sensing_range) if signal.sensing_range else model
         model.check(signal, size)
         string = model.string or model.definition.string
@@ -426,16 +444,20 @@ class Model:
         }
 
     def with_length_error(self, estimates: dict[str, Estimate]) -> dict[str, Estimate]:
-        """Return estimates whose standard error of position includes that of the string's length.
+        """Return estimates with positions on the string's own length, and its error in their standard error.
 
         A string that is longer than the training's by a share has its touches further from pickup 1 by the
-        same share, and no sound tells: `Definition.length_std`.
+        same share, and no sound tells. Its error is that of the measured length, or `Definition.length_std`
+        where none was measured.
         """
-        share, name = self.definition.length_std, self.definition.place
-        if not share or name is None or not estimates[name].valid:
+        share, scale, name = self.definition.length_std, self.length_scale, self.definition.place
+        if self.length_std is not None and self.definition.string is not None:
+            share = self.length_std / (scale * self.definition.string.length)
+        if (not share and scale == 1.0) or name is None or not estimates[name].valid:
             return estimates
-        position = estimates[name]
-        return {**estimates, name: replace(position, std=hypot(position.std, share * position.value))}
+        value, std = scale * estimates[name].value, scale * estimates[name].std
+        position = replace(estimates[name], value=value, std=hypot(std, share * value))
+        return {**estimates, name: position}
 
     def _no_place_reason(self, reading: WindowReading, estimates: Estimates) -> str:
         """Return why the position of a touch cannot be stated; empty if it can."""
@@ -598,7 +620,8 @@ class Model:
             refuse_another(record.name, probed(prepared, trained.channels, trained.window), probe, scale)
             if self.string is None:
                 return prepared
-            return feature.prepare(replace(signal, string=self.string, design=trained.string), trained.window)
+            own = at_length_of(self.string, trained.string) if trained.string else self.string
+            return feature.prepare(replace(signal, string=own, design=trained.string), trained.window)
 
         reference = trained.reference
         has_own = reference is not None and reference.feature != trained.feature

@@ -19,7 +19,7 @@ from monochord.perception.training.adapt import Objects, adapt, judge
 from monochord.perception.training.adaptation import Adaptation
 from monochord.perception.training.examples import touches_of
 from monochord.perception.training.touch_labels import refuse_impossible
-from monochord.perception.tuning.sessions import tension_estimator
+from monochord.perception.tuning.sessions import retuned_strings, tension_estimator
 from monochord.sessions import read_session
 
 TOLERANCE: Metres = 1e-6
@@ -99,10 +99,14 @@ def calibrated(
             options,
             listen=tension_estimator(trained.string),
         )
+        dataset = _as_live(dataset)
         touch = touches_of(dataset)
         refuse_impossible(given, dataset, touch, np.unique(touch))  # before any is left out
         span = sensing_range or _range_of(files)
-        span = (given.within(span) if span else given).places
+        strings = retuned_strings(dataset, trained.string).values() if trained.string else ()
+        own = next((given.tuned(string) for string in strings), given)
+        own = own.within(span) if span else own
+        span = own.places and (own.places[0] * own.length_scale, own.places[1] * own.length_scale)
         dataset, outside = _within(dataset, span)
         if touches == 0:
             result = judge(given, dataset, sensing_range=span, progress=progress)
@@ -112,6 +116,15 @@ def calibrated(
             )
     result = dataclasses.replace(result, sensing_range=span, outside=outside)
     return result if out is None else dataclasses.replace(result, model=save(result.model, out))
+
+
+def _as_live(dataset: Dataset) -> Dataset:
+    """Return a dataset whose strings have the lengths that a live run of their sensors knows."""
+    parts = tuple(
+        part if part.measured_length == part.length else dataclasses.replace(part, measured_length=None)
+        for part in dataset.manifest.parts
+    )
+    return dataclasses.replace(dataset, manifest=dataclasses.replace(dataset.manifest, parts=parts))
 
 
 def _refuse_other_rates(sessions: Sequence[Path], sample_rate: int) -> None:

@@ -19,7 +19,7 @@ from monochord.perception.model.definition import Definition, FeatureRecord, Hea
 from monochord.perception.model.probe import probed
 from monochord.perception.training.rows import Noise, Rows
 from monochord.perception.training.settings import TrainingSettings
-from monochord.perception.tuning.sessions import force_scales
+from monochord.perception.tuning.sessions import force_scales, length_scales
 from monochord.physics.sensors import load_sensor
 
 MIN_DEVIATION = 1e-6
@@ -247,18 +247,18 @@ def assembled(
     tasks: Mapping[str, Task],
     base: Sequence[Audio],
     context: Sequence[Audio],
-    force_scales: Floats | None = None,
+    scales: Mapping[str, Floats] | None = None,
 ) -> Examples:
     """Return the examples of windows `rows` (n,) from the features and references of each copy.
 
-    Labels in N are divided by `force_scales` (windows of the dataset,), which converts forces to the design's
-    tension.
+    Labels in the units of `scales` are divided by these (windows of the dataset,), which convert positions
+    (m) and forces (N) to the design's string.
     """
     masks = masks_of(dataset, tasks)
 
     def label(task: Task) -> Floats:
         values = dataset.label(task.label)
-        return values if force_scales is None or task.unit != "N" else values / force_scales
+        return values if scales is None or task.unit not in scales else values / scales[task.unit]
 
     return Examples(
         rows=rows,
@@ -297,7 +297,7 @@ def examples_of(
         whole = references(dataset, stream, contact, rule, features)
         context.append(whole[np.searchsorted(stream, rows)])
     design = data.definition.string
-    scales = force_scales(dataset, design) if design else None
+    scales = {"N": force_scales(dataset, design), "m": length_scales(dataset, design)} if design else None
     return assembled(dataset, rows, data.tasks, base, context, scales)
 
 

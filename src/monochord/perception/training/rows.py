@@ -31,7 +31,7 @@ from monochord.datasets.store import Dataset
 from monochord.perception.features import FEATURES
 from monochord.perception.features.base import Extractor
 from monochord.perception.model.probe import probed
-from monochord.perception.tuning.sessions import retuned_strings
+from monochord.perception.tuning.sessions import at_length_of, retuned_strings
 
 CHUNK = 2048
 """Rows in a file: the unit of work of a process, and the largest loss after a kill."""
@@ -105,7 +105,8 @@ class Rows:
             If the feature is unknown, or refuses an option or the signal.
         """
         feature, size, design = FEATURES.build(name, options), dataset.manifest.window, signal.string
-        strings = retuned_strings(dataset, design) if design else {}
+        own = retuned_strings(dataset, design) if design else {}
+        strings = {number: at_length_of(string, design) for number, string in own.items() if design}
         return cls(
             dataset=dataset,
             signal=signal,
@@ -116,6 +117,7 @@ class Rows:
             retuned={
                 number: feature.prepare(replace(signal, string=string, design=design), size)
                 for number, string in strings.items()
+                if string != design
             },
             workers=workers,
             cluster=cluster,

@@ -49,7 +49,7 @@ from monochord.perception.training.run_folder import (
     write_metrics,
 )
 from monochord.perception.training.settings import TrainingSettings
-from monochord.perception.tuning.sessions import force_scales, retuned_strings
+from monochord.perception.tuning.sessions import force_scales, length_scales, retuned_strings
 
 HeadScores = dict[str, float]
 NEVER = 1.0e6
@@ -188,12 +188,16 @@ def calibrated(
 
 
 def with_design_forces(model: Model, dataset: Dataset) -> Dataset:
-    """Return a dataset with forces converted to the design's tension, see `force_scales`."""
+    """Return a dataset with forces and positions converted to the design's string.
+
+    See `force_scales` and `length_scales`.
+    """
     design = model.definition.string
-    if design is None or "force" not in dataset.labels:
+    if design is None:
         return dataset
-    force = dataset.labels["force"] / force_scales(dataset, design)
-    return dataclasses.replace(dataset, labels={**dataset.labels, "force": force})
+    scales = {"force": force_scales(dataset, design), "position": length_scales(dataset, design)}
+    own = {name: dataset.labels[name] / scale for name, scale in scales.items() if name in dataset.labels}
+    return dataclasses.replace(dataset, labels={**dataset.labels, **own})
 
 
 def window_of(dataset: Dataset, row: int) -> Window:

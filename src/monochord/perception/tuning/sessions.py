@@ -1,4 +1,4 @@
-"""The tuning of the string in each session of a dataset; features and forces are relative to it."""
+"""The string in each session of a dataset: features, positions and forces are relative to it."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -11,9 +11,11 @@ from monochord.core.errors import InputError
 from monochord.core.types import Audio, Floats, Signal, StringParams, Window
 from monochord.core.units import Newtons, Seconds
 from monochord.perception.tuning.tuner import Tuner, TunerState
+from monochord.physics.sensors import refuse_other_length, with_length
 from monochord.physics.theory import open_frequency
 
 if TYPE_CHECKING:  # a live run has no dataset
+    from monochord.datasets.manifest import Part
     from monochord.datasets.store import Dataset
 
 BEGINNING: Seconds = 5.0
@@ -24,8 +26,6 @@ LOWEST, HIGHEST = -0.015, 0.008
 
 Within this range, readings at the known pitch are as accurate (docs/design/tuning-and-calibration.md), and a
 model need not change with every drift. Outside, features use the measured tuning, offline and live."""
-LENGTH_TOLERANCE = 0.02
-"""Largest relative difference of a string's length from the training's."""
 
 
 def estimate_tension(
@@ -67,7 +67,8 @@ def tension_estimator(
     """Return a variant of `estimate_tension` for sessions of a model's design; workers can receive it.
 
     A session that names no string has the design's string. A session with a string of another length is
-    refused. For another wire, the result is the tension that gives the design's wire the same pitch.
+    refused, beyond what a string may be off its design. The result is the tension that gives the design's
+    wire the same pitch at the session's length, `monochord.datasets.manifest.Part.length`.
     """
     return partial(_tension_for, design)
 
@@ -80,50 +81,94 @@ def _tension_for(
     recorded: Newtons | None = None,
 ) -> Newtons | None:
     if string and design:
-        refuse_other_length(string, design)
+        refuse_foreign(string, design)
     tension = estimate_tension(samples, rate, string or design, recorded)
     if tension is None or string is None or design is None:
         return tension
     return tension * design.linear_density / string.linear_density
 
 
-def refuse_other_length(string: StringParams, trained: StringParams) -> None:
-    """Raise `InputError` if a string's length differs from the string of a model's training."""
-    if abs(string.length / trained.length - 1.0) > LENGTH_TOLERANCE:
-        given = f"a string of {string.length:g} m for a model"
-        raise InputError(given, f"{trained.length:g} m, as it was trained", "train a model for this sensor")
+def refuse_foreign(string: StringParams, trained: StringParams) -> None:
+    """Raise `InputError` if a string's length is too far off that of a model's training."""
+    remedy = "train a model for this sensor"
+    refuse_other_length(string.length, trained.length, "a model for a string", remedy)
+
+
+def string_of(part: "Part", design: StringParams, *, measured: bool) -> StringParams:
+    """Return a session's string: the design's wire at the session's tuning and length, where they are known.
+
+    Parameters
+    ----------
+    part
+        The session.
+    design
+        The string of the design.
+    measured
+        Whether a length counts that was measured with a ruler but that the session's string does not have.
+    """
+    length = part.length or design.length
+    own = with_length(design, length) if part.tension is None else replace(design, tension=part.tension)
+    own = replace(own, length=length)
+    return with_length(own, part.measured_length) if measured and part.measured_length else own
 
 
 def retuned_strings(dataset: "Dataset", design: StringParams) -> Mapping[int, StringParams]:
-    """Return the strings whose tuning differs from the design, by session number.
+    """Return the strings whose tuning or length differs from the design, by session number.
 
     A recorded tension counts however small its deviation. A tension that was estimated from sound counts only
     if a model would follow it: if its pitch deviates beyond `LOWEST` or `HIGHEST`. Smaller deviations are
-    read at the design's pitch, as in the live loop.
+    read at the design's pitch, as in the live loop. A length that was measured always counts.
     """
     strings: dict[int, StringParams] = {}
     for number, part in enumerate(dataset.manifest.parts):
-        if part.tension is None or part.tension == design.tension:
-            continue
-        own = replace(design, tension=part.tension)
+        own = string_of(part, design, measured=True)
         off = open_frequency(own) / open_frequency(design) - 1.0
-        if part.tuned == "recorded" or not LOWEST <= off <= HIGHEST:
+        if part.tuned != "recorded" and LOWEST <= off <= HIGHEST:
+            own = with_length(design, own.length)
+        if own != design:
             strings[number] = own
     return strings
 
 
-def force_scales(dataset: "Dataset", design: StringParams) -> Floats:
-    """Return the divisor (n,) that converts the force in each window to the design's tension.
+def at_length_of(string: StringParams, design: StringParams) -> StringParams:
+    """Return the string of the design's length with the pitch of `string`, to which features are relative."""
+    return design if string == with_length(design, string.length) else with_length(string, design.length)
 
-    A light press F raises the open frequency by the share E A F^2 x (L - x) / (4 L^2 T^3), see
-    `physics.theory.geometric_tension`. So forces with the same relative rise of the pitch scale as T^(3/2).
-    """
+
+def force_scales(dataset: "Dataset", design: StringParams) -> Floats:
+    """Return the divisor (n,) that converts the force in each window to the design's string."""
     scales = np.ones(len(dataset))
     for number, string in retuned_strings(dataset, design).items():
         scales[dataset.session == number] = force_scale(string, design)
     return scales
 
 
+def length_scales(dataset: "Dataset", design: StringParams) -> Floats:
+    """Return the divisor (n,) that converts the position in each window to the design's length."""
+    scales = np.ones(len(dataset))
+    for number, string in retuned_strings(dataset, design).items():
+        scales[dataset.session == number] = string.length / design.length
+    return scales
+
+
 def force_scale(string: StringParams, design: StringParams) -> float:
-    """Return the ratio of forces with the same relative rise of the pitch: on `string` over on `design`."""
+    """Return the ratio of forces with the same relative rise of the pitch: on `string` over on `design`.
+
+    A light press F at x raises the open frequency by the share E A F^2 x (L - x) / (4 L^2 T^3), see
+    `physics.theory.geometric_tension`. So at the same x / L, F scales as T^(3/2), whatever the length. At the
+    same pitch T is proportional to L^2, and F to L^3.
+
+    Examples
+    --------
+    >>> from monochord.physics.strings import load_string
+    >>> from monochord.physics.theory import geometric_tension
+    >>> design = load_string("prototype").string
+    >>> longer = with_length(design, 1.01 * design.length)
+    >>> round(force_scale(longer, design), 6), round(1.01**3, 6)
+    (1.030301, 1.030301)
+    >>> rise = geometric_tension(design, 0.08, 0.5) / design.tension - 1.0
+    >>> own = geometric_tension(longer, 0.0808, 0.5 * force_scale(longer, design)) / longer.tension - 1.0
+    >>> round(own / rise, 9)
+    1.0
+    """
     return (string.tension / design.tension) ** 1.5

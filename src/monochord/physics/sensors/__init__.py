@@ -2,7 +2,8 @@
 
 A design names its string preset, ``string = "prototype"``; ``[override]`` changes values of it. The other
 keys are the fields of `monochord.physics.twin.Sensor`. A file from ``monochord tune`` names the design,
-``design = "prototype"``, with a table ``[tuning]``; the sensor is that design with the tuned string.
+``design = "prototype"``, with a table ``[tuning]``; the sensor is that design with the tuned string, of the
+measured length where it was measured.
 """
 
 from dataclasses import dataclass, replace
@@ -13,15 +14,19 @@ from monochord.core.config import dump_toml, from_tree, load_toml, to_tree
 from monochord.core.errors import InputError
 from monochord.core.presets import Presets
 from monochord.core.types import Signal, StringParams
-from monochord.core.units import Hertz, Newtons, Seconds
+from monochord.core.units import Hertz, Metres, Newtons, Seconds
 from monochord.physics.strings import load_string
 from monochord.physics.theory import open_frequency
-from monochord.physics.twin.setup import Sensor
+from monochord.physics.twin.setup import Sensor, lengthened
 
 __all__ = ["Sensor", "load_sensor", "sensor_names"]
 
 MAX_RETUNING = 0.25
 """Largest relative deviation of a sensor's tuning from its design."""
+LENGTH_TOLERANCE = 0.03
+"""Largest relative deviation of a string's length from its design; beyond it, it is another string."""
+RULER_STD: Metres = 3e-4
+"""Standard error of a length measured with a ruler, which is good to 0.5 mm."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,6 +47,8 @@ class SensorTuning:
         Numbers of the partials that were detected, the loudest first.
     microphones
         Numbers of the microphones that picked them up, from 1 on.
+    length
+        The string's length in m, if it was measured, as with a ruler.
     seconds
         Duration of the untouched sound, in s.
     time
@@ -60,6 +67,7 @@ class SensorTuning:
     decay_std: float | None = None
     partials: tuple[int, ...] = ()
     microphones: tuple[int, ...] = ()
+    length: Metres | None = None
     seconds: Seconds = 0.0
     time: str = ""
     source: str = ""
@@ -111,6 +119,27 @@ def retuned(string: StringParams, frequency: Hertz) -> StringParams:
     return replace(string, tension=string.tension * (frequency / open_frequency(string)) ** 2)
 
 
+def with_length(string: StringParams, length: Metres) -> StringParams:
+    """Return a string of another length at the same pitch, otherwise unchanged.
+
+    Examples
+    --------
+    >>> string = load_string("prototype").string
+    >>> longer = with_length(string, 1.01 * string.length)
+    >>> round(longer.tension / string.tension, 6), round(open_frequency(longer) / open_frequency(string), 9)
+    (1.0201, 1.0)
+    """
+    return replace(string, length=length, tension=string.tension * (length / string.length) ** 2)
+
+
+def refuse_other_length(length: Metres, design: Metres, what: str, remedy: str) -> None:
+    """Raise `InputError` for a length that deviates from a design's by more than `LENGTH_TOLERANCE`."""
+    if not abs(length / design - 1.0) <= LENGTH_TOLERANCE:
+        raise InputError(
+            f"{what} of {length:g} m", f"{design:g} m within {100.0 * LENGTH_TOLERANCE:g} %", remedy
+        )
+
+
 def _read(tree: dict[str, Any], where: str) -> Sensor:
     if "design" in tree:
         return _tuned(tree, where)
@@ -141,6 +170,10 @@ def _tuned(tree: dict[str, Any], where: str) -> Sensor:
         nominal = open_frequency(sensor.string)
         allowed = f"within {100.0 * MAX_RETUNING:.0f} % of {nominal:.1f} Hz, the design's"
         raise InputError(given, allowed, "tune it again, or use another design")
+    if tuning.length is not None:
+        design_length = sensor.string.length
+        refuse_other_length(tuning.length, design_length, f"{where}: a length", "or use another design")
+        sensor = replace(lengthened(sensor, tuning.length / design_length), measured_length=tuning.length)
     return replace(sensor, string=retuned(sensor.string, tuning.open_frequency))
 
 
@@ -166,6 +199,7 @@ def with_sensor(signal: Signal, sensor: Sensor) -> Signal:
     return replace(
         signal,
         string=sensor.string,
+        length_std=None if sensor.measured_length is None else RULER_STD,
         sensing_range=sensor.range,
         drivers=tuple((each.sense, each.drive) for each in sensor.drivers if each.gain * each.limit),
     )
@@ -174,6 +208,8 @@ def with_sensor(signal: Signal, sensor: Sensor) -> Signal:
 def designs_with(string: StringParams | None) -> list[str]:
     """Return the names of the sensor presets with a string, at any tension; none for an unknown string.
 
+    A string that is a little longer or shorter counts too.
+
     Examples
     --------
     >>> designs_with(load_string("prototype").string)
@@ -181,6 +217,17 @@ def designs_with(string: StringParams | None) -> list[str]:
     """
     if string is None:
         return []
-    return [
-        name for name in sensor_names() if replace(load_sensor(name).string, tension=string.tension) == string
-    ]
+    return [name for name in sensor_names() if same_wire(load_sensor(name).string, string)]
+
+
+def same_wire(string: StringParams, other: StringParams) -> bool:
+    """Return whether two strings are of one design: the same wire at any tension, about as long.
+
+    Examples
+    --------
+    >>> string = load_string("prototype").string
+    >>> [same_wire(string, replace(string, length=length)) for length in (0.198, 0.3)]
+    [True, False]
+    """
+    alike = replace(string, tension=other.tension, length=other.length) == other
+    return alike and abs(string.length / other.length - 1.0) <= LENGTH_TOLERANCE

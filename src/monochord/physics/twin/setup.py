@@ -1,6 +1,6 @@
 """What a twin is given: the sensor as built, with its tolerances, and the scene around it."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import inf, pi
 from typing import Annotated, Literal, TypeAlias
 
@@ -342,6 +342,31 @@ def hold(position: Metres, force: Newtons, material: Material, *, across: Metres
     1.0
     """
     return Touch(material=material, motion=(Key(time=0.0, position=position, force=force, across=across),))
+
+
+def lengthened(sensor: Sensor, share: float) -> Sensor:
+    """Return a sensor whose string is longer by a factor at the same pitch.
+
+    Coils of the further half stay where they are from the further end. The sensing range stays.
+
+    Examples
+    --------
+    >>> from monochord.physics.sensors import load_sensor
+    >>> sensor = lengthened(load_sensor("prototype"), 1.01)
+    >>> round(sensor.string.length, 6), sensor.range
+    (0.202, (0.05, 0.15))
+    """
+    string = sensor.string
+    moved = string.length * (share - 1.0)
+
+    def place(x: Metres) -> Metres:
+        return x if x < 0.5 * string.length else x + moved
+
+    first, second = (
+        replace(driver, sense=place(driver.sense), drive=place(driver.drive)) for driver in sensor.drivers
+    )
+    longer = replace(string, length=share * string.length, tension=share**2 * string.tension)
+    return replace(sensor, string=longer, drivers=(first, second))
 
 
 def refuse_impossible(sensor: Sensor) -> None:

@@ -23,7 +23,7 @@ from typing import Literal, get_args
 from monochord.core.errors import InputError
 from monochord.core.units import Hertz, Metres, Newtons
 from monochord.physics.twin.held import drawn_mount, drawn_mount_1
-from monochord.physics.twin.setup import ContactLaw, Ebow, End, Mount, Pickups, Sensor, Touch
+from monochord.physics.twin.setup import ContactLaw, Ebow, End, Mount, Pickups, Sensor, Touch, lengthened
 from monochord.physics.twin.variation import build as build_of
 from monochord.physics.twin.variation import day as day_of
 from monochord.physics.twin.variation import log_uniform, random_stream, uniform
@@ -296,24 +296,12 @@ def plausible_touch(touch: Touch, seed: int, effects: Effects = ALL, world: Worl
 
 
 def _built(sensor: Sensor, seed: int, effects: Effects) -> Sensor:
-    """Return a sensor of another length, tuned to its pitch, whose tension follows a press by more.
-
-    Coils of the further half stay where they are from the further end.
-    """
+    """Return a sensor of another length, tuned to its pitch, whose tension follows a press by more."""
     string = sensor.string
     if effects.length:
-        share = 1.0 + uniform(seed, "length of the frame", LENGTH)
-        moved = string.length * (share - 1.0)
-
-        def place(x: Metres) -> Metres:
-            return x if x < 0.5 * string.length else x + moved
-
-        first, second = (
-            replace(driver, sense=place(driver.sense), drive=place(driver.drive)) for driver in sensor.drivers
-        )
-        longer = replace(string, length=share * string.length, tension=share**2 * string.tension)
-        measured = longer.length + uniform(seed, "ruler", RULER)
-        sensor = replace(sensor, string=longer, drivers=(first, second), measured_length=measured)
+        longer = lengthened(sensor, 1.0 + uniform(seed, "length of the frame", LENGTH))
+        measured = longer.string.length + uniform(seed, "ruler", RULER)
+        sensor = replace(longer, measured_length=measured)
     if effects.tension_law:
         share = uniform(seed, "tension law", PRESS_TENSION)
         sensor = replace(sensor, press_tension=share * string.tension_per_force)
