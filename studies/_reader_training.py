@@ -37,7 +37,7 @@ RESPONSE, KNOTS = 0.08, 6
 """Standard deviation of a microphone's response, in levels, at this many points along the axis: 6 dB."""
 MASKS, WIDEST = 3, 60
 """Number of dropped bands of a window, and cells of the widest."""
-CHANNELS_OUT, TAPS, HIDDEN, DROPPED = (16, 24, 32, 40, 8), (9, 5, 5, 3, 1), 96, 0.3
+CHANNELS_OUT, TAPS, HIDDEN, DROPPED = (12, 16, 24, 32, 8), (9, 5, 5, 3, 1), 96, 0.3
 BATCH, RATE, DECAY, KIND_WEIGHT = 512, 3.0e-3, 0.1, 0.5
 
 

@@ -12,8 +12,15 @@ from monochord.core.errors import InputError
 from monochord.core.types import Estimates, Signal, Window
 from monochord.perception.model import Definition, Model, ModelState
 from monochord.perception.model.definition import Calibration
-from monochord.perception.model.network import Network, Output, estimates_of, probability, quantity
-from monochord.perception.model.rise import rises
+from monochord.perception.model.network import (
+    Network,
+    Output,
+    Scaling,
+    estimates_of,
+    network_inputs,
+    probability,
+    quantity,
+)
 from monochord.perception.training.examples import Examples
 from monochord.physics.strings import load_string
 from monochord.physics.theory import geometric_tension
@@ -67,7 +74,7 @@ def test_a_gap_or_silence_is_an_abstention_and_keeps_the_reference(drawn: Model,
     ):
         after, estimates = model.step(state, window)
         assert {each.reason for each in estimates.values()} == {reason}
-        assert dataclasses.replace(after, start=state.start) == state
+        assert after._replace(start=state.start) == state
         assert estimates["force"].unit == "N"
 
 
@@ -99,42 +106,46 @@ def test_a_feature_that_changed_is_refused(drawn: Model, signal: Signal) -> None
 
 
 def rows() -> tuple[np.ndarray, np.ndarray]:
+    """Return a feature row (1, 50) and a reference (1, 11) that is present."""
     rng = np.random.default_rng(1)
-    return rng.normal(size=50).astype(np.float32), rng.normal(size=11).astype(np.float32)
+    base, context = (rng.normal(size=(1, width)).astype(np.float32) for width in (50, 11))
+    context[:, -1] = 1.0
+    return base, context
 
 
 def test_outputs_are_what_torch_computes(drawn: Model) -> None:
     torch = pytest.importorskip("torch")
-    functional = torch.nn.functional
-    network = Network.of(drawn.definition, drawn.weights)
+    definition = drawn.definition
     base, context = rows()
-    for name, record in drawn.definition.heads.items():
-        output = network.output(name, base, context)
-        row = torch.from_numpy(np.concatenate([base, context])[: drawn.definition.inputs(name)])
-
-        def layer(key: str, row: Any, name: str = name) -> Any:
+    (outputs,) = Network.of(definition, drawn.weights).outputs(base, context)
+    inputs = network_inputs(base, context, Scaling.of(definition, drawn.weights), definition.clip)
+    for name, record in definition.heads.items():
+        row = torch.from_numpy(inputs[0, list(definition.input_columns(name))])
+        for number in range(len(record.task.hidden) + 1):
             weight, bias = (
-                torch.from_numpy(drawn.weights[f"{name}.{key}.{kind}"]) for kind in ("weight", "bias")
+                torch.from_numpy(drawn.weights[f"{name}.{number}.{kind}"]) for kind in ("weight", "bias")
             )
-            return functional.linear(row, weight, bias)
-
-        for number in range(len(record.task.hidden)):
-            row = layer(str(number), row).relu()
-        row = layer(str(len(record.task.hidden)), row)
-        result = [output.value, output.log_spread][: len(row)]
+            row = torch.nn.functional.linear(row, weight, bias)
+            row = row.relu() if number < len(record.task.hidden) else row
+        result = [outputs[name].value, outputs[name].log_spread][: len(row)]
         np.testing.assert_allclose(result, row.numpy(), rtol=1e-4, atol=1e-5)
 
 
 def test_scaling_is_bounded_an_absent_reference_is_zeros_and_no_number_stays_that(drawn: Model) -> None:
-    network = Network.of(drawn.definition, drawn.weights)
-    assert np.abs(network.scaled(np.full(50, 1e30, np.float32))).max() == drawn.definition.clip
-    row = np.ones(11, np.float32)
-    assert network.scaled_context(row).any()
-    row[-1] = 0.0
-    assert not network.scaled_context(row).any()
-    unknown, reference = (np.full(width, np.nan, np.float32) for width in drawn.definition.widths)
-    inputs = network.inputs(unknown[np.newaxis], reference[np.newaxis])
-    assert all(math.isnan(network.outputs(name, inputs)[0].value) for name in drawn.definition.heads)
+    definition = drawn.definition
+    scaling = Scaling.of(definition, drawn.weights)
+    base, context = rows()
+    inputs = network_inputs(np.full((1, 50), 1e30, np.float32), context, scaling, definition.clip)
+    assert np.abs(inputs[:, :50]).max() == definition.clip
+    assert inputs[:, 50:].any()
+    absent = context.copy()
+    absent[:, -1] = 0.0
+    assert not network_inputs(base, absent, scaling, definition.clip)[:, 50:].any()
+    unknown = np.full_like(base, np.nan)
+    (outputs,) = Network.of(definition, drawn.weights).outputs(unknown, context)
+    assert all(math.isnan(output.value) for output in outputs.values())
+    with pytest.raises(InputError, match="49 columns"):
+        network_inputs(base[:, :49], context, scaling, definition.clip)
 
 
 def test_columns_that_are_no_inputs_do_not_matter(drawn: Model) -> None:
@@ -146,11 +157,11 @@ def test_columns_that_are_no_inputs_do_not_matter(drawn: Model) -> None:
     weights["force.0.weight"] = weights["force.0.weight"][:, 10 : 20 + 11]
     network = Network.of(definition, weights)
     base, context = rows()
-    before = network.output("force", base, context)
-    base[:10], base[20:] = 0.0, 5.0
-    assert network.output("force", base, context) == before
-    base[12] += 1.0
-    assert network.output("force", base, context) != before
+    before = network.outputs(base, context)[0]["force"]
+    base[:, :10], base[:, 20:] = 0.0, 5.0
+    assert network.outputs(base, context)[0]["force"] == before
+    base[:, 12] += 1.0
+    assert network.outputs(base, context)[0]["force"] != before
 
 
 def rising(definition: Definition, **feature: Any) -> Definition:
@@ -202,9 +213,7 @@ def test_training_sees_the_rise_and_the_reference_that_the_model_sees(
     network = Network.of(definition, arrays)
     for number in range(6):
         row, known = examples.base[0, number], examples.context[0, number]
-        own = network.output(
-            "force", network.scaled(row), network.scaled_context(known), network.rises(row, known)
-        )
+        own = network.outputs(row[np.newaxis], known[np.newaxis])[0]["force"]
         assert own.value == pytest.approx(float(output[number, 0]), rel=1e-4, abs=1e-4)
 
 
@@ -220,7 +229,9 @@ def test_the_root_of_the_rise_is_a_light_press_anywhere() -> None:
     share = 1e3 * (np.sqrt(tension / string.tension) - 1.0)
     row = np.stack([share, place], axis=1).astype(np.float32)
     reference = np.tile(np.array([0.0, 0.0, 1.0], np.float32), (4, 1))
-    roots = rises(row, reference, (0, 1, 0, 1))[:, 2]
+    one, three = np.ones(2, np.float32), np.ones(3, np.float32)
+    scaling = Scaling(0.0 * one, one, 0.0 * three, three, np.array([0, 1, 0, 1]))
+    roots = network_inputs(row, reference, scaling, 8.0)[:, 5 + 2]
     np.testing.assert_allclose(roots, roots[0], rtol=2e-3)
 
 

@@ -211,7 +211,8 @@ def test_a_head_refines_a_position_and_knows_where_it_is_wrong(tmp_path: Path) -
     _, weights = fit(setup, SCALER, train, judged, tmp_path / "a")
     network = Network.of(setup.definition, {**SCALER, **weights})
     mask = judged.masks["force"]
-    outputs = network.outputs("force", judged.base[0][mask])
+    base = judged.base[0][mask]
+    outputs = [output["force"] for output in network.outputs(base, base[:, :0])]
     certainty = np.array([output.certainty for output in outputs])
     wrong = judged.base[0][mask][:, 1] > 1.0
     assert certainty[~wrong].mean() > 0.9
@@ -222,7 +223,7 @@ def test_a_head_refines_a_position_and_knows_where_it_is_wrong(tmp_path: Path) -
 
 
 def misread(data: Examples) -> Examples:
-    """Return examples whose position is the first column over the length, but wrong where the second is large."""
+    """Return examples whose position is the first column over the length, but not where the second is large."""
     row = data.base[0].astype(np.float64)
     position = 0.2 * row[:, 0] + 5e-4 * row[:, 2] + np.where(row[:, 1] > 1.0, 0.05, 0.0)
     return dataclasses.replace(data, labels={**data.labels, "force": position * data.labels["contact"]})

@@ -1,0 +1,142 @@
+"""Faults: averages over time, their reasons, and which heads abstain."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from monochord.core.errors import InputError
+from monochord.core.types import OUTSIDE_RANGE
+from monochord.datasets.faults import FAULTS as SIMULATED
+from monochord.perception.model import Model, ModelState
+from monochord.perception.model.definition import FaultRecord
+from monochord.perception.model.faults import (
+    FAULTS,
+    MAX_ODDS,
+    NAMES,
+    SOME_FAULT,
+    FaultState,
+    fault_reason,
+    step,
+)
+from monochord.perception.model.model import WindowReading
+from monochord.perception.model.network import Output
+from monochord.perception.reader import KINDS
+
+COUNT = len(NAMES)
+
+
+def odds(**named: float) -> np.ndarray:
+    """Return log odds of all faults, -6 but for those named with underscores."""
+    values = np.full(COUNT, -6.0)
+    for name, value in named.items():
+        values[NAMES.index(name.replace("_", " "))] = value
+    return values
+
+
+def averaged(windows: list[np.ndarray], hop: float = 0.01, *, touched: bool = True) -> FaultState:
+    state = FaultState()
+    for number, own in enumerate(windows):
+        state = step(state, own, hop * number, touched=touched)
+    return state
+
+
+def test_the_reader_tells_every_fault_and_those_of_windows_are_simulated() -> None:
+    assert ("ordinary", *NAMES) == KINDS
+    assert set(SIMULATED) <= set(NAMES)
+
+
+@pytest.mark.parametrize("hop", [0.01, 0.1])
+def test_a_lasting_fault_is_averaged_over_its_memory_at_any_hop(hop: float) -> None:
+    quiet, faulty = round(8.0 / hop), round(2.0 / hop)
+    state = averaged([odds(hum=-5.0)] * quiet + [odds(hum=5.0)] * faulty, hop)
+    assert state.odds is not None
+    assert state.odds[NAMES.index("hum")] == pytest.approx(5.0 - 10.0 * np.exp(-1.0), abs=0.2)
+
+
+def test_the_first_windows_count_alike() -> None:
+    state = averaged([odds(hum=4.0), odds(hum=0.0), odds(hum=2.0)])
+    assert state.odds is not None
+    assert state.odds[NAMES.index("hum")] == pytest.approx(2.0, abs=0.02)
+
+
+def test_an_unusual_touch_is_told_within_less_than_a_touch() -> None:
+    state = averaged([odds(two_touches=-6.0)] * 100 + [odds(two_touches=6.0)] * 30)
+    assert fault_reason(state.odds, 1.0) == "two things seem to touch"
+
+
+def test_what_is_told_of_touches_alone_does_not_change_without_one() -> None:
+    state = averaged([odds(driver_dead=6.0)] * 50, touched=False)
+    assert state.odds is not None
+    assert state.odds[NAMES.index("driver dead")] == -MAX_ODDS
+
+
+def test_a_reason_is_named_where_one_is_likely_enough() -> None:
+    assert fault_reason(None, 0.0) == ""
+    assert fault_reason(odds(hum=1.0), 2.0) == ""
+    assert fault_reason(odds(hum=3.0), 2.0) == "hum louder than the string"
+    assert fault_reason(odds(hum=3.0, clipping=3.0), 2.0) == SOME_FAULT
+
+
+def outputs(contact: float, position: float = 0.0, certainty: float = 1.0) -> dict[str, Output]:
+    others = {name: Output(value=0.0, log_spread=-3.0) for name in ("slip", "force")}
+    place = Output(value=position, log_spread=-3.0, certainty=certainty)
+    return {"contact": Output(value=contact), "position": place, **others}
+
+
+@pytest.mark.parametrize(
+    ("fault", "contact", "told"),
+    [
+        ("microphone 1 dead", 9.0, False),
+        ("hum", 9.0, False),
+        ("microphones swapped", 9.0, True),
+        ("driver dead", -9.0, True),
+        ("two touches", 9.0, True),
+        ("two touches", -9.0, False),
+        ("very soft", 9.0, True),
+    ],
+)
+def test_contact_is_told_beside_faults_that_leave_it_right(
+    drawn: Model, fault: str, contact: float, *, told: bool
+) -> None:
+    reading = WindowReading(ModelState(), outputs(contact), FAULTS[fault].reason)
+    estimates = drawn.estimates(reading)
+    assert estimates["contact"].valid is told
+    others = {each.reason for name, each in estimates.items() if name != "contact"}
+    assert others == {FAULTS[fault].reason}
+
+
+def test_outside_the_sensing_range_all_that_a_touch_tells_is_withheld(drawn: Model) -> None:
+    model = dataclasses.replace(drawn, sensing_range=(0.05, 0.15))
+    at = drawn.definition.heads["position"]
+    for place, reason in ((0.10, ""), (0.16, OUTSIDE_RANGE), (0.03, OUTSIDE_RANGE)):
+        reading = WindowReading(ModelState(), outputs(9.0, (place - at.offset) / at.scale), "")
+        estimates = model.estimates(reading)
+        assert {estimates[name].reason for name in ("slip", "position", "force")} == {reason}
+        assert estimates["contact"].valid
+    # One touch there may sound soft, or like two.
+    soft = FAULTS["very soft"].reason
+    reading = WindowReading(ModelState(), outputs(9.0, (0.16 - at.offset) / at.scale), soft)
+    assert model.estimates(reading)["position"].reason == OUTSIDE_RANGE
+
+
+def test_force_is_withheld_with_a_position_that_is_not_certain(drawn: Model) -> None:
+    record = drawn.definition.heads["position"]
+    task = dataclasses.replace(record.task, certain=0.9)
+    heads = {**drawn.definition.heads, "position": dataclasses.replace(record, task=task)}
+    model = dataclasses.replace(drawn, definition=dataclasses.replace(drawn.definition, heads=heads))
+    for certainty, reason in ((0.95, ""), (0.85, "two candidates")):
+        estimates = model.estimates(WindowReading(ModelState(), outputs(9.0, certainty=certainty), ""))
+        assert {estimates[name].reason for name in ("position", "force")} == {reason}
+        assert estimates["slip"].valid
+
+
+def test_a_record_for_another_number_of_faults_is_refused() -> None:
+    with pytest.raises(InputError, match=f"3 values lowered.*{COUNT}"):
+        FaultRecord(limit=1.0, lowered=(0.0, 0.0, 0.0))
+
+
+def test_a_feature_without_kinds_tells_no_faults(drawn: Model) -> None:
+    definition = dataclasses.replace(drawn.definition, faults=FaultRecord(limit=1.0))
+    with pytest.raises(InputError, match="'kind ordinary'"):
+        _ = definition.fault_columns
