@@ -101,7 +101,7 @@ class Following(Measured):
             "curves": {
                 noise: {
                     name: {
-                        way: [to_tree(each) for each in self._curve(noise, name, way)]
+                        way: [to_tree(each) for each in _curve(self, noise, name, way)]
                         for way in ("windows", "followed")
                     }
                     for name in NAMES
@@ -136,7 +136,7 @@ class Following(Measured):
         return page
 
     def _draw_curve(self, delay: Axes, alarms: Axes, noise: str, name: str, way: str, line: str) -> None:
-        curve = self._curve(noise, name, way)
+        curve = _curve(self, noise, name, way)
         label = noise if way == "followed" else f"{noise}, single windows"
         at, colour = [each.threshold for each in curve], COLOURS[noise]
         median, p95 = (
@@ -146,9 +146,6 @@ class Following(Measured):
         delay.plot(at, median, line, color=colour, lw=1.6, label=label)
         delay.plot(at, p95, line, color=colour, lw=0.6)
         alarms.plot(at, [each.false_alarms for each in curve], line, color=colour, lw=1.2)
-
-    def _curve(self, noise: str, name: str, way: str) -> list[Onsets]:
-        return _curve(self, noise, name, way)
 
     def sources(self) -> list[Source]:
         """Return the sources, without noise."""
