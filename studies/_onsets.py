@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from monochord.capture.sources.base import Source, Stream
 from monochord.core.errors import InputError
-from monochord.core.types import Audio, Block, Floats, Prediction, Signal, StreamHealth, Truth
+from monochord.core.types import Audio, Block, Estimate, Floats, Prediction, Signal, StreamHealth, Truth
 from monochord.core.units import Samples, Seconds
 from monochord.live import FilterSettings, FilterState, LiveRun, LiveStream, SwitchSettings, Tracked, step
 from monochord.metrics import detection_delays, false_alarms, stretches
@@ -36,7 +36,9 @@ OUTLIER_STD = 5.0
 TIME_TOLERANCE: Seconds = 1e-6
 """Times closer than this are equal, in s."""
 MIN_SPEED = 5.0e-3
-"""Smallest speed along the string, in m/s, of windows used to measure the lag."""
+"""Smallest speed along the string, in m/s, of a touch that moves."""
+JUMP = 30
+"""Windows of a touch before it jumps."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -251,30 +253,30 @@ def _with_tails(events: Floats, window: Seconds) -> Floats:
 class Errors:
     """Errors of a quantity in touched windows, against its mean over the window's touched time.
 
-    `raw` and `tracked` are mean absolute errors where both have an estimate, in the quantity's unit;
-    `raw_answered` and `tracked_answered` are the shares of the touched `windows` with an estimate. `within_1`
-    and `within_2` are the shares of tracked estimates within one and two of their standard errors, `raw_far`
-    and `tracked_far` the shares off by more than five. `lag` is the delay of the tracked quantity relative to
-    single windows, in s, NaN without motion.
+    `raw` and `tracked` are mean absolute errors where both have an estimate, in the quantity's unit; those of
+    touches held and moving along the string are separate, too. `raw_answered` and `tracked_answered` are the
+    shares of the touched `windows` with an estimate. `within_1` and `within_2` are the shares of tracked
+    estimates within one and two of their standard errors, `raw_far` and `tracked_far` the shares off by more
+    than five.
     """
 
     raw: float
     tracked: float
+    raw_held: float
+    tracked_held: float
+    raw_moving: float
+    tracked_moving: float
     raw_answered: float
     tracked_answered: float
     within_1: float
     within_2: float
     raw_far: float
     tracked_far: float
-    lag: Seconds
     windows: int
 
 
 def errors(takes: Sequence[Recorded], name: str, settings: FilterSettings) -> Errors:
     """Return the errors of ``position`` or ``force`` with and without the filter.
-
-    The lag is a least-squares estimate: a quantity that is late by t has an error of -v t, where v is the
-    rate of change of the truth.
 
     Raises
     ------
@@ -285,36 +287,54 @@ def errors(takes: Sequence[Recorded], name: str, settings: FilterSettings) -> Er
     raw, raw_std, own, std, speed = (np.concatenate(each) for each in zip(*parts, strict=True))
     if not len(raw):
         raise InputError("takes in which nothing touches", "one touch or more")
-    both = np.isfinite(raw) & np.isfinite(own)
     answered, raw_answered = np.isfinite(own), np.isfinite(raw)
-    size = np.abs(own[answered]) / std[answered]
-    moving = both & (np.abs(speed) >= MIN_SPEED) & (np.abs(raw) < OUTLIER_STD * raw_std)
-    moving &= np.abs(own) < OUTLIER_STD * std
-    late = (
-        -np.sum((own - raw)[moving] * speed[moving]) / np.sum(speed[moving] ** 2)
-        if moving.any()
-        else math.nan
-    )
+    both, moving = answered & raw_answered, np.abs(speed) >= MIN_SPEED
+    size, raw_size = np.abs(own[answered]) / std[answered], np.abs(raw[raw_answered]) / raw_std[raw_answered]
     return Errors(
-        raw=float(np.abs(raw[both]).mean()) if both.any() else math.nan,
-        tracked=float(np.abs(own[both]).mean()) if both.any() else math.nan,
-        raw_answered=float(raw_answered.mean()),
-        tracked_answered=float(answered.mean()),
-        within_1=float((size < 1.0).mean()) if len(size) else math.nan,
-        within_2=float((size < 2.0).mean()) if len(size) else math.nan,
-        raw_far=float((np.abs(raw[raw_answered]) > OUTLIER_STD * raw_std[raw_answered]).mean()),
-        tracked_far=float((size > OUTLIER_STD).mean()) if len(size) else math.nan,
-        lag=float(late),
+        raw=_mean(np.abs(raw[both])),
+        tracked=_mean(np.abs(own[both])),
+        raw_held=_mean(np.abs(raw[both & ~moving])),
+        tracked_held=_mean(np.abs(own[both & ~moving])),
+        raw_moving=_mean(np.abs(raw[both & moving])),
+        tracked_moving=_mean(np.abs(own[both & moving])),
+        raw_answered=_mean(raw_answered),
+        tracked_answered=_mean(answered),
+        within_1=_mean(size < 1.0),
+        within_2=_mean(size < 2.0),
+        raw_far=_mean(raw_size > OUTLIER_STD),
+        tracked_far=_mean(size > OUTLIER_STD),
         windows=len(raw),
     )
 
 
+def _mean(values: Floats | NDArray[np.bool_]) -> float:
+    return float(values.mean()) if len(values) else math.nan
+
+
 def _errors(take: Recorded, name: str, settings: FilterSettings) -> tuple[Floats, ...]:
-    """Return errors and standard errors, of windows and as tracked, and the truth's rate, (n,) each."""
-    truth = np.array([each.get(name, math.nan) for each in take.truth])
+    """Return errors and standard errors, of windows and as tracked, and the touch's speed, (n,) each."""
+    truth, place = (
+        np.array([each.get(what, math.nan) for each in take.truth]) for what in (name, "position")
+    )
     raw = np.array([(e.value, e.std) for e in (each.estimate(name) for each in take.predictions)])
     own = np.array([(e.value, e.std) for e in (each.estimates[name] for each in followed(take, settings))])
-    rate = np.gradient(truth, take.hop) if len(truth) > 1 else np.full(len(truth), math.nan)
+    speed = np.gradient(place, take.hop) if len(place) > 1 else np.full(len(place), math.nan)
     rows = np.isfinite(truth)
-    columns = (raw[:, 0] - truth, raw[:, 1], own[:, 0] - truth, own[:, 1], rate)
+    columns = (raw[:, 0] - truth, raw[:, 1], own[:, 0] - truth, own[:, 1], speed)
     return tuple(each[rows] for each in columns)
+
+
+def jump_latency(settings: FilterSettings, hop: Seconds = 0.01) -> Seconds:
+    """Return how long after the first window that shows it a jump from 80 to 140 mm is tracked, in s.
+
+    >>> 0.0 <= jump_latency(FilterSettings()) <= 0.2
+    True
+    """
+    state = FilterState()
+    for k in range(100):
+        place = Estimate(value=0.14 if k >= JUMP else 0.08, std=3e-4, unit="m")
+        estimates = {"contact": Estimate(value=0.99, std=0.1, unit=""), "position": place}
+        state, said = step(state, Prediction(start=k, time=k * hop, estimates=estimates), 0.1, settings)
+        if said.estimates["position"].value > 0.139:
+            return (k - JUMP) * hop
+    return math.inf

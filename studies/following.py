@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from studies._command import draw
-from studies._onsets import Onsets, Recorded, WithNoise, errors, onsets, record
+from studies._onsets import Onsets, Recorded, WithNoise, errors, jump_latency, onsets, record
 
 from monochord.capture.sources import SOURCES
 from monochord.capture.sources.base import Source
@@ -49,7 +49,7 @@ class Following(Measured):
     Solid lines: over time, as live. Dashed lines: each window separately. Thick lines are the median delay,
     thin lines the 95th percentile, from the true onset to the end of the deciding window; without noise, with
     music, and with a geared motor. The JSON output also holds the errors of position and force with and
-    without the filter, and its lag. Simulated, unless sessions are given.
+    without the filter, held and moving, and the latency of a jump. Simulated, unless sessions are given.
 
     Parameters
     ----------
@@ -94,13 +94,14 @@ class Following(Measured):
             raise InputError(f"seconds {self.seconds:g}", "1 s or more")
 
     def numbers(self) -> dict[str, Any]:
-        """Return the curves by noise, name and method, and the errors by noise and quantity."""
+        """Return curves by noise, name and method, errors by noise and quantity, and a jump's latency."""
         return {
             "simulated": not self.sessions,
+            "jump": jump_latency(self.filter),
             "curves": {
                 noise: {
                     name: {
-                        way: [to_tree(each) for each in self._curve(noise, name, way)]
+                        way: [to_tree(each) for each in _curve(self, noise, name, way)]
                         for way in ("windows", "followed")
                     }
                     for name in NAMES
@@ -135,7 +136,7 @@ class Following(Measured):
         return page
 
     def _draw_curve(self, delay: Axes, alarms: Axes, noise: str, name: str, way: str, line: str) -> None:
-        curve = self._curve(noise, name, way)
+        curve = _curve(self, noise, name, way)
         label = noise if way == "followed" else f"{noise}, single windows"
         at, colour = [each.threshold for each in curve], COLOURS[noise]
         median, p95 = (
@@ -145,9 +146,6 @@ class Following(Measured):
         delay.plot(at, median, line, color=colour, lw=1.6, label=label)
         delay.plot(at, p95, line, color=colour, lw=0.6)
         alarms.plot(at, [each.false_alarms for each in curve], line, color=colour, lw=1.2)
-
-    def _curve(self, noise: str, name: str, way: str) -> list[Onsets]:
-        return _curve(self, noise, name, way)
 
     def sources(self) -> list[Source]:
         """Return the sources, without noise."""

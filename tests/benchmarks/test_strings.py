@@ -28,3 +28,10 @@ def test_each_number_of_strings_is_compared_with_the_first() -> None:
     assert [row.name for row in costs] == ["N = 1, cost of an estimate", "N = 3, cost of an estimate"]
     assert costs[0].ratio == 1.0
     assert {row.baseline for row in costs} == {"N = 1"}
+
+
+def test_the_cores_needed_are_compared_with_the_processes() -> None:
+    rows = {row.name: row for row in Strings(strings=(2,), seconds=0.8, hop=0.05).run()}
+    cores, cost = rows["N = 2, cores needed"], rows["N = 2, cost of an estimate"]
+    assert cores.value == pytest.approx(2 * 1e-3 * cost.value / 0.05)
+    assert (cores.baseline, cores.baseline_value) == ("processes", 1.0)

@@ -181,6 +181,7 @@ def test_a_sink_of_a_third_party_is_refused_in_one_line(
     assert "docs/how-to/upgrade.md" in line
 
 
+@pytest.mark.filterwarnings("ignore:filter\\.:DeprecationWarning")
 def test_a_configuration_of_live_runs(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
     text = Path("live.toml").read_text().split("[sinks.tally]")[0]
     Path("live.toml").write_text(f'{text}[sinks.csv]\npath = "windows.csv"\n')
@@ -194,12 +195,18 @@ def test_a_configuration_of_live_runs(home: Path, capsys: pytest.CaptureFixture[
 
 
 def test_settings_of_live_mean_what_they_did(home: Path) -> None:
-    settings = LiveRun.read({**load_toml(home / "live.toml"), "sinks": {}})
+    with pytest.warns(DeprecationWarning, match="have no effect") as said:
+        settings = LiveRun.read({**load_toml(home / "live.toml"), "sinks": {}})
+    assert [str(each.message) for each in said] == [
+        "filter.position.offset, sliding, resting, believe have no effect: position is averaged",
+        "filter.force.offset, common, change have no effect: force is averaged",
+    ]
     assert settings.resolved()["source"] == {
         "name": "session", "path": "touches.mcap", "block": 512, "speed": 0.0, "aligned": True,
     }  # fmt: skip
     assert (settings.window.length, settings.window.hop) == (0.1, 0.01)
     assert (settings.filter.contact.dwell, settings.filter.slip.on) == (0.03, 0.15)
+    assert (settings.filter.position.gate, settings.filter.force.coast) == (5.0, 0.3)
     assert (settings.health.appear, settings.health.clear) == (1.0, 1.0)
 
 

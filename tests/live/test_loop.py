@@ -20,10 +20,10 @@ from monochord.capture.sources.base import Source, Stream
 from monochord.core.errors import DeviceError, InputError
 from monochord.core.types import Audio, Block, Estimate, Prepared, Signal, StreamHealth, Truth, Window
 from monochord.live import LiveRun, WindowSettings, run
+from monochord.live.average import AverageSettings
 from monochord.live.filter import FilterSettings
 from monochord.live.loop import opened
 from monochord.live.sinks.base import Listener, Run, Sink, Update, Writer
-from monochord.live.tracks import TrackSettings
 from monochord.perception.estimators.base import Condition, Estimator, Watching
 from monochord.physics.sensors import load_sensor
 
@@ -147,7 +147,7 @@ def test_a_moment_carries_truth_health_and_window() -> None:
 def test_a_moment_carries_what_is_followed_beside_what_one_window_says() -> None:
     keep, other = Keep(), Keep()
     run(session(Script(cut(NOISE, 100)), keep))
-    slow = FilterSettings(position=TrackSettings(resting=1e-9, sliding=1e-9))
+    slow = FilterSettings(position=AverageSettings(average=1.0))
     run(replace(session(Script(cut(NOISE, 100)), other), filter=slow))
     assert values(keep) == values(other)  # to the bit, whatever the filter
     followed = [[m.tracked["position"].value for m in each.seen] for each in (keep, other)]

@@ -5,14 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from studies._onsets import PARTS, Recorded, WithNoise, errors, onsets, record
+from studies._onsets import PARTS, Recorded, WithNoise, errors, jump_latency, onsets, record
 
 from monochord.capture.sources import SOURCES
 from monochord.core.errors import InputError
 from monochord.core.types import Estimate, Floats, Prediction, Truth
 from monochord.live import LiveRun
 from monochord.live.filter import FilterSettings
-from monochord.live.tracks import TrackSettings
 from monochord.perception.estimators import ESTIMATORS
 
 HOP, WINDOW = 0.01, 0.1
@@ -24,12 +23,13 @@ def take(
     probability: Floats,
     position: Floats | None = None,
     std: float = 3e-4,
+    error: Floats | float = 0.0,
     unknown: range = range(0),
 ) -> Recorded:
     """Return windows (n,) whose last hop is touched or not, with the estimates of each."""
     count = len(touched)
-    place = np.full(count, 0.08) if position is None else position
     true = np.full(count, 0.08) if position is None else position
+    place = true + error
     predictions, truth = list[Prediction](), list[Truth]()
     for k in range(count):
         estimates = {
@@ -89,16 +89,21 @@ def test_what_is_never_decided_is_missed() -> None:
     assert onsets([take(TOUCHED, LATE)], "slip", 0.5, SETTINGS).events == 0
 
 
-def test_the_lag_of_a_stiff_filter_is_seen() -> None:
-    moving = 0.05 + 0.02 * HOP * np.arange(200) + 2e-3 * np.sin(np.arange(200) / 8.0)
-    windows = take(TOUCHED, LATE, moving)
-    quick = errors([windows], "position", SETTINGS)
-    stiff = TrackSettings(offset=0.0, sliding=1e-6, resting=1e-6)
-    slow = errors([windows], "position", replace(SETTINGS, position=stiff))
-    assert abs(quick.lag) < 0.03 < slow.lag
-    assert quick.raw == 0.0
-    assert quick.tracked < slow.tracked
-    assert (quick.windows, quick.raw_answered) == (100, 1.0)
+def test_errors_of_held_and_moving_touches_are_apart() -> None:
+    held = np.full(200, 0.08)
+    moving: Floats = np.linspace(0.05, 0.11, 200)
+    noise: Floats = np.random.default_rng(1).normal(0.0, 2e-4, 200)
+    plain = errors([take(TOUCHED, LATE, held), take(TOUCHED, LATE, moving)], "position", SETTINGS)
+    assert (plain.raw, plain.windows, plain.raw_answered) == (0.0, 200, 1.0)
+    assert plain.tracked_held < 5e-6  # where a touch begins or ends, nothing tells that it moves
+    assert 0.0 < plain.tracked_moving < 5e-4  # some 0.01 s late
+    noisy = errors([take(TOUCHED, LATE, held, error=noise)], "position", SETTINGS)
+    assert noisy.tracked_held < 0.9 * noisy.raw_held
+    assert math.isnan(noisy.tracked_moving)
+
+
+def test_a_jump_is_tracked_with_its_second_window() -> None:
+    assert jump_latency(SETTINGS) == pytest.approx(HOP)
 
 
 def test_errors_need_a_touch() -> None:

@@ -14,6 +14,7 @@ class Strings(Benchmark):
 
     The loop runs in real time. When it is late, it skips to the newest window, and all strings get the same,
     lower rate. The processor time of an estimate is compared with that of a single string in the same run.
+    The strings hold the rate if they need fewer cores than there are processes, each on a core of its own.
 
     Parameters
     ----------
@@ -60,6 +61,13 @@ class Strings(Benchmark):
                 unit="ms",
                 baseline=first,
                 baseline_value=1e3 * alone.cost,
+            )
+            yield Row(
+                name=f"{name}, cores needed",
+                value=strings * seen.cost / self.hop,
+                unit="1",
+                baseline="processes",
+                baseline_value=float(self.processes),
             )
             yield Row(name=f"{name}, latency p99", value=1e3 * seen.latency, unit="ms")
             yield Row(name=f"{name}, windows skipped", value=100.0 * seen.skipped, unit="%")

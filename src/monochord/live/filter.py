@@ -1,8 +1,8 @@
 """Estimates over time: each window's estimates combined with those of earlier windows of the same touch.
 
 Everything here is a fold, state in and out, and leaves the estimates of single windows unchanged. Contact and
-slip are decided (`monochord.live.switches`); position and force are tracked (`monochord.live.tracks`). A new
-touch restarts all of them.
+slip are decided (`monochord.live.switches`); position and force are averaged (`monochord.live.average`). A
+new touch restarts all of them.
 """
 
 import math
@@ -13,20 +13,12 @@ from typing import NamedTuple
 
 from monochord.core.types import Estimate, Estimates, Prediction
 from monochord.core.units import Seconds
+from monochord.live.average import Average, AverageSettings, average_after
 from monochord.live.switches import UNDECIDED, Switch, SwitchSettings, contact_after, slip_after
-from monochord.live.tracks import (
-    ForceSettings,
-    ForceTrack,
-    Span,
-    Track,
-    TrackSettings,
-    force_track_after,
-    track_after,
-)
 
 CONTACT, SLIP, POSITION, FORCE = "contact", "slip", "position", "force"
 LOST = "lost"
-"""Default reason where a track has gone on too long without an estimate."""
+"""Default reason where an average has been held too long without an estimate."""
 UNTOUCHED = "no contact"
 """Default reason where nothing touches the string."""
 NO_NUMBER = "not a number"
@@ -45,8 +37,8 @@ class FilterSettings:
     slip: SwitchSettings = field(
         default_factory=lambda: SwitchSettings(on=0.15, off=0.1, average=0.01, dwell=0.1)
     )
-    position: TrackSettings = field(default_factory=TrackSettings)
-    force: ForceSettings = field(default_factory=ForceSettings)
+    position: AverageSettings = field(default_factory=AverageSettings)
+    force: AverageSettings = field(default_factory=lambda: AverageSettings(average=0.04, coast=0.3))
 
 
 class FilterState(NamedTuple):
@@ -61,8 +53,8 @@ class FilterState(NamedTuple):
     onset: Seconds = math.nan
     contact: Switch = UNDECIDED
     slip: Switch = UNDECIDED
-    position: Track | None = None
-    force: ForceTrack | None = None
+    position: Average | None = None
+    force: Average | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,23 +103,18 @@ def step(
         state = FilterState()
     end, given = prediction.time + length, _usable(prediction.estimates)
     contact, onset = _touch(state, given, end, settings)
-    slip, track, force_track = UNDECIDED, None, None
+    slip, position, force = UNDECIDED, None, None
     if not math.isnan(onset):
         before = state if onset == state.onset else FilterState()
         dt = length if math.isnan(state.time) else end - state.time
         share = min(max((end - onset + dt) / length, MIN_SHARE), 1.0)
-        span, sliding = Span(end, dt, max(length / dt, 1.0), share), 1.0
         if SLIP in given:
             slip = slip_after(before.slip, given[SLIP], end, onset, share, settings.slip)
-            if given[SLIP].valid:  # what the window does not say may be anything
-                sliding = min(slip.probability / settings.slip.on, 1.0)
         if POSITION in given:
-            track = track_after(before.position, given[POSITION], span, sliding, settings.position)
+            position = average_after(before.position, given[POSITION], end, share, settings.position)
         if FORCE in given:
-            force_track = force_track_after(
-                before.force, given[FORCE], span, settings.force, slides=slip.on is True
-            )
-    state = FilterState(prediction.start, end, onset, contact, slip, track, force_track)
+            force = average_after(before.force, given[FORCE], end, share, settings.force)
+    state = FilterState(prediction.start, end, onset, contact, slip, position, force)
     return state, _output(state, given, settings)
 
 
@@ -153,7 +140,7 @@ def _touch(
         return contact_after(state.contact, given[CONTACT], end, settings.contact)
     if POSITION in given and given[POSITION].valid:  # an estimator without: a touch is where a position is
         return UNDECIDED, end if math.isnan(state.onset) else state.onset
-    lost = state.position is None or end - state.position.last_estimate > settings.position.coast
+    lost = state.position is None or end - state.position.time > settings.position.coast
     return UNDECIDED, math.nan if lost else state.onset
 
 
@@ -176,18 +163,17 @@ def _output(state: FilterState, given: Estimates, settings: FilterSettings) -> T
             estimates[SLIP] = _missing(given[SLIP], touched=touched)
             if decided.get(CONTACT) is False:
                 decided[SLIP] = False
-    if POSITION in given:
-        raw, track = given[POSITION], state.position
-        estimates[POSITION] = (
-            track.estimate(raw.unit, settings.position)
-            if touched and track is not None
-            else _missing(raw, touched=touched)
-        )
-    if FORCE in given:
-        raw, force = given[FORCE], state.force
-        estimates[FORCE] = (
-            force.estimate(raw.unit) if touched and force is not None else _missing(raw, touched=touched)
-        )
+    for name, average, own in (
+        (POSITION, state.position, settings.position),
+        (FORCE, state.force, settings.force),
+    ):
+        if name in given:
+            raw = given[name]
+            estimates[name] = (
+                average.estimate(raw.unit, state.time, own)
+                if touched and average is not None
+                else _missing(raw, touched=touched)
+            )
     return Tracked(estimates=estimates, decided=decided)
 
 

@@ -2,6 +2,7 @@
 
 import math
 import re
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
@@ -29,6 +30,11 @@ RECORDINGS: Mapping[str, str] = {".wav": "wav", ".flac": "wav", ".mcap": "sessio
 MIN_WINDOW: Seconds = 0.01  # holds a period of 100 Hz
 MIN_HOP: Seconds = 0.001  # 16 frames at the lowest rate of a source
 MAX_WINDOW: Seconds = 60.0
+REMOVED: Mapping[str, tuple[str, ...]] = {
+    "position": ("offset", "sliding", "resting", "believe"),
+    "force": ("offset", "common", "change"),
+}
+"""Settings of the filter in files of 0.1 that have no effect, by quantity."""
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 """Pattern of a string's name, which appears in ROS 2 topics and file names."""
 
@@ -155,14 +161,14 @@ class LiveRun:
 
         `source` and `estimator` are tables with a plug-in's ``name`` and options; `sinks` holds options by
         sink name; `DEFAULTS` replace omitted tables. A source with a channels option gets as many channels as
-        the strings need.
+        the strings need. `REMOVED` settings of the filter are left out, with a DeprecationWarning.
 
         Raises
         ------
         InputError
             For an unknown name or option, or an invalid value.
         """
-        given = {**DEFAULTS, **tree}
+        given = _without_removed({**DEFAULTS, **tree})
         source, sinks = table(given, "source"), table(given, "sinks")
         built = {
             "source": _build(SOURCES, source),
@@ -188,6 +194,21 @@ class LiveRun:
         sinks = {SINKS.name_of(sink): to_tree(sink) for sink in self.sinks}
         plain = {each.name: getattr(self, each.name) for each in fields(self) if each.name not in DEFAULTS}
         return {**to_tree(plain), "source": source, "estimator": estimator, "sinks": sinks}
+
+
+def _without_removed(tree: Tree) -> Tree:
+    """Return a tree without the removed settings of the filter; a warning names those given."""
+    own = dict(table(tree, "filter"))
+    for quantity, removed in REMOVED.items():
+        settings = own.get(quantity)
+        if not isinstance(settings, dict):
+            continue
+        given = [name for name in removed if name in settings]
+        if given:
+            said = f"filter.{quantity}.{', '.join(given)} have no effect: {quantity} is averaged"
+            warnings.warn(said, DeprecationWarning, stacklevel=4)
+            own[quantity] = {name: value for name, value in settings.items() if name not in given}
+    return {**tree, "filter": own} if own else tree
 
 
 def _build(registry: Registry[T], given: Mapping[str, Any]) -> T:
