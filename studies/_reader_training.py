@@ -10,7 +10,16 @@ from numpy.typing import NDArray
 from monochord.core.types import Floats, Indices, Signal, StringParams
 from monochord.datasets import FAULTS, Augmentation, Dataset, Fault
 from monochord.dsp import NOISES
-from monochord.perception.reader import CELLS, CHANNELS, DILATIONS, KINDS, POSITIONS, STRIDES, Network, spectrum_cells
+from monochord.perception.reader import (
+    CELLS,
+    CHANNELS,
+    DILATIONS,
+    KINDS,
+    POSITIONS,
+    STRIDES,
+    Network,
+    spectrum_cells,
+)
 from monochord.perception.spectrum import SpectrumAnalyser
 from monochord.perception.training import torch_library
 
@@ -25,8 +34,8 @@ FAULTY_SHARE, DETUNED_SHARE, NOISY_SHARE, RATIOS = 0.12, 0.04, 0.4, (5.0, 30.0)
 """Shares of the ordinary windows that get a simulated fault, are read at a wrong pitch, or get noise; and the
 noise's signal-to-noise ratios in dB."""
 PITCH_STD, UNTUNED_SHARE, UNTUNED, DETUNED_RANGE = 0.0015, 0.15, (-0.008, 0.015), (0.025, 0.1)
-"""Error of the pitch that cells are relative to: deviation, share of windows with a larger one, its range, and
-the range of a wrong pitch."""
+"""Error of the pitch that cells are relative to: deviation, share of windows with a larger one, its range,
+and the range of a wrong pitch."""
 QUIETEST = 1.0e-3
 """Rms in full scale below which a window is silent."""
 WIDTH = 0.006
@@ -57,7 +66,7 @@ class Examples:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Job:
-    """Windows `rows` (n,) of one session of a dataset; `string` is the session's, with its length and pitch."""
+    """Windows `rows` (n,) of a session of a dataset; `string` is the session's, with its length and pitch."""
 
     dataset: str
     session: int
@@ -87,7 +96,10 @@ def examples_of(job: Job, datasets: Mapping[str, Dataset], seed: int) -> Example
             chance = random.random()
             if chance < FAULTY_SHARE:
                 fault = FAULTS[random.integers(len(FAULTS))]
-                window, kind = Fault(kind=fault)(window, [row], seed=seed, sample_rate=rate), KINDS.index(fault)
+                window, kind = (
+                    Fault(kind=fault)(window, [row], seed=seed, sample_rate=rate),
+                    KINDS.index(fault),
+                )
             elif touched[k] and chance < FAULTY_SHARE + DETUNED_SHARE:
                 kind, error = DETUNED, float(random.choice((-1.0, 1.0)) * random.uniform(*DETUNED_RANGE))
         own = replace(job.string, tension=job.string.tension * (1.0 + error) ** 2)
@@ -179,7 +191,7 @@ def _module(torch: Any) -> Any:
 
 
 def _expected(torch: Any, position: Any) -> Any:
-    """Return the distribution (n, 1 + positions) that is expected of windows: no touch, or about a position."""
+    """Return the distribution (n, 1 + positions) expected of windows: no touch, or about a position."""
     untouched = torch.isnan(position)
     near = torch.exp(-0.5 * ((torch.tensor(POSITIONS, dtype=torch.float32) - position[:, None]) / WIDTH) ** 2)
     near = torch.where(untouched[:, None], 0.0, torch.nan_to_num(near / near.sum(1, keepdim=True)))

@@ -31,7 +31,10 @@ from monochord.perception.model import bundled_folder
 from monochord.perception.reader import FILE, Network
 from monochord.physics.sensors import load_sensor
 
-PLANS = {"ordinary": ("studies/plans/builds_2.toml", ()), "odd": ("studies/plans/odd.toml", ("world=plausible",))}
+PLANS = {
+    "ordinary": ("studies/plans/builds_2.toml", ()),
+    "odd": ("studies/plans/odd.toml", ("world=plausible",)),
+}
 """Plans of ordinary touches and of faults, with their overrides."""
 READER, HEADS = 0.6, 0.85
 """Share of the builds up to which they train the reader's network, and up to which they train heads."""

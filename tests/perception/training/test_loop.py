@@ -223,7 +223,7 @@ def test_a_head_refines_a_position_and_knows_where_it_is_wrong(tmp_path: Path) -
 
 
 def misread(data: Examples) -> Examples:
-    """Return examples whose position is the first column over the length, but not where the second is large."""
+    """Return examples whose position is the first column, but not where the second is large."""
     row = data.base[0].astype(np.float64)
     position = 0.2 * row[:, 0] + 5e-4 * row[:, 2] + np.where(row[:, 1] > 1.0, 0.05, 0.0)
     return dataclasses.replace(data, labels={**data.labels, "force": position * data.labels["contact"]})

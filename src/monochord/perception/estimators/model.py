@@ -43,5 +43,5 @@ class ModelEstimator(Estimator):
         if len(streams) != len(prepared) or len(streams) < 2:
             return Estimator.estimate_all(self, prepared, windows)
         before = [stream.before(window) for stream, window in zip(streams, windows, strict=True)]
-        predicted = zip(streams, windows, Model.step_all(before, windows), strict=True)
-        return [stream.after(window, state, estimates) for stream, window, (state, estimates) in predicted]
+        predicted = zip(streams, Model.step_all(before, windows), strict=True)
+        return [stream.after(*each) for stream, each in predicted]

@@ -1,4 +1,4 @@
-"""What the reader tells of a window: position, pitch, levels, the sound between the lines, and what is odd."""
+"""What the reader tells of a window: position, pitch, levels, the sound between the lines, and faults."""
 
 from dataclasses import dataclass
 
@@ -20,7 +20,7 @@ COLUMNS = (*MEASURES, *(f"kind {kind}" for kind in KINDS), *GAPS)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reading(Feature):
-    """The measures of the reader: one network on the spectra of both microphones, and the nearest pair of lines.
+    """The measures of the reader: one network on both microphones' spectra, and the nearest pair of lines.
 
     Columns: those of `monochord.perception.reader.measures.measure`; the logit of each kind of window,
     ordinary or with a fault; and the sound between the lines of `monochord.perception.reader.gaps`, which a

@@ -101,7 +101,7 @@ class Task(Checked):
 
     @property
     def outputs(self) -> int:
-        """Number of outputs: the value, the logarithm of its spread if learned, and with `refines` a logit."""
+        """Number of outputs: the value, the logarithm of a learned spread, and with `refines` a logit."""
         return 1 + (self.loss in LEARNED_SPREADS) + bool(self.refines)
 
 

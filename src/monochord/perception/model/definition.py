@@ -18,8 +18,8 @@ from monochord.perception.model.faults import FAULTS
 FORMAT = 3
 """Version of the format of a model's folder."""
 RISE_COLUMNS, RISE_REFERENCES, RISE_COUNT = ("open", "position"), ("rest", "lowest"), 5
-"""Columns of the feature and of the untouched reference from which the rise of the pitch is computed, and its
-number of inputs: the open pitch in thousandths, the position x / L, and two readings of the untouched pitch."""
+"""Columns of the feature and of the untouched reference that give the rise of the pitch, and its number of
+inputs: the open pitch in thousandths, the position x / L, and two readings of the untouched pitch."""
 ORDINARY = "ordinary"
 """Kind of a window without a fault."""
 TOUCHES_KEPT = 64
@@ -148,8 +148,8 @@ class Definition(Checked):
     """A model without its arrays.
 
     `sample_rate` (Hz), `channels`, and `window` and `hop` (frames) describe the training data. `faults` says
-    when a fault is reported; None for never. `clip` limits the magnitude of scaled columns, for outliers. A window whose
-    root mean square is below `quietest` is silence: no driver drives the string.
+    when a fault is reported; None for never. `clip` limits the magnitude of scaled columns, for outliers. A
+    window whose root mean square is below `quietest` is silence: no driver drives the string.
 
     `string` is the string of the sensor's design. `sensing_range` is the range of positions in m that the
     model can estimate, from the design and the training data; None if unknown. `length_std` is the relative
@@ -323,7 +323,7 @@ class Definition(Checked):
         return (*map(columns.index, RISE_COLUMNS), *map(reference.index, RISE_REFERENCES))
 
     def input_columns(self, name: str) -> tuple[int, ...]:
-        """Return the indices of a head's inputs in the row of feature, reference with presence mark, and rise."""
+        """Return the indices of a head's inputs in the row of feature, reference with its mark, and rise."""
         base, context = self.widths
         rises = range(RISE_COUNT if self.heads[name].task.rise and self.rise_columns else 0)
         return (
@@ -344,8 +344,8 @@ class Definition(Checked):
         - the scaling, with the features of the probe windows;
         - for each head, its layers in order and its correction.
 
-        A layer has a matrix (outputs, inputs) and a bias (outputs,). A correction includes position, force and variables of representative
-        touches.
+        A layer has a matrix (outputs, inputs) and a bias (outputs,). A correction includes position, force
+        and variables of representative touches.
         """
         base, context = self.widths
         shapes: dict[str, tuple[int, ...]] = {

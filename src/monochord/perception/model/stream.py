@@ -23,14 +23,14 @@ class ModelStream(ABC):
     def __call__(self, window: Window) -> Estimates:
         """Return the estimates of the next window."""
         model, state = self.before(window)
-        return self.after(window, *model.step(state, window))
+        return self.after(*model.step(state, window))
 
     @abstractmethod
     def before(self, window: Window) -> "tuple[Model, ModelState]":
         """Return the model to apply to a window, and its state before the window."""
 
     @abstractmethod
-    def after(self, window: Window, state: ModelState, estimates: Estimates) -> Estimates:
+    def after(self, state: ModelState, estimates: Estimates) -> Estimates:
         """Store the state after a window, and return the window's estimates."""
 
 
@@ -44,7 +44,7 @@ class Fixed(ModelStream):
         """Return the model and its state."""
         return self._model, self._state
 
-    def after(self, window: Window, state: ModelState, estimates: Estimates) -> Estimates:  # noqa: ARG002
+    def after(self, state: ModelState, estimates: Estimates) -> Estimates:
         """Store the state, and return the estimates unchanged."""
         self._state = state
         return estimates
@@ -70,7 +70,7 @@ class Followed(ModelStream, Watching):
             self._follow(tuning)
         return self._model, self._state
 
-    def after(self, window: Window, state: ModelState, estimates: Estimates) -> Estimates:
+    def after(self, state: ModelState, estimates: Estimates) -> Estimates:
         """Store the state, and return the estimates; abstentions if the pitch cannot be followed."""
         self._state = state
         if not self._reason:

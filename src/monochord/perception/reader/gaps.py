@@ -17,7 +17,7 @@ BANDS = 28
 EDGES = np.geomspace(20.0, 16000.0, BANDS + 1)
 """Edges of the bands in Hz."""
 MIN_BINS, MAX_BINS = 3, 32
-"""Fewest bins of a band, of which a narrower one has the nearest; of a wide one, some so many are measured."""
+"""Fewest bins of a band, of which a narrow one has the nearest; of a wide one, about so many are measured."""
 FIRST_BIN = 2
 """Lowest bin; those below hold what removing the mean leaves."""
 NOISE_BINS = 1.5

@@ -69,7 +69,7 @@ def bundled_network() -> Network:
 
 @kernel()
 def logits(cells: Audio, network: Network) -> Floats:
-    """Return the network's outputs (1 + positions + kinds,) for the cells (`CHANNELS`, `CELLS`) of a window."""
+    """Return the network's outputs (1 + positions + kinds,) for a window's cells (`CHANNELS`, `CELLS`)."""
     values = _convolved(cells, network.convolution_1, network.bias_1, STRIDES[0], DILATIONS[0])
     values = _convolved(values, network.convolution_2, network.bias_2, STRIDES[1], DILATIONS[1])
     values = _convolved(values, network.convolution_3, network.bias_3, STRIDES[2], DILATIONS[2])

@@ -66,7 +66,9 @@ def counting(definition: Definition, name: str, dataset: Dataset, outputs: Outpu
     task = definition.heads[name].task
     rows = rows[masks_of(dataset, {name: task})[name][rows]]
     # A position that is not certain is not stated, and its error tells nothing of those that are.
-    return rows[[outputs[row][name].certainty >= task.certain for row in rows.tolist()]] if len(rows) else rows
+    return (
+        rows[[outputs[row][name].certainty >= task.certain for row in rows.tolist()]] if len(rows) else rows
+    )
 
 
 def labelled_errors(definition: Definition, name: str, dataset: Dataset, outputs: Outputs) -> LabelledErrors:

@@ -40,8 +40,8 @@ def fit(
 ) -> tuple[Checkpoint, dict[str, Audio]]:
     """Train all heads jointly until no head improves on validation.
 
-    The random numbers of an epoch depend on the seed and the epoch only. Each epoch writes a checkpoint to `file`, from which an
-    interrupted run continues to the same weights.
+    The random numbers of an epoch depend on the seed and the epoch only. Each epoch writes a checkpoint to
+    `file`, from which an interrupted run continues to the same weights.
 
     Parameters
     ----------
