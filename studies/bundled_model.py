@@ -10,7 +10,7 @@ model replace those of the package.
 
 import json
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -32,27 +32,28 @@ from monochord.perception.reader import FILE, Network
 from monochord.physics.sensors import load_sensor
 
 PLANS = {
-    "ordinary": ("studies/plans/builds_2.toml", ()),
-    "odd": ("studies/plans/odd.toml", ("world=plausible",)),
+    "ordinary": {"studies/plans/builds_2.toml": (), "studies/plans/edges.toml": ()},
+    "odd": {"studies/plans/odd.toml": ("world=plausible",)},
 }
-"""Plans of ordinary touches and of faults, with their overrides."""
+"""Plans of ordinary touches and of faults, with their overrides; those of a name make one dataset."""
 READER, HEADS = 0.6, 0.85
 """Share of the builds up to which they train the reader's network, and up to which they train heads."""
-SENSOR = "prototype"
+SENSOR, LENGTH_STD = "prototype", 0.0058
+"""The design, and how far real strings' lengths are off it where no ruler measured them: evenly within 1 %."""
 
 
 def plan_sessions(name: str, seed: int) -> dict[str, tuple[int, Metres]]:
-    """Return the build and the true length of the string of each session of a plan, by session name."""
-    file, overrides = PLANS[name]
-    sessions = assignments(load_plan(file, list(overrides)), seed)
-    return {session.name: (session.build or 0, session.sensor().string.length) for session in sessions}
+    """Return the build and the true length of the string of each session of a name's plans, by session."""
+    return {
+        session.name: (session.build or 0, session.sensor().string.length)
+        for file, overrides in PLANS[name].items()
+        for session in assignments(load_plan(file, list(overrides)), seed)
+    }
 
 
-def shares_of(builds: Iterable[int], seed: int) -> dict[int, float]:
-    """Return a random rank of each build, from 0 to 1."""
-    different = np.unique(list(builds))
-    order = np.random.default_rng(seed).permutation(len(different))
-    return dict(zip(different.tolist(), (order / len(different)).tolist(), strict=True))
+def share_of(build: int, seed: int) -> float:
+    """Return a random rank of a build, from 0 to 1; the same in all plans."""
+    return float(np.random.default_rng((seed, build)).random())
 
 
 def reader_jobs(datasets: Mapping[str, Dataset], count: int, seed: int) -> list[Job]:
@@ -60,10 +61,10 @@ def reader_jobs(datasets: Mapping[str, Dataset], count: int, seed: int) -> list[
     design, jobs = load_sensor(SENSOR).string, list[Job]()
     for name, dataset in datasets.items():
         known = plan_sessions(name, seed)
-        share, strings = shares_of((build for build, _ in known.values()), seed), dict[str, StringParams]()
+        strings = dict[str, StringParams]()
         for part in dataset.manifest.parts:
             build, length = known[part.name]
-            if share[build] < READER:
+            if share_of(build, seed) < READER:
                 tension = (part.tension or design.tension) * (length / design.length) ** 2  # at its pitch
                 strings[part.name] = replace(design, length=length, tension=tension)
         jobs += jobs_of(name, dataset, strings, count, seed)
@@ -92,8 +93,8 @@ def train_reader(folder: Path, *, count: int, epochs: int, seed: int, workers: i
 def heads_split(folder: Path, seed: int) -> Path:
     """Write the split of the ordinary dataset for the heads, without the builds of the reader's network."""
     dataset, known = open_dataset(folder / "ordinary_dataset"), plan_sessions("ordinary", seed)
-    share = shares_of((build for build, _ in known.values()), seed)
-    own = np.array([share[known[part.name][0]] for part in dataset.manifest.parts])[dataset.session]
+    share = [share_of(known[part.name][0], seed) for part in dataset.manifest.parts]
+    own = np.array(share)[dataset.session]
     rows = {"train": (own >= READER) & (own < HEADS), "validation": own >= HEADS, "test": own < 0.0}
     parts = {name: np.flatnonzero(each) for name, each in rows.items()}
     file = folder / "heads_split.json"
@@ -103,7 +104,7 @@ def heads_split(folder: Path, seed: int) -> Path:
 
 @click.command()
 @click.argument("folder", type=click.Path(path_type=Path))
-@click.option("--count", default=60, show_default=True, help="Touched windows of a session for the reader.")
+@click.option("--count", default=90, show_default=True, help="Touched windows of a session for the reader.")
 @click.option("--epochs", default=14, show_default=True, help="Passes of the reader's network.")
 @click.option("--seed", default=0, show_default=True, help="Random seed.")
 @click.option("--workers", type=int, help="Worker processes; by default one a core.")
@@ -117,12 +118,14 @@ def command(
     def report(what: str) -> None:
         print(f"{what}, after {(time.monotonic() - begin) / 60.0:.1f} min", flush=True)
 
-    for name, (file, overrides) in PLANS.items():
+    for name, plans in PLANS.items():
         sessions, dataset = folder / name, folder / f"{name}_dataset"
         if not dataset.is_dir():
-            mc.collect(file, sessions, settings=overrides, seed=seed, workers=workers)
-            report(f"collected {name}")
-            mc.build(sessions, dataset, split="build", force=True, workers=workers)
+            for file, overrides in plans.items():
+                mc.collect(file, sessions / Path(file).stem, settings=overrides, seed=seed, workers=workers)
+                report(f"collected {file}")
+            folders = [sessions / Path(file).stem for file in plans]
+            mc.build(folders, dataset, split="build", force=True, workers=workers)
             rmtree(sessions)
             report(f"built {name}")
     if not heads_only:
@@ -131,7 +134,7 @@ def command(
         report("trained the reader")
     run = folder / "run"
     rmtree(run, ignore_errors=True)
-    settings = [f"split={heads_split(folder, seed)}", f"seed={seed}"]
+    settings = [f"split={heads_split(folder, seed)}", f"length_std={LENGTH_STD}", f"seed={seed}"]
     model = mc.train(folder / "ordinary_dataset", run, config="reader", settings=settings, workers=workers)
     target = bundled_folder("demo")
     assert target is not None
