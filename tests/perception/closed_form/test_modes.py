@@ -7,12 +7,12 @@ import pytest
 from studies.mode_networks import mirrored
 
 from monochord.core.types import Audio, Floats, Signal, StringParams
+from monochord.perception.closed_form.both_segments import MIN_LEAD
 from monochord.perception.closed_form.hypotheses import MODE_1, MODE_2, find_hypotheses, measure_hypotheses
 from monochord.perception.closed_form.modes import ModeReading
 from monochord.perception.closed_form.prominence import FLOOR_BINS, FLOOR_DECADES, MAX_DECADES, prominences
 from monochord.perception.closed_form.ranking import mode_ranking, probabilities
 from monochord.perception.closed_form.spectrum import SpectrumAnalyser
-from monochord.perception.closed_form.two_segments import MIN_LEAD
 from monochord.physics.sensors import load_sensor
 from monochord.physics.strings import load_string
 from monochord.physics.theory import open_frequency
