@@ -25,8 +25,9 @@ from monochord.physics.theory import TensionLaw, open_frequency
 FAR_ONLY = ("calibration", "length", "open_frequency", "reach", "margin", "evidence")
 """Options of the far form only."""
 EXPECTED_PITCH = "its known pitch"
-DENSITY: KilogramsPerMetre = 1.0e-3
-"""Placeholder for an unknown string's density; the position does not depend on it."""
+DENSITY: KilogramsPerMetre = 4.0e-4
+"""Placeholder for an unknown string's density, that of plain steel of 0.25 mm; the position does not depend
+on it, but how far a soft contact may lower the pitch does."""
 BOTH_ONLY = ("tension_law", "most_force")
 """Options of the two-sided form only."""
 OPEN_NOTE = 0.02
