@@ -85,7 +85,6 @@ def entries() -> dict[str, Callable[[Sound], Any]]:
         "two: estimator model": of_estimator("model", path="demo"),
         "two: estimator closed_form": of_estimator("closed_form"),
         "two: estimator closed_form, either": of_estimator("closed_form", open_frequency=960.0),
-        "two: estimator physics": of_estimator("physics"),
         "two: estimator tuning": of_estimator("tuning"),
         "two: analyser": lambda given: analyser.analyse(given).reading.position,
         "two: analyser's transform": lambda given: analyser.transformed(given)[2].sum(),
