@@ -58,8 +58,9 @@ MIN_SALIENCE = 7.0
 MIN_EVIDENCE = 0.0
 """Least log evidence of the string, touched or not, over lines anywhere; of 1,400 windows of three simulators
 none has less than 6, but two lines alone have 1."""
-MIN_CONTACT, MIN_LEAD = 1.5, 2.0
-"""Least log odds of contact or none, and of a place over all others: 4 to 1, and 7 to 1."""
+MIN_CONTACT, MIN_UNTOUCHED, MIN_LEAD = 1.5, 4.0, 2.0
+"""Least log odds of contact, of none, and of a place over all others: 4, 55 and 7 to 1. A touch at a node
+may look untouched by 3; untouched windows of three simulators do by 4.6 and more."""
 SAME_PLACE = 0.01
 """Share of the length within which explanations are of one place."""
 MIN_OPPOSITION = 0.4
@@ -223,7 +224,7 @@ class BothSegments:
         """Return the estimates that `UNITS` names from what `read` returned of a window."""
         if reading is None or reading.evidence < MIN_EVIDENCE:
             return abstain("no harmonic structure")
-        if abs(reading.contact) < MIN_CONTACT:
+        if -MIN_UNTOUCHED < reading.contact < MIN_CONTACT:
             return abstain("two candidates")
         probability = 0.5 + 0.5 * tanh(0.5 * reading.contact)
         values = {"contact": (probability, sqrt(probability * (1.0 - probability)))}

@@ -12,7 +12,7 @@ from monochord.core.errors import InputError
 from monochord.core.types import Estimate, Estimates, Prepared, Signal, StringParams, Window
 from monochord.core.units import Hertz, KilogramsPerMetre, Metres, Newtons, Samples
 from monochord.perception.closed_form import both_segments, far_segment
-from monochord.perception.closed_form.both_segments import MIN_CONTACT, BothSegments
+from monochord.perception.closed_form.both_segments import MIN_CONTACT, MIN_UNTOUCHED, BothSegments
 from monochord.perception.closed_form.explanations import RANGE
 from monochord.perception.closed_form.far_segment import FarReader, FarSegment
 from monochord.perception.closed_form.one_note import NO_SIDES, SidesReader
@@ -182,7 +182,7 @@ class _Followed(Watching):
         if reason:
             return both_segments.abstain(reason)
         reading = self._reader.read(window.samples)
-        if reading is not None and reading.detuning and reading.contact > -MIN_CONTACT:
+        if reading is not None and reading.detuning and reading.contact > -MIN_UNTOUCHED:
             self.detuned = True
             return both_segments.abstain(detuned(reading.detuning, EXPECTED_PITCH))
         self.opposed = reading is not None and reading.is_opposed and reading.contact > MIN_CONTACT
