@@ -10,6 +10,7 @@ from math import hypot, inf, log, pi, sqrt, tanh
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from monochord.core.types import OUTSIDE_RANGE, Audio, Estimate, Estimates, Floats, StringParams
 from monochord.core.units import Hertz, Metres, Newtons
@@ -292,7 +293,7 @@ def abstain(reason: str) -> dict[str, Estimate]:
     return {name: Estimate.abstain(unit, reason) for name, unit in UNITS.items()}
 
 
-def _likeliest_place(place: Floats, mass: Floats, reach: Metres) -> Floats:
+def _likeliest_place(place: Floats, mass: Floats, reach: Metres) -> NDArray[np.bool_]:
     """Return which explanations (n,) are within `reach` of the place where they have most mass."""
     order = np.argsort(place)
     ranked, total = place[order], np.append(0.0, np.cumsum(mass[order]))
