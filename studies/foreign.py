@@ -1,4 +1,4 @@
-"""Estimators on sensors that nothing learned from, beside the twin's: physics alone, models, and baselines.
+"""Estimators on sensors that nothing learned from, beside the twin's: the closed form, models, and baselines.
 
 Two simulators of the tests share no line with the twin or with each other, finite differences and beam
 elements. Each draws its sensor by seed. Of every sensor the estimators know the length, as by a ruler, and
@@ -226,9 +226,7 @@ HEADS = (
 @click.option("--builds", type=click.IntRange(1), default=12, help="Builds of each simulator.")
 @click.option("--touches", type=click.IntRange(1), default=10, help="Touches of each foreign build.")
 @click.option("--seed", type=int, default=SEED, help="First seed of the builds.")
-@click.option(
-    "--estimator", "names", multiple=True, default=("physics", "closed_form", "model"), help="By name."
-)
+@click.option("--estimator", "names", multiple=True, default=("closed_form", "model"), help="By name.")
 @click.option("--training", type=click.IntRange(0), default=24, help="Builds that baselines are fitted to.")
 def foreign(builds: int, touches: int, seed: int, names: tuple[str, ...], training: int) -> None:
     """Render the sensors, run the estimators and print the table."""

@@ -16,12 +16,12 @@ from monochord.core.types import Signal, Window
 from monochord.dsp.levels import measure_levels, tone_prominence
 from monochord.dsp.pitch import PitchFinder
 from monochord.dsp.spectrum import Analyser, power_spectrum
-from monochord.perception.closed_form.spectrum import SpectrumAnalyser
-from monochord.perception.closed_form.usable import unusable_reason
 from monochord.perception.estimators import ESTIMATORS
 from monochord.perception.features import FEATURES
 from monochord.perception.model import ModelState, load
+from monochord.perception.spectrum import SpectrumAnalyser
 from monochord.perception.tuning import Tuner, TunerState
+from monochord.perception.usable import unusable_reason
 from monochord.physics.sensors import load_sensor
 
 RATE, SIZE = 44100, 4410
@@ -85,10 +85,8 @@ def entries() -> dict[str, Callable[[Sound], Any]]:
         "two: estimator model": of_estimator("model", path="demo"),
         "two: estimator closed_form": of_estimator("closed_form"),
         "two: estimator closed_form, either": of_estimator("closed_form", open_frequency=960.0),
-        "two: estimator physics": of_estimator("physics"),
         "two: estimator tuning": of_estimator("tuning"),
-        "two: analyser": lambda given: analyser.analyse(given).reading.position,
-        "two: analyser's transform": lambda given: analyser.transformed(given)[2].sum(),
+        "two: analyser": lambda given: analyser.analyse(given).power.sum(),
         "two: tuner": of_window(lambda window: len(tuner.step(TunerState(), window).lines)),
         "one: tuner": of_window(lambda window: len(one_tuner.step(TunerState(), window).lines)),
         "size: pitch": lambda given: [series.frequency for series in finder.find(given)],

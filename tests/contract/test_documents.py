@@ -85,7 +85,7 @@ def test_the_readmes_touch_is_simulated_and_found_again(
         assert run(command) == 0
         last[command[0]] = json.loads(capsys.readouterr().out.splitlines()[-1])
         assert last[command[0]]["position"] == pytest.approx(place, abs=5e-4)
-    assert last["live"]["force"] == pytest.approx(force, abs=0.05)
+    assert last["live"]["force"] == pytest.approx(force, abs=0.15)
 
 
 @pytest.mark.slow

@@ -93,8 +93,10 @@ WHO_CHECKS = {
     "dsp.pitch_steadiness": {"measure": "Analyser.powers"},
     "dsp.series": dict.fromkeys(("fit_series", "series_evidence", "search"), "itself"),
     "dsp.spectrum": dict.fromkeys(("power_spectrum", "find_peaks"), "itself"),
-    "perception.closed_form.usable": {"unusable_reason": "Window"},
-    "perception.closed_form.spectrum": {"spectrum_of": "itself"},
+    "perception.usable": {"unusable_reason": "Window"},
+    "perception.spectrum": {"spectrum_of": "itself"},
+    "perception.closed_form.lines": {"window_lines": "itself"},
+    "perception.closed_form.both_segments": {"read": "window_lines"},
     "perception.closed_form.modes": {"read_modes": "SpectrumAnalyser"},
     "perception.features.fft_harmonic": dict.fromkeys(
         ("_row", "_timbre_and_tones", "_partials", "_of_gaps", "_of_glides"), "_Extractor.__call__"
@@ -104,8 +106,6 @@ WHO_CHECKS = {
     "perception.model.anomaly": {"step": "itself"},
     "perception.model.network": {"outputs": "the kernel", "scaled": "itself"},
     "perception.model.rise": {"rises": "itself"},
-    "perception.physics_reader.lines": {"window_lines": "itself"},
-    "perception.physics_reader.reader": {"read": "window_lines"},
     "perception.tuning.lines": {"window_lines": "spectrum_of", "lasting_lines": "window_lines"},
     "perception.tuning.tuner": {"_tuning": "window_lines"},
     "physics.split_string.stream": {"_ring_on": "SplitString"},

@@ -47,7 +47,7 @@ UNWATCHED = 20.0
     default=LEARNED,
     show_default=True,
     metavar="NAME",
-    help=f"{LEARNED}: the bundled trained model; {PHYSICS}: physics, with modes picked by trained networks.",
+    help=f"{LEARNED}: the bundled trained model; {PHYSICS}: physics alone.",
     **completes(lambda: (LEARNED, PHYSICS)),
 )
 @click.option(

@@ -9,7 +9,7 @@ from monochord.core.types import Estimate, Estimates, Floats, Window
 from monochord.core.units import Hertz, Metres
 from monochord.dsp.pitch import PitchFinder, Series
 from monochord.dsp.pitch_steadiness import SteadinessMeter
-from monochord.perception.closed_form.usable import unusable_reason
+from monochord.perception.usable import unusable_reason
 from monochord.physics.theory import position_from_far_segment
 
 MAX_TAKE_DEVIATION = 8.0

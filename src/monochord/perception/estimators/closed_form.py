@@ -5,26 +5,29 @@ from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from typing import Annotated, Literal
 
+import numpy as np
 from msgspec import Meta
 
 from monochord.core.errors import InputError
 from monochord.core.types import Estimate, Estimates, Prepared, Signal, StringParams, Window
 from monochord.core.units import Hertz, KilogramsPerMetre, Metres, Newtons, Samples
-from monochord.perception.closed_form import far_segment
+from monochord.perception.closed_form import both_segments, far_segment
+from monochord.perception.closed_form.both_segments import MIN_CONTACT, MIN_UNTOUCHED, BothSegments
+from monochord.perception.closed_form.explanations import RANGE
 from monochord.perception.closed_form.far_segment import FarReader, FarSegment
 from monochord.perception.closed_form.one_note import NO_SIDES, SidesReader
-from monochord.perception.closed_form.two_segments import MIN_SCORE, TwoSegments, abstain
-from monochord.perception.closed_form.usable import unusable_reason
 from monochord.perception.estimators.base import Condition, Estimator, Watching
-from monochord.perception.tuning import StringFollower, TunerState
-from monochord.perception.tuning.reading import RANGE
+from monochord.perception.tuning import Tuner, TunerState
+from monochord.perception.tuning.string_follower import detuned
+from monochord.perception.usable import unusable_reason
 from monochord.physics.theory import TensionLaw, open_frequency
 
 FAR_ONLY = ("calibration", "length", "open_frequency", "reach", "margin", "evidence")
 """Options of the far form only."""
 EXPECTED_PITCH = "its known pitch"
-DENSITY: KilogramsPerMetre = 1.0e-3
-"""Placeholder for an unknown string's density; the position does not depend on it."""
+DENSITY: KilogramsPerMetre = 4.0e-4
+"""Placeholder for an unknown string's density, that of plain steel of 0.25 mm; the position does not depend
+on it, but how far a soft contact may lower the pitch does."""
 BOTH_ONLY = ("tension_law", "most_force")
 """Options of the two-sided form only."""
 OPEN_NOTE = 0.02
@@ -40,10 +43,12 @@ MIN_LEAD, MAX_LEAD = -2, 5
 class ClosedForm(Estimator):
     """Position and force from pitch, with the exact inverse of the clamped string.
 
-    The far form uses the pitch of one segment, as on a fretted instrument: x = L (1 - f_open / f). It learns
-    nothing. The two-sided form uses both segments, as the sensor does: x = L f2 / (f1 + f2), and f1 f2 / (f1
-    + f2) gives tension, hence force. It is physics, with modes chosen by networks trained on simulated builds
-    (`monochord.perception.closed_form.ranking` and `monochord.perception.closed_form.place_density`).
+    The far form uses the pitch of one segment, as on a fretted instrument: x = L (1 - f_open / f). The
+    two-sided form uses both segments, as the sensor does: x = L f2 / (f1 + f2), and f1 f2 / (f1 + f2) gives
+    tension, hence force. It weighs all that may have made the lines of a window: partials of two stiff
+    segments, or of one, or of the untouched string (`monochord.perception.closed_form`). A position is given
+    where it is 7 times as likely as all others. The give of contact and mount is unknown, so the error of
+    force is large. No form has learned from a recording or a simulation.
 
     The estimator abstains, with the reason, from a window that is silent, clipped, interrupted by a gap,
     without harmonic structure, or has two candidates. The two-sided form follows the string's tuning with
@@ -96,7 +101,11 @@ class ClosedForm(Estimator):
         both = signal.channels == 2 and signal.string is not None and self.open_frequency is None
         if self.sides == "both" or (self.sides == "auto" and both):
             self._refuse_set(FAR_ONLY, "both segments", "one segment with --open-frequency")
-            return _Followed(self._two_segments(signal), signal, size)
+            if signal.string is None or signal.channels != 2:
+                known = "an unknown" if signal.string is None else "a known"
+                given = f"two-sided form on {signal.channels} channel(s) of {known} string"
+                raise InputError(given, "two channels of a known string", "name the string with --string")
+            return _Followed(self, signal, size)
         self._refuse_set(
             BOTH_ONLY, "the far segment alone", "both segments with two microphones and --string"
         )
@@ -104,15 +113,8 @@ class ClosedForm(Estimator):
         estimate = far.prepare(signal.sample_rate, size)
         if self.sides == "far" or signal.channels != 2:
             return estimate
-        string = _string_of(far, signal.string)
         with suppress(InputError):  # windows too short or a rate too low for two segments
-            form = TwoSegments(
-                string=string,
-                law=self.tension_law,
-                most_force=self.most_force,
-                sensing_range=signal.sensing_range,
-            )
-            both_sides = _Followed(form, replace(signal, string=string), size)
+            both_sides = _Followed(self, replace(signal, string=_string_of(far, signal.string)), size)
             reader = SidesReader(sample_rate=signal.sample_rate, size=size)
             return _Either(estimate, both_sides, reader, knows_density=signal.string is not None)
         return estimate
@@ -127,18 +129,6 @@ class ClosedForm(Estimator):
                 f"no {given[0]}",
                 f"leave it out, or use {remedy}",
             )
-
-    def _two_segments(self, signal: Signal) -> TwoSegments:
-        if signal.string is None or signal.channels != 2:
-            known = "an unknown" if signal.string is None else "a known"
-            given = f"two-sided form on {signal.channels} channel(s) of {known} string"
-            raise InputError(given, "two channels of a known string", "name the string with --string")
-        return TwoSegments(
-            string=signal.string,
-            law=self.tension_law,
-            most_force=self.most_force,
-            sensing_range=signal.sensing_range,
-        )
 
     def _far_segment(self, signal: Signal) -> FarSegment:
         string = signal.string
@@ -167,33 +157,36 @@ class _Followed(Watching):
     whether it came from a detuned string.
     """
 
-    def __init__(self, form: TwoSegments, signal: Signal, size: Samples) -> None:
-        self._follower, self._analyser = (
-            StringFollower.of(signal, size),
-            form.analyser(signal.sample_rate, size),
+    def __init__(self, options: ClosedForm, signal: Signal, size: Samples) -> None:
+        self._tuner, self._state = Tuner.of(signal, size), TunerState()
+        self._untuned = self._reader = BothSegments.of(
+            self._tuner.string,
+            signal.sample_rate,
+            law=options.tension_law,
+            most_force=options.most_force,
+            sensing_range=signal.sensing_range,
         )
-        self._form, self._state = form, TunerState()
-        self._tuned, self._tuned_analyser = form, self._analyser
         self.opposed = self.detuned = False
+        turns = 2.0 * np.pi * self._tuner.nominal / signal.sample_rate * np.arange(size)
+        self._reader.read(np.sin(np.outer((2.5, 5.0 / 3.0), turns)).astype(np.float32))  # compiles
 
     def __call__(self, window: Window) -> Estimates:
-        before, self._state = self._state.tuning, self._follower.step(self._state, window)
+        before, self._state = self._state.tuning, self._tuner.step(self._state, window)
         tuning, self.opposed, self.detuned = self._state.tuning, False, False
-        if tuning is not before:
-            string = self._follower.retuned(tuning)
-            self._tuned, self._tuned_analyser = self._form.tuned(string), self._analyser.tuned(string)
+        if tuning is None:
+            self._reader = self._untuned
+        elif tuning is not before:
+            string = tuning.tuned(self._tuner.string)
+            self._reader = self._untuned.tuned(string, tuning.frequency_std / tuning.frequency)
         reason = unusable_reason(window)
         if reason:
-            return abstain(reason)
-        spectrum = self._tuned_analyser.analyse(window.samples)
-        if tuning is None:
-            reason = self._follower.other_tuning_reason(self._analyser, spectrum, EXPECTED_PITCH)
-        if reason:
+            return both_segments.abstain(reason)
+        reading = self._reader.read(window.samples)
+        if reading is not None and reading.detuning and reading.contact > -MIN_UNTOUCHED:
             self.detuned = True
-            return abstain(reason)
-        reading = spectrum.reading
-        self.opposed = reading.opposed and min(reading.score, reading.contact_lead) >= MIN_SCORE
-        return self._tuned.estimates(self._tuned_analyser, spectrum)
+            return both_segments.abstain(detuned(reading.detuning, EXPECTED_PITCH))
+        self.opposed = reading is not None and reading.is_opposed and reading.contact > MIN_CONTACT
+        return self._reader.estimates(reading)
 
     @property
     def condition(self) -> Condition:
@@ -201,9 +194,7 @@ class _Followed(Watching):
         tuning = self._state.tuning
         if tuning is None:
             return Condition()
-        return Condition(
-            open_frequency=tuning.open_frequency, deviation=tuning.deviation(self._follower.string)
-        )
+        return Condition(open_frequency=tuning.open_frequency, deviation=tuning.deviation(self._tuner.string))
 
 
 class _Either:

@@ -30,7 +30,6 @@ from monochord.core.types import (
 from monochord.core.units import Metres, Samples, Seconds
 from monochord.core.windows import windows
 from monochord.metrics import DECISION, hit_rate
-from monochord.perception.closed_form.usable import unusable_reason
 from monochord.perception.features import FEATURES
 from monochord.perception.features.base import Extractor
 from monochord.perception.model import faults
@@ -45,6 +44,7 @@ from monochord.perception.model.stream import Fixed, Followed, ModelStream
 from monochord.perception.model.summary import facts
 from monochord.perception.model.table import PredictionTable
 from monochord.perception.tuning.sessions import at_length_of, force_scale, refuse_foreign
+from monochord.perception.usable import unusable_reason
 from monochord.physics.sensors import Sensor, load_sensor, retuned, with_length, with_sensor
 from monochord.physics.strings import load_string
 from monochord.physics.theory import open_frequency

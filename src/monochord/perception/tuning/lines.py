@@ -12,7 +12,7 @@ from monochord.core.kernels import kernel, part
 from monochord.core.types import Audio, Floats, Indices
 from monochord.core.units import Hertz
 from monochord.dsp.spectrum import BLUR, FLOOR_WIDTH, noise_floor
-from monochord.perception.closed_form.spectrum import HIGHEST_LINE, LINES, spectrum_of
+from monochord.perception.spectrum import HIGHEST_LINE, LINES, spectrum_of
 
 MIN_SALIENCE = 5.0
 """Smallest height of a line above the noise floor, in nepers of power."""
@@ -46,7 +46,7 @@ def window_lines(samples: Audio, lowest: Hertz, sample_rate: int) -> Floats:
     """
     spacing = sample_rate / samples.shape[1]
     highest = min(HIGHEST_LINE, 0.45 * sample_rate)
-    _, transform, power, (frequency, height) = spectrum_of(samples, spacing, lowest, highest)
+    _, transform, power, frequency, height = spectrum_of(samples, spacing, lowest, highest)
     block = max(int(FLOOR_WIDTH / spacing), 8)
     salience = np.stack([np.log1p(channel / noise_floor(channel, block)) for channel in power])
     lines, strength = _merged(transform, power, salience, frequency, height, spacing)

@@ -4,21 +4,11 @@ from dataclasses import dataclass
 
 from monochord.core.types import Signal, StringParams, Window
 from monochord.core.units import Samples
-from monochord.perception.closed_form.spectrum import Spectrum, SpectrumAnalyser
-from monochord.perception.tuning.reading import RANGE
 from monochord.perception.tuning.tuner import Tuner, TunerState, Tuning
 
 MIN_RETUNING = 0.005
 """Smallest relative deviation from the expected tuning that is followed. Drivers shift what they sustain by
 half of it."""
-MIN_ADVANTAGE = 0.12
-"""Smallest lead in score of a reading at another tuning over the reading at the expected tuning.
-
-Measured on the twin, four presets: the lead is at most 0.07 in 1,700 windows within 2 % of the nominal
-tuning, and at least 0.19 in all wrong readings of a detuned string with two drivers."""
-MIN_LINES = 5
-"""Fewest lines, counted at each microphone, of a reading at another tuning if the expected tuning has a
-reading too; two lines fit any tuning with some modes."""
 REMEDY = "run monochord tune"
 
 
@@ -26,8 +16,7 @@ REMEDY = "run monochord tune"
 class StringFollower:
     """Follows a string's tuning through a stream of windows, and compares it with the expected tuning.
 
-    Untouched windows measure the tuning. Before the first untouched window, touched windows are also read at
-    other tunings. The string counts as detuned if another tuning explains a touched window clearly better.
+    Untouched windows measure the tuning.
 
     Parameters
     ----------
@@ -75,17 +64,6 @@ class StringFollower:
         if tuning is None or not self.deviates(tuning):
             return ""
         return detuned(tuning.deviation(self.string), expected)
-
-    def other_tuning_reason(self, analyser: SpectrumAnalyser, spectrum: Spectrum, expected: str) -> str:
-        """Return the reason for abstaining if a window clearly fits another tuning better; else empty."""
-        own = spectrum.reading
-        other = analyser.read_at_any_tuning(spectrum, RANGE)
-        off = other.open_frequency / analyser.nominal - 1.0
-        best = max(own.score, own.untouched_score)
-        leads = other.score >= max(best, 0.0) + MIN_ADVANTAGE and other.uneven
-        if leads and (other.lines >= MIN_LINES or best < 0.0) and not self.lowest <= off <= self.highest:
-            return detuned(off, expected)
-        return ""
 
 
 def detuned(deviation: float, expected: str) -> str:

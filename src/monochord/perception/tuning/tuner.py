@@ -9,8 +9,7 @@ from monochord.core.errors import InputError
 from monochord.core.shapes import sound
 from monochord.core.types import Estimate, Floats, Signal, StringParams, Window
 from monochord.core.units import Hertz, Newtons, Samples, Seconds
-from monochord.perception.closed_form.spectrum import LOWEST_LINE, MIN_BINS
-from monochord.perception.closed_form.usable import unusable_reason
+from monochord.perception.spectrum import LOWEST_LINE, MIN_BINS
 from monochord.perception.tuning.evidence import reason_against_a_string
 from monochord.perception.tuning.lines import (
     FREQUENCY,
@@ -26,6 +25,7 @@ from monochord.perception.tuning.lines import (
     window_lines,
 )
 from monochord.perception.tuning.reading import RANGE, SUSTAINED_DECADES, TuningReading, read_tuning
+from monochord.perception.usable import unusable_reason
 from monochord.physics.theory import inharmonicity, open_frequency
 
 MIN_SHARE = 0.12

@@ -1,4 +1,4 @@
-"""Physics alone: places of sounds that are computed from partials, and of sensors by other simulators."""
+"""The two-sided form: sounds that are computed from partials, and sensors by other simulators."""
 
 from collections.abc import Sequence
 from functools import cache
@@ -9,10 +9,10 @@ from tests import beam_elements, finite_differences
 from tests.finite_differences import RATE, Take
 
 from monochord.core.errors import InputError
-from monochord.core.types import Audio, Estimates, Floats, Signal, StringParams, Window
+from monochord.core.types import OUTSIDE_RANGE, Audio, Estimates, Floats, Signal, StringParams, Window
+from monochord.perception.closed_form.explanations import RANGE, RATIO_STEP, RATIOS, distortion_of, priors
+from monochord.perception.closed_form.lines import FREQUENCY, LEVEL, OWN, POWER, STD
 from monochord.perception.estimators import ESTIMATORS
-from monochord.perception.physics_reader.explanations import RATIO_STEP, RATIOS, distortion_of, ratio_prior
-from monochord.perception.physics_reader.lines import FREQUENCY, LEVEL, OWN, POWER, STD
 from monochord.physics.sensors import load_sensor
 from monochord.physics.theory import inharmonicity, open_frequency, stiff_partials, support_shortening
 
@@ -52,10 +52,10 @@ def touched(x: float, driven: tuple[int, int], rise: float = 1.002) -> Audio:
 UNTOUCHED = sung((partials(STRING.length, [3, 1, 2, 4]),) * 2, (np.array([0.0, -20.0, -25.0, -30.0]),) * 2)
 
 
-def told(*sounds: Audio) -> Estimates:
+def told(*sounds: Audio, sensing_range: tuple[float, float] | None = None) -> Estimates:
     """What is said of the last window, after 0.4 s of the untouched string."""
-    signal = Signal(sample_rate=RATE, channels=2, string=STRING)
-    estimate = ESTIMATORS.build("physics").prepare(signal, SIZE)
+    signal = Signal(sample_rate=RATE, channels=2, string=STRING, sensing_range=sensing_range)
+    estimate = ESTIMATORS.build("closed_form", {"sides": "both"}).prepare(signal, SIZE)
     windows = [*([UNTOUCHED] * 4), *sounds]
     said = [
         estimate(Window(samples=each, start=number * SIZE, sample_rate=RATE))
@@ -78,6 +78,22 @@ def test_force_follows_from_tension_with_an_error_that_knows_of_the_give() -> No
     values = [force.value for force in forces]
     assert values == sorted(values)
     assert all(0.1 < force.std < 1.0 for force in forces)
+
+
+@pytest.mark.parametrize(("x", "reason"), [(0.04, OUTSIDE_RANGE), (0.083, ""), (0.17, OUTSIDE_RANGE)])
+def test_outside_the_sensing_range_contact_alone_is_told(x: float, reason: str) -> None:
+    said = told(touched(x, (1, 1)), sensing_range=(0.05, 0.15))
+    assert said["contact"].value > 0.99
+    assert {said[name].reason for name in ("position", "force", "tension", "frequency_1")} == {reason}
+
+
+@pytest.mark.parametrize(("x", "lower"), [(0.083, "frequency_2"), (0.117, "frequency_1")])
+def test_the_lower_of_both_fundamentals_is_the_frequency(x: float, lower: str) -> None:
+    said = told(touched(x, (1, 1)))
+    assert said["frequency"] == said[lower]
+    side = x if lower == "frequency_1" else STRING.length - x
+    fundamental = 1.002 * open_frequency(STRING) * STRING.length / (side - support_shortening(STRING))
+    assert said[lower].value == pytest.approx(fundamental, rel=1e-3)
 
 
 def test_a_string_that_nothing_touches_is_told_so() -> None:
@@ -113,13 +129,19 @@ def test_one_segment_alone_has_no_force() -> None:
 def test_another_signal_is_refused(channels: int) -> None:
     signal = Signal(sample_rate=RATE, channels=channels, string=STRING)
     with pytest.raises(InputError, match="two channels of a known string"):
-        ESTIMATORS.build("physics").prepare(signal, SIZE)
+        ESTIMATORS.build("closed_form", {"sides": "both"}).prepare(signal, SIZE)
 
 
-def test_the_density_of_the_ratio_integrates_to_one() -> None:
-    density = np.exp(ratio_prior(0.01, 650.0, 3e-3))
-    assert density.sum() * RATIO_STEP == pytest.approx(1.0, abs=0.02)
-    assert 0.99 < RATIOS[density.argmax()] < 1.005
+@pytest.mark.parametrize("elsewhere", [0.0, 0.1])
+def test_the_densities_of_the_ratio_integrate_to_one(elsewhere: float) -> None:
+    pitch, ratio = (np.exp(each) for each in priors(3e-3, elsewhere, 0.01, 650.0))
+    for density in (pitch, ratio):
+        assert density.sum() * RATIO_STEP == pytest.approx(1.0, abs=0.02)
+        assert 0.99 < RATIOS[density.argmax()] < 1.005
+    assert np.average(RATIOS, weights=pitch) == pytest.approx(1.0, abs=1e-4)
+    assert np.average(RATIOS, weights=ratio) < 0.998  # gives lower it more than presses raise it
+    far = np.abs(RATIOS - 1.0 + 0.5 * RANGE).argmin()
+    assert pitch[far] == pytest.approx(0.5 * elsewhere / RANGE, abs=1e-6)
 
 
 def test_sums_and_differences_of_stronger_lines_are_distortion() -> None:
@@ -146,7 +168,7 @@ def scored(simulator: str, seed: int) -> tuple[float, Floats, Floats, Floats]:
         tension_per_force=STRING.tension_per_force,
     )
     signal = Signal(sample_rate=RATE, channels=2, string=string)
-    estimate = ESTIMATORS.build("physics").prepare(signal, SIZE)
+    estimate = ESTIMATORS.build("closed_form", {"sides": "both"}).prepare(signal, SIZE)
     rows: list[tuple[float, float, float]] = []
     for start in range(0, known.sound.shape[1] - SIZE, SIZE // 2):
         samples = np.ascontiguousarray(known.sound[:, start : start + SIZE])

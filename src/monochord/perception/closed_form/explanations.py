@@ -23,34 +23,36 @@ import numpy as np
 from monochord.core.kernels import kernel, part
 from monochord.core.types import Floats
 from monochord.core.units import Hertz, Metres
-from monochord.perception.physics_reader.lines import FREQUENCY, LEVEL, MIN_LEVEL, OWN, POWER, STD
+from monochord.perception.closed_form.lines import FREQUENCY, LEVEL, MIN_LEVEL, OWN, POWER, STD
 
+RANGE = 0.1
+"""Largest share by which a string may be tuned off the pitch that it is known at."""
+RATIO_STEP = 2.5e-4
+RATIOS = np.arange(0.88, 1.12, RATIO_STEP)
+"""Values of r at which its density is kept: `RANGE`, and a little for give and press."""
+MIN_DENSITY = -14.0
+"""Log density of r below which nothing is explained by it."""
+PITCH_STD = 3.0e-3
+"""Standard deviation of r: of a measured pitch 2e-3, and drivers pull what they sustain by 2e-3."""
+SOFTEST, HARDEST = 1.0e4, 1.0e7
+"""Stiffness in N/m of contact, object and mount, one after the other, drawn evenly in its logarithm: light
+mounts with rubber, and steel bolted to steel. The softest matters: 3e4 makes 3 to 10 % fewer places right."""
+MODEL_STD = 2.0e-3
+"""Standard deviation of a partial about its model as a share: contact, mount and ends shift each."""
+MAX_MODE = 8
+"""Highest mode that a driver sustains."""
+DRIVEN = 4
+"""Strongest lines of each end that a driver may sustain."""
 PARTIAL = 0.67
 """Share of partials among the lines that are no clutter; the others are distortion."""
-LEAST_CLUTTER, MOST_CLUTTER = 0.03, 0.8
-"""Share of clutter among strong lines, and among the faintest."""
-STRONGEST_CLUTTER = 1.0e-3
-"""The same of the strongest line of a window, which a driver sustains."""
+LEAST_CLUTTER, MOST_CLUTTER, STRONGEST_CLUTTER = 0.03, 0.8, 1.0e-3
+"""Share of clutter among strong lines, among the faintest, and of a window's strongest, which is driven."""
 NOISE_LEVEL, DECADES = 3.0, 5.0
 """Nepers over which clutter of noise becomes e times as rare, and decades of power in which other lines that
 the model leaves out become usual."""
-MODEL_STD = 2.0e-3
-"""Standard deviation of a partial about its model as a share: contact, mount and ends shift each."""
-PITCH_STD = 3.0e-3
-"""The same of r: of the open pitch 2e-3 (tuning), and drivers pull what they sustain by 2e-3."""
-SOFTEST, HARDEST = 1.0e4, 1.0e7
-"""Stiffness in N/m of contact, object and mount, one after the other, drawn evenly in its logarithm."""
-LOWEST_RATIO, HIGHEST_RATIO, RATIO_STEP = 0.9, 1.05, 2.5e-4
-RATIOS = np.arange(LOWEST_RATIO, HIGHEST_RATIO + RATIO_STEP, RATIO_STEP)
-"""Values of r at which its density is kept."""
-MAX_MODE_1, MAX_MODE_2 = 6, 8
-DRIVEN = 4
-"""Strongest lines of each end that a driver may sustain."""
-MAX_ORDER = 6
-"""Highest order of a sum or difference."""
-SOURCES, TONE_DECAY, TONE_BINS = 3, 0.7, 0.3
-"""Most lines whose sums and differences count, by how much one is rarer than of one order less, and the
-error of one in bins."""
+SOURCES, MAX_ORDER, TONE_DECAY, TONE_BINS = 3, 6, 0.7, 0.3
+"""Most lines whose sums and differences count, the highest order of these, by how much one is rarer than of
+one order less, and the error of one in bins."""
 END_MARGIN = 0.04
 """Least distance of a touch from either end, as a share of the length."""
 STEPS = 9
@@ -64,33 +66,47 @@ PLACE, RATIO, MODE_1, MODE_2, LINE_1, LINE_2, SCORE = range(7)
 class OpenString(NamedTuple):
     """The untouched string: length in m, open frequency without stiffness in Hz, beta in m^2, s in m.
 
-    `prior` is the log density of r, as `ratio_prior` returns it.
+    `pitch` and `ratio` are the log densities of r on `RATIOS`, untouched and touched, as `priors` returns
+    them.
     """
 
     length: Metres
     frequency: Hertz
     stiffness: float
     shortening: Metres
-    prior: Floats
+    pitch: Floats
+    ratio: Floats
 
 
-def ratio_prior(rise: float, softness: float, pitch_std: float) -> Floats:
-    """Return the log density of r on `RATIOS`: tension and give are drawn, and the pitch is off.
+def priors(pitch_std: float, elsewhere: float, rise: float, softness: float) -> tuple[Floats, Floats]:
+    """Return the log densities of r on `RATIOS`, of the untouched string and of a touched one.
 
-    The largest press raises r by a share `rise`, a lesser one by its square, and a contact of 1 N/m would
-    lower it by `softness`.
+    Parameters
+    ----------
+    pitch_std
+        Standard deviation of the pitch as a share.
+    elsewhere
+        Probability that the string is tuned anywhere within `RANGE` instead.
+    rise
+        Share by which the largest press raises r; a lesser one raises it by the square of the force.
+    softness
+        Share by which a contact of 1 N/m would lower r.
     """
+    pitch = np.exp(-0.5 * ((RATIOS - 1.0) / pitch_std) ** 2) / (np.sqrt(2.0 * np.pi) * pitch_std)
+    pitch = (1.0 - elsewhere) * pitch + 0.5 * elsewhere / RANGE * (np.abs(RATIOS - 1.0) < RANGE)
     parts = (np.arange(16.0) + 0.5) / 16.0
-    press, stiffness = rise * parts[:, None] ** 2, SOFTEST * (HARDEST / SOFTEST) ** parts
-    mean = (1.0 + press - softness / stiffness).reshape(-1, 1)
-    density = np.exp(-0.5 * ((RATIOS - mean) / pitch_std) ** 2).mean(axis=0)
-    return np.log(density / (np.sqrt(2.0 * np.pi) * pitch_std) + 1e-9)
+    shift = rise * parts[:, None] ** 2 - softness / (SOFTEST * (HARDEST / SOFTEST) ** parts)
+    steps = np.rint(shift / RATIO_STEP).astype(int).ravel()
+    lowest = min(int(steps.min()), 0)
+    counts = np.bincount(steps - lowest, minlength=1 - lowest) / steps.size
+    ratio = np.convolve(pitch, counts)[-lowest : RATIOS.size - lowest]
+    return np.log(pitch + 1e-9), np.log(ratio + 1e-9)
 
 
 @part()
-def _prior(ratio: float, string: OpenString) -> float:
-    at = int((ratio - LOWEST_RATIO) / RATIO_STEP + 0.5)
-    return string.prior[min(max(at, 0), string.prior.size - 1)]
+def _density(ratio: float, string: OpenString) -> float:
+    at = int((ratio - RATIOS[0]) / RATIO_STEP + 0.5)
+    return string.ratio[at] if 0 <= at < string.ratio.size else 2.0 * MIN_DENSITY
 
 
 @part()
@@ -226,9 +242,10 @@ def untouched_evidence(lines: Floats, distortion: Floats, string: OpenString) ->
     """Return the log evidence of the untouched string, whose partials are alike at both ends."""
     clutter = clutter_of(lines)
     evidence = -np.inf
-    for step in range(-6, 7):
-        ratio = 1.0 + step / 3.0 * PITCH_STD
-        total = -0.5 * (step / 3.0) ** 2 - 2.018  # the density of a step of a third of its deviation
+    for at in range(0, RATIOS.size, 4):
+        if string.pitch[at] < MIN_DENSITY:
+            continue
+        ratio, total = RATIOS[at], string.pitch[at] + np.log(4.0 * RATIO_STEP)
         for k in range(lines.shape[0]):
             fits = _of_the_whole(lines[k, OWN]) * _tooth(lines[k], string.length, ratio, string)[1]
             fits = PARTIAL * fits + (1.0 - PARTIAL) * distortion[k]
@@ -291,12 +308,13 @@ def _explain_by_both(
     length = string.length
     of_drivers = 0.25 * PARTIAL**2 * (1.0 - clutter[a]) * (1.0 - clutter[b])
     of_drivers *= _of_a_side(lines[a, OWN]) * _of_a_side(1.0 - lines[b, OWN])
-    for n1 in range(1, MAX_MODE_1 + 1):
-        for n2 in range(1, MAX_MODE_2 + 1):
+    for n1 in range(1, MAX_MODE + 1):
+        for n2 in range(1, MAX_MODE + 1):
             x, ratio = _located(lines[a, FREQUENCY], n1, lines[b, FREQUENCY], n2, string)
-            if LOWEST_RATIO < ratio < HIGHEST_RATIO and _is_inside(x, length) and count < MAX_EXPLANATIONS:
+            density = _density(ratio, string)
+            if density > MIN_DENSITY and _is_inside(x, length) and count < MAX_EXPLANATIONS:
                 integral = x * (length - x) / (n1 * n2 * length**2)
-                score = np.log(of_drivers * integral) + _prior(ratio, string)
+                score = np.log(of_drivers * integral) + density
                 score += _evidence(lines, clutter, distortion, x, ratio, a, b, string)
                 _fill(found[count], (x, ratio, float(n1), float(n2), float(a), float(b), score))
                 count += 1
@@ -321,7 +339,7 @@ def _explain_by_one(
     length, short = string.length, string.shortening
     loud = _of_a_side(lines[a, OWN] if side == 0 else 1.0 - lines[a, OWN])
     low, high = 1.0 - 4.0 * PITCH_STD, 1.0 + 4.0 * PITCH_STD
-    for n in range(1, MAX_MODE_2 + 1):
+    for n in range(1, MAX_MODE + 1):
         for step in range(STEPS):
             ratio = low + (high - low) * (step + 0.5) / STEPS
             flexible = n * string.frequency * length * ratio / lines[a, FREQUENCY]
@@ -334,7 +352,7 @@ def _explain_by_one(
             near, _ = _tooth(lines[a], length - half - 2.0 * short, ratio, string)
             of_driver = 0.5 * PARTIAL * (1.0 - clutter[a]) * (loud + near * max(1.0 - loud, 0.0))
             integral = half / (n * length) * (high - low) / STEPS
-            score = np.log(of_driver * integral) + _prior(ratio, string)
+            score = np.log(of_driver * integral) + _density(ratio, string)
             score += _evidence(lines, clutter, distortion, x, ratio, a, a, string)
             modes = (float(n), 0.0) if side == 0 else (0.0, float(n))
             _fill(found[count], (x, ratio, modes[0], modes[1], float(a), float(a), score))
