@@ -248,7 +248,8 @@ def test_many_touches_teach_what_physics_does_not_say(correctable: Model, tmp_pa
     level = np.array([extract(dataset.batch(np.array([row])))[0, 3] for row in range(len(dataset))])
     touched = dataset.label("contact") == 1.0
     level = (level - level[touched].mean()) / level[touched].std()
-    odd = replace(dataset, labels={**dataset.labels, "force": dataset.label("force") + 0.3 * level})
+    force = dataset.label("force") + 0.5 + 0.3 * np.clip(level, -1.5, 1.5)
+    odd = replace(dataset, labels={**dataset.labels, "force": force})
     result = adapt(correctable, odd)
     record = result.model.definition.heads["force"].correction
     assert record is not None
