@@ -12,7 +12,7 @@ from tests.conftest import LEARNABLE, sung
 from monochord.cli import run
 from monochord.core.config import to_tree
 from monochord.core.errors import InputError
-from monochord.core.types import Block
+from monochord.core.types import Block, Estimate
 from monochord.datasets.build import build_dataset
 from monochord.datasets.split import Split
 from monochord.datasets.store import Dataset, open_dataset
@@ -201,6 +201,72 @@ def test_an_adapted_model_is_saved_and_remembers_what_it_heard(
     assert more.touches == (15 if result.heads["force"].used else 12)
 
 
+def test_a_model_that_learned_no_prior_is_corrected_by_physics(
+    lesson_run: Path, foreign: Dataset, tmp_path: Path
+) -> None:
+    """A position is off by an offset and a length, and its stated error has no other length in it then."""
+    model = load(lesson_run)
+    place = foreign.label("position")
+    longer = replace(foreign, labels={**foreign.labels, "position": 1.2 * place + 2e-3})
+    result = adapt(model, longer)
+    assert all(result.heads[name].used for name in ("position", "force"))
+    assert result.heads["position"].after < 0.5 * result.heads["position"].before
+    assert result.heads["force"].after < 0.5 * result.heads["force"].before
+    assert result.next_touch is None  # it keeps none to choose from
+    save(result.model, tmp_path / "model")
+    again = load(tmp_path / "model")
+    correction = again.correction("position")
+    record = again.definition.heads["position"]
+    assert correction is not None
+    for metres in (0.07, 0.13):
+        value = (metres - record.offset) / record.scale
+        error = record.scale * float(correction.error(correction.terms(np.array([value])))[0])
+        assert error == pytest.approx(0.2 * metres + 2e-3, rel=0.4)
+    position = Estimate(value=0.1, std=1e-4, unit="m")
+    unsure = replace(again, definition=replace(again.definition, length_std=0.01))
+    assert unsure.with_length_error({"position": position})["position"] == position
+
+
+@pytest.mark.parametrize("touches", [1, 4])
+def test_too_few_touches_to_judge_by_change_nothing(
+    correctable: Model, foreign: Dataset, touches: int
+) -> None:
+    result = adapt(correctable, foreign, touches=touches)
+    assert not any(head.used for head in result.heads.values())
+    for name in ("position", "force"):
+        before, after = correctable.correction(name), result.model.correction(name)
+        assert before is not None
+        assert after is not None
+        assert np.array_equal(before.mean, after.mean)
+
+
+def test_many_touches_teach_what_physics_does_not_say(correctable: Model, tmp_path: Path) -> None:
+    """Force that follows the level of the hum, too, is learned from the window's columns."""
+    files = [biased(tmp_path, f"take_{seed}", seed, 0.0) for seed in range(80, 85)]
+    dataset = build_dataset(files, tmp_path / "many")
+    extract = correctable.extractors[0]
+    level = np.array([extract(dataset.batch(np.array([row])))[0, 3] for row in range(len(dataset))])
+    touched = dataset.label("contact") == 1.0
+    level = (level - level[touched].mean()) / level[touched].std()
+    force = dataset.label("force") + 0.5 + 0.3 * np.clip(level, -1.5, 1.5)
+    odd = replace(dataset, labels={**dataset.labels, "force": force})
+    result = adapt(correctable, odd)
+    record = result.model.definition.heads["force"].correction
+    assert record is not None
+    assert record.residual
+    assert result.heads["force"].after < 0.8 * result.heads["force"].before
+    save(result.model, tmp_path / "model")
+    again = load(tmp_path / "model")
+    rows = np.arange(40)
+    outputs = [read_in_turn(each, odd, rows).outputs for each in (again, result.model)]
+    assert {row: each["force"] for row, each in outputs[0].items()} == {
+        row: each["force"] for row, each in outputs[1].items()
+    }
+    correction = again.correction("force")
+    assert correction is not None
+    assert correction.residual == len(again.definition.columns_of("force"))
+
+
 def test_a_head_that_known_touches_do_not_help_is_left_as_it_was(
     correctable: Model, foreign: Dataset
 ) -> None:
@@ -247,11 +313,7 @@ def test_what_a_sensor_in_order_sounds_like_is_no_fault_from_then_on(
     assert lowered[1 + swapped] == pytest.approx(1.0 + np.log(len(record.reasons)), abs=1e-5)
 
 
-def test_models_without_corrections_and_too_few_touches_are_refused(
-    lesson_run: Path, correctable: Model, foreign: Dataset
-) -> None:
-    with pytest.raises(InputError, match="corrections"):
-        adapt(load(lesson_run), foreign)
+def test_too_few_touches_are_refused(correctable: Model, foreign: Dataset) -> None:
     with pytest.raises(InputError, match=r"12 touches.*40"):
         adapt(correctable, foreign, touches=40)
 

@@ -5,6 +5,7 @@ from monochord.perception.model.context import ModelState
 from monochord.perception.model.definition import Definition
 from monochord.perception.model.files import folder_of, load
 from monochord.perception.model.model import Model
+from monochord.perception.model.network import quantity
 from monochord.perception.model.saving import save
 from monochord.perception.model.table import EstimateColumn, PredictionTable
 
@@ -17,5 +18,6 @@ __all__ = [
     "bundled_folder",
     "folder_of",
     "load",
+    "quantity",
     "save",
 ]

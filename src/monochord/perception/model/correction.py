@@ -11,6 +11,11 @@ prior is normal with mean 0. Its covariance is estimated from sessions outside t
 Bayes). Known touches condition the prior (Bayesian linear regression). Without known touches, estimates do
 not change, and the prior covariance is the uncertainty that an unknown build adds.
 
+Where nothing was learned at training, the prior is physics: a position is off by the tool's offset and by the
+length of the string, a force by a gain, its curvature and an offset (`physical`). From many touches, a
+residual is learned as well: the head's columns are further terms, each with the same small prior (ridge
+regression).
+
 Windows of one touch have nearly the same error, so all windows of a touch count as one observation. Noise has
 the tails of Student's t, because a misread mode gives a large error.
 
@@ -49,6 +54,8 @@ COVARIANCE_FACTORS = (1.0, 4.0, 16.0, 64.0)
 """Candidate factors of the covariance, for a sensor with larger errors than any build of the training."""
 NOISE_FACTORS = (1.0, 2.0, 4.0, 8.0, 16.0)
 """Candidate factors of the noise, for a sensor whose touches scatter more."""
+RESIDUAL_SIZES, RESIDUAL_NOISES = (0.02, 0.06, 0.2, 0.6), (0.25, 0.5, 1.0)
+"""Candidate standard deviations of the residual in units of the head's scale, and factors of the noise."""
 FACTOR_PENALTY = 0.75
 """Exponent of the prior for a candidate factor a, which is a^-0.75 times the prior for 1."""
 
@@ -68,7 +75,8 @@ class Correction:
 
     Errors are label minus estimate, in units of the head's scale. `centre` (v,) and `scale` (v,) scale the
     variables. `mean` (k,) and `covariance` (k, k) describe the weights. `noise` is the residual variance, as
-    a multiple of the head's own variance; it is fitted to the shares of errors within one and two sigma.
+    a multiple of the head's own variance; it is fitted to the shares of errors within one and two sigma. The
+    last `residual` variables are terms of their own, without products.
 
     Examples
     --------
@@ -87,10 +95,15 @@ class Correction:
     mean: Floats
     covariance: Floats
     noise: float
+    residual: int = 0
 
     def terms(self, variables: Floats) -> Floats:
-        """Return the polynomial terms (..., k) of variables (..., v)."""
-        terms = _terms(variables.reshape(-1, self.centre.size), self.centre, self.scale)
+        """Return the terms (..., k) of variables (..., v): polynomials, and those of the residual."""
+        rows, v = variables.reshape(-1, self.centre.size), self.centre.size - self.residual
+        terms = _terms(rows[:, :v], self.centre[:v], self.scale[:v])
+        if self.residual:
+            scaled = (rows[:, v:] - self.centre[v:]) / self.scale[v:]
+            terms = np.hstack([terms, np.clip(scaled, -MAX_VARIABLE, MAX_VARIABLE)])
         return terms.reshape(*variables.shape[:-1], terms.shape[1])
 
     def error(self, terms: Floats) -> tuple[Floats, Floats]:
@@ -151,22 +164,68 @@ class Correction:
 
         return scaled(max(product(COVARIANCE_FACTORS, NOISE_FACTORS), key=probability))
 
+    def extended(
+        self, centre: Floats, scale: Floats, variables: Floats, error: Floats, std: Floats, touch: Indices
+    ) -> "Correction":
+        """Return the prior correction with a residual, of the size and noise that errors make most probable.
+
+        Parameters
+        ----------
+        centre, scale
+            Of the residual's variables (r,).
+        variables
+            All variables (n, v + r); the other parameters are as in `given`.
+        """
+        plain = replace(
+            self,
+            centre=np.concatenate([self.centre, centre]),
+            scale=np.concatenate([self.scale, scale]),
+            mean=np.concatenate([self.mean, np.zeros(len(centre))]),
+            residual=len(centre),
+        )
+
+        count = len(self.mean)
+        terms, error, std, _ = self._touches(plain.terms(variables), error, std, touch, self)
+        own, further = terms[:, :count], terms[:, count:]
+        off = error - own @ self.mean
+        shared, alike = own @ self.covariance @ own.T, further @ further.T / len(centre)
+
+        def probability(by: tuple[float, float]) -> float:
+            covariance = np.diag(by[1] * self.noise * std**2) + shared + by[0] ** 2 * alike
+            return float(-0.5 * (off @ np.linalg.solve(covariance, off) + np.linalg.slogdet(covariance)[1]))
+
+        size, noise = max(product(RESIDUAL_SIZES, RESIDUAL_NOISES), key=probability)
+        covariance = (size**2 / len(centre)) * np.eye(len(plain.mean))
+        covariance[:count, :count] = self.covariance
+        return replace(plain, covariance=covariance, noise=noise * self.noise)
+
     def _touches(
-        self, terms: Floats, error: Floats, std: Floats, touch: Indices
+        self, terms: Floats, error: Floats, std: Floats, touch: Indices, by: "Correction | None" = None
     ) -> tuple[Floats, Floats, Floats, Indices]:
-        """Return these of each touch of one object, windows that are far off counting less."""
-        trust = self.given(terms, error, std, touch).trust(terms, error, std)
+        """Return these of each touch of one object, windows that are far off counting less.
+
+        `by` is the correction that tells how far off they are, from the first of the terms; this by default.
+        """
+        by = by or self
+        own = terms[:, : len(by.mean)]
+        trust = by.given(own, error, std, touch).trust(own, error, std)
         numbers = np.unique(touch)
         average = trust * (numbers[:, np.newaxis] == touch)
         average /= average.sum(axis=1, keepdims=True)
         return average @ terms, average @ error, (average @ std**-2) ** -0.5, numbers
 
     def of_the_build(
-        self, terms: Floats, error: Floats, std: Floats, touch: Indices, group: Indices
+        self,
+        terms: Floats,
+        error: Floats,
+        std: Floats,
+        touch: Indices,
+        group: Indices,
+        share: float = BUILD_SHARE,
     ) -> "Correction":
         """Return the correction for an unknown object on a build that is known from other objects.
 
-        The weights are the sum of a build's part, with `BUILD_SHARE` of the covariance, and an object's part,
+        The weights are the sum of a build's part, with a `share` of the covariance, and an object's part,
         with the rest. Every object gives information on the build's part; its own part does not carry over to
         the next object.
 
@@ -177,7 +236,7 @@ class Correction:
         group
             Number (n,) of the session, with one object, of each window.
         """
-        mean, build, own = self.mean, BUILD_SHARE * self.covariance, (1.0 - BUILD_SHARE) * self.covariance
+        mean, build, own = self.mean, share * self.covariance, (1.0 - share) * self.covariance
         for each in np.unique(group):
             rows = group == each
             before = replace(self, mean=mean, covariance=build + own)
@@ -200,6 +259,30 @@ class Correction:
         expected, uncertain = self.error(terms)
         off = ((error - expected) ** 2 + uncertain**2) / (self.noise * std**2)
         return (DEGREES + 1.0) / (DEGREES + off)
+
+
+def physical(offset: float, scale: float, stds: tuple[float, float, float]) -> Correction:
+    """Return the prior correction by physics of a head that learned none; its one variable is the estimate.
+
+    Parameters
+    ----------
+    offset, scale
+        Of the head: the quantity is ``offset + scale * estimate``.
+    stds
+        Standard deviations of the quantity's error: constant, by unit of the quantity, and by its square.
+
+    Examples
+    --------
+    >>> longer = physical(0.1, 0.04, (4e-4, 0.006, 0.0))
+    >>> [round(0.04 * float(longer.error(longer.terms(np.array([z])))[1]), 5) for z in (0.0, 1.0)]
+    [0.00072, 0.00093]
+    """
+    powers = np.array([[1.0, offset, offset**2], [0.0, scale, 2.0 * offset * scale], [0.0, 0.0, scale**2]])
+    weights = powers * np.array(stds) / scale
+    covariance = weights @ weights.T + MIN_VARIANCE * np.eye(3)
+    return Correction(
+        centre=np.zeros(1), scale=np.ones(1), mean=np.zeros(3), covariance=covariance, noise=1.0
+    )
 
 
 def prior(variables: Floats, error: Floats, std: Floats, group: Indices, touch: Indices) -> Correction:

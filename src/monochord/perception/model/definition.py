@@ -81,11 +81,13 @@ class CorrectionRecord(Checked):
 
     `variables` are inputs in addition to the head's own estimate: columns of the feature or the reference, or
     the difference of two columns, as in "ratio open - open". `noise` is the residual variance, as a multiple
-    of the head's own. `sessions` is the number of sessions behind the prior, and `touches` the number of
-    known touches that the correction has learned.
+    of the head's own. With `residual`, all of the head's columns are inputs too, each with a weight of its
+    own. `sessions` is the number of sessions behind the prior, and `touches` the number of known touches that
+    the correction has learned.
     """
 
     variables: tuple[str, ...] = ()
+    residual: bool = False
     noise: Positive[float] = 1.0
     sessions: int = 0
     touches: int = 0
@@ -97,7 +99,7 @@ class CorrectionRecord(Checked):
 
     @property
     def terms(self) -> int:
-        """Number of terms of the correction."""
+        """Number of terms of the correction, without those of a residual."""
         count = 1 + len(self.variables)
         return 1 + count + count * (count + 1) // 2
 
@@ -262,7 +264,8 @@ class Definition(Checked):
         """Return a pair of column indices for each variable of a head's correction.
 
         A variable is the first column minus the second; -1 stands for no second column. Indices count the
-        columns of the feature, then those of the reference.
+        columns of the feature, then those of the reference. The head's columns follow where a residual needs
+        them.
 
         Raises
         ------
@@ -282,7 +285,8 @@ class Definition(Checked):
         for variable in correction.variables if correction else ():
             of, minus, less = variable.partition(" - ")
             pairs.append((index(of), index(less) if minus else -1))
-        return tuple(pairs)
+        residual = self.columns_of(name) if correction and correction.residual else ()
+        return (*pairs, *((column, -1) for column in residual))
 
     def refined(self, name: str) -> int | None:
         """Return the index of the column that a head refines; None if it refines none.
@@ -366,7 +370,10 @@ class Definition(Checked):
                 shapes[f"{name}.{number}.bias"] = (outputs,)
             if record.correction:
                 count, terms = 1 + len(record.correction.variables), record.correction.terms
-                shapes[f"{name}.correction.centre"] = shapes[f"{name}.correction.scale"] = (count,)
+                residual = len(self.columns_of(name)) if record.correction.residual else 0
+                terms += residual
+                shapes[f"{name}.correction.centre"] = (count + residual,)
+                shapes[f"{name}.correction.scale"] = (count + residual,)
                 shapes[f"{name}.correction.mean"] = (terms,)
                 shapes[f"{name}.correction.covariance"] = (terms, terms)
                 shapes[f"{name}.correction.touches"] = (TOUCHES_KEPT, 2 + count)

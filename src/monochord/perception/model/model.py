@@ -448,10 +448,13 @@ class Model:
 
         A string that is longer than the training's by a share has its touches further from pickup 1 by the
         same share, and no sound tells. Its error is that of the measured length, or `Definition.length_std`
-        where none was measured.
+        where none was measured. A correction that has learned touches knows the length from them.
         """
         share, scale, name = self.definition.length_std, self.length_scale, self.definition.place
-        if self.length_std is not None and self.definition.string is not None:
+        correction = self.definition.heads[name].correction if name else None
+        if correction is not None and correction.touches:
+            share = 0.0
+        elif self.length_std is not None and self.definition.string is not None:
             share = self.length_std / (scale * self.definition.string.length)
         if (not share and scale == 1.0) or name is None or not estimates[name].valid:
             return estimates
@@ -576,7 +579,14 @@ class Model:
             self.weights[f"{name}.correction.{each}"].astype(np.float64)
             for each in ("centre", "scale", "mean", "covariance")
         )
-        return Correction(centre=centre, scale=scale, mean=mean, covariance=covariance, noise=record.noise)
+        return Correction(
+            centre=centre,
+            scale=scale,
+            mean=mean,
+            covariance=covariance,
+            noise=record.noise,
+            residual=len(centre) - 1 - len(record.variables),
+        )
 
     @cached_property
     def _variables(self) -> dict[str, tuple[tuple[int, int], ...]]:

@@ -12,12 +12,19 @@ from monochord.core.types import Flags, Floats, Indices, Progress
 from monochord.core.units import Metres
 from monochord.datasets.store import Dataset
 from monochord.metrics import coverage
-from monochord.perception.model.correction import Correction
-from monochord.perception.model.definition import HeadRecord
+from monochord.perception.model.correction import BUILD_SHARE, Correction
+from monochord.perception.model.definition import Definition, HeadRecord
 from monochord.perception.model.faults import MAX_ODDS, fault_reason
 from monochord.perception.model.model import Model
 from monochord.perception.training.adaptation import Adaptation, HeadAdaptation, Suggestion, Trust
-from monochord.perception.training.correct import LabelledErrors, Replayed, labelled_errors, with_correction
+from monochord.perception.training.correct import (
+    LabelledErrors,
+    Replayed,
+    correctable,
+    labelled_errors,
+    with_correction,
+    with_residuals,
+)
 from monochord.perception.training.examples import stream_of, touches_of
 from monochord.perception.training.touch_labels import refuse_impossible
 from monochord.perception.training.train import read_in_turn, with_design_forces
@@ -27,8 +34,12 @@ Objects: TypeAlias = Literal["same", "others"]
 MAX_FOLDS = 10
 """Largest number of cross-validation folds; up to this number of touches, each touch is a fold."""
 MAX_ALARM_SHARE = 0.01
-"""Largest share of a healthy sensor's windows that may still exceed the anomaly detector's limit."""
-REMEDY = "train a model with corrections (preset: builds)"
+"""Largest share of a healthy sensor's windows that may still be reported as faulty."""
+MIN_TOUCHES = 5
+"""Smallest number of touches from which a correction is used."""
+MIN_RESIDUAL_TOUCHES = 50
+"""Smallest number of touches from which a residual is learned."""
+REMEDY = "train a model with the heads position and force"
 
 
 def adapt(
@@ -44,13 +55,13 @@ def adapt(
     """Return a model adapted to the sensor and the object of a dataset's sessions.
 
     As in training, features are relative to each session's own string, and forces are scaled to the design's
-    tension. The sensor is assumed healthy: the adapted model's anomaly detector no longer reports the
+    tension. The sensor is assumed healthy: the adapted model no longer reports faults in the
     sensor's present sound as a fault.
 
     Parameters
     ----------
     model
-        A model trained with corrections. Earlier adaptations stay in effect.
+        A model; corrections that it has no prior for have one by physics. Earlier adaptations stay in effect.
     dataset
         Labelled windows of one build, with one object; with `objects` "others", one object in each session.
     touches
@@ -68,54 +79,55 @@ def adapt(
     Raises
     ------
     InputError
-        If the model has no corrections; if the dataset has no touches, or fewer than `touches`; if a label is
+        If the model has no position or force; if there are no touches, or fewer than `touches`; if a label is
         impossible; or if `objects` is "others" and the model was adapted before.
     """
     _refuse_unfit(model, objects)
     given, dataset = dataset, with_design_forces(model, dataset)
     rows, touch = stream_of(dataset, np.arange(len(dataset))), touches_of(dataset)
-    labelled = np.any([np.isfinite(dataset.label(name)) for name in model.corrections], axis=0)
+    ready = correctable(model)
+    labelled = np.any([np.isfinite(dataset.label(name)) for name in ready.corrections], axis=0)
     known_touches = np.unique(touch[rows][labelled[rows]])[:touches]
+    reader = with_residuals(ready) if len(known_touches) >= MIN_RESIDUAL_TOUCHES else ready
     if replayed is None:
-        replayed = read_in_turn(model, dataset, rows, progress)
+        replayed = read_in_turn(reader, dataset, rows, progress)
     refuse_impossible(model, dataset, touch, known_touches, replayed.outputs)
     rows = rows[touch[rows] <= known_touches.max(initial=0)]
     model, mistaken = desensitised(model, _odds(replayed, rows))
     if mistaken:  # these windows were no reference of the untouched string, as they will be
-        replayed = read_in_turn(model, dataset, rows, progress)
+        reader = replace(reader, weights={**reader.weights, **model.weights})
+        replayed = read_in_turn(reader, dataset, rows, progress)
     heads: dict[str, HeadAdaptation] = {}
     known: dict[str, Correction] = {}
     spreads: dict[str, float] = {}
-    for name, record in model.definition.heads.items():
+    for name, record in ready.definition.heads.items():
         if record.task.is_probability:
             continue
-        correction = model.correction(name)
-        errors = labelled_errors(model.definition, name, dataset, replayed.outputs)
+        correction = ready.corrections.get(name)
+        errors = labelled_errors(ready.definition, name, dataset, replayed.outputs)
         own = touch[errors.rows]
         numbers = np.unique(own)
         if len(numbers) < (touches or 1) and correction is not None:
-            given = f"{len(numbers)} touches with a label of {name}"
-            raise InputError(given, f"{touches or 1} or more", "record more touches")
+            given_touches = f"{len(numbers)} touches with a label of {name}"
+            raise InputError(given_touches, f"{touches or 1} or more", "record more touches")
         used = np.isin(own, numbers[:touches])
         errors, own = _part(errors, used), own[used]
-        if correction is None:
+        if correction is None or record.correction is None:
             if own.size:
                 heads[name] = _adaptation(record, errors.error, errors.error, errors.std, own)
             continue
-        terms = correction.terms(errors.variables)
         group = dataset.session[errors.rows].astype(np.int64) if objects == "others" else None
-        heads[name] = _judged(record, correction, errors, terms, own, group)
-        known[name] = _learned(correction, terms, errors, own, group) if heads[name].used else correction
+        heads[name], known[name] = _corrected(ready, name, correction, errors, own, group)
         spreads[name] = float(np.median(errors.std))
-        before = record.correction
-        model = with_correction(
-            model,
-            name,
-            known[name],
-            touches=(before.touches if before else 0) + heads[name].used * heads[name].touches,
-            sessions=before.sessions if before else 0,
-            kept=model.weights[f"{name}.correction.touches"],
-        )
+        if heads[name].used:
+            model = with_correction(
+                replace(model, definition=_with_record(model, name, record)),
+                name,
+                known[name],
+                touches=record.correction.touches + heads[name].touches,
+                sessions=record.correction.sessions,
+                kept=ready.weights[f"{name}.correction.touches"],
+            )
     sessions = {part.name: part.checksum for part in dataset.manifest.parts}
     definition = replace(
         model.definition,
@@ -126,7 +138,7 @@ def adapt(
     return Adaptation(
         model=model,
         heads=heads,
-        next_touch=_suggestion(model, known, spreads, sensing_range),
+        next_touch=_suggestion(ready, known, spreads, sensing_range),
         mistaken=mistaken,
         trust=_trust(given, np.isin(touch, known_touches), heads, objects),
     )
@@ -257,46 +269,91 @@ def _part(errors: LabelledErrors, used: np.ndarray) -> LabelledErrors:
     )
 
 
-def _learned(
-    correction: Correction, terms: Floats, errors: LabelledErrors, touch: Indices, group: Indices | None
-) -> Correction:
-    """Return the correction updated with the errors of some windows; unchanged without windows.
-
-    It is for the object of these windows. If `group` gives the object (n,) of each window, it is for others.
-    """
-    if not touch.size:
-        return correction
-    fitted = correction.fitted(terms, errors.error, errors.std, touch, group)
-    if group is None:
-        return fitted.given(terms, errors.error, errors.std, touch)
-    return fitted.of_the_build(terms, errors.error, errors.std, touch, group)
+def _with_record(model: Model, name: str, record: HeadRecord) -> Definition:
+    return replace(model.definition, heads={**model.definition.heads, name: record})
 
 
-def _judged(
-    record: HeadRecord,
+def _corrected(
+    model: Model,
+    name: str,
     correction: Correction,
     errors: LabelledErrors,
-    terms: Floats,
     touch: Indices,
     group: Indices | None,
-) -> HeadAdaptation:
-    """Return a head's errors before correction, and after correction with cross-validation over touches.
+) -> tuple[HeadAdaptation, Correction]:
+    """Return a head's errors on left-out touches, and the correction to use.
 
-    For several other objects, the cross-validation is over objects.
+    The candidates are, from the simplest: none, the correction, and the correction with a residual, where
+    there are enough touches. The simplest one counts whose error on left-out touches is within a standard
+    error of the smallest (Breiman et al. 1984). If `group` gives the object (n,) of each window, the
+    correction is for other objects, and whole objects are left out.
     """
+    record, v = model.definition.heads[name], len(correction.centre)
+    # A length is the same for all objects.
+    share = 1.0 if record.task.unit == "m" else BUILD_SHARE
+    columns = list(model.definition.columns_of(name))
+    mean, scale = (model.weights[f"scaler.{each}"][columns].astype(np.float64) for each in ("mean", "scale"))
+
+    def plain(some: LabelledErrors, own: Indices, group: Indices | None) -> Correction:
+        terms = correction.terms(some.variables[:, :v])
+        fitted = correction.fitted(terms, some.error, some.std, own, group)
+        if group is None:
+            return fitted.given(terms, some.error, some.std, own)
+        return fitted.of_the_build(terms, some.error, some.std, own, group, share)
+
+    def residual(some: LabelledErrors, own: Indices, group: Indices | None) -> Correction:  # noqa: ARG001
+        known = some.error, some.std, own
+        fitted = correction.fitted(correction.terms(some.variables[:, :v]), *known)
+        extended = fitted.extended(mean, scale, some.variables, *known)
+        return extended.given(extended.terms(some.variables), *known)
+
     of, numbers = touch, np.unique(touch)
     if group is not None and len(np.unique(group)) > 1:
         of, numbers = group, np.unique(group)
-    folds = np.array_split(numbers, min(MAX_FOLDS, len(numbers)))
-    left, std = np.empty(len(touch)), np.empty(len(touch))
-    for fold in folds:
-        out = np.isin(of, fold)
-        own = None if group is None else group[~out]
-        others = _learned(correction, terms[~out], _part(errors, ~out), touch[~out], own)
-        expected, uncertain = others.error(terms[out])
-        left[out] = errors.error[out] - expected
-        std[out] = np.sqrt(others.noise * errors.std[out] ** 2 + uncertain**2)
-    return _adaptation(record, errors.error - correction.error(terms)[0], left, std, touch)
+    learners = [plain]
+    if len(numbers) >= MIN_RESIDUAL_TOUCHES and errors.variables.shape[1] > v and group is None:
+        learners.append(residual)
+    expected, uncertain = correction.error(correction.terms(errors.variables[:, :v]))
+    before = errors.error - expected
+    left = [before]
+    stds = [np.sqrt(correction.noise * errors.std**2 + uncertain**2)]
+    for learn in learners:
+        error, std = before.copy(), stds[0].copy()
+        for out in (np.isin(of, fold) for fold in np.array_split(numbers, min(MAX_FOLDS, len(numbers)))):
+            if out.all():
+                continue
+            own = None if group is None else group[~out]
+            others = learn(_part(errors, ~out), touch[~out], own)
+            terms = others.terms(errors.variables[out, : len(others.centre)])
+            expected, uncertain = others.error(terms)
+            error[out] = errors.error[out] - expected
+            std[out] = np.sqrt(others.noise * errors.std[out] ** 2 + uncertain**2)
+        left.append(error)
+        stds.append(std)
+    chosen = simplest([np.abs(each) for each in left], touch)
+    shown = chosen or 1
+    head = replace(_adaptation(record, before, left[shown], stds[shown], touch), used=chosen > 0)
+    return head, learners[chosen - 1](errors, touch, group) if chosen else correction
+
+
+def simplest(sizes: Sequence[Floats], touch: Indices) -> int:
+    """Return the first of several errors (n,) of windows that is within a standard error of the smallest.
+
+    The standard error is that of the mean difference over touches; `touch` (n,) are their numbers. Fewer than
+    `MIN_TOUCHES` do not tell it: the first.
+
+    Examples
+    --------
+    >>> sizes = np.array([[1.0, 1.0, 1.0, 1.0, 1.0], [0.5, 0.6, 0.4, 0.5, 0.5], [0.4, 0.7, 0.3, 0.5, 0.5]])
+    >>> simplest(list(sizes), np.arange(5)), simplest(list(sizes[:, :2]), np.arange(2))
+    (1, 0)
+    """
+    of = [touch == number for number in np.unique(touch)]
+    means = np.array([[each[rows].mean() for rows in of] for each in sizes])
+    if len(of) < MIN_TOUCHES:
+        return 0
+    off = means - means[means.mean(axis=1).argmin()]
+    return int(np.argmax(off.mean(axis=1) <= off.std(axis=1, ddof=1) / len(of) ** 0.5))
 
 
 def _adaptation(
@@ -314,15 +371,15 @@ def _adaptation(
         std=record.scale * float(np.median(std)),
         coverage=coverage(zeros, after, std, 1.0),
         within_two=coverage(zeros, after, std, 2.0),
-        used=means[1] < means[0],
+        used=False,
         corrected=record.correction is not None,
     )
 
 
 def _refuse_unfit(model: Model, objects: Objects) -> None:
     """Refuse a model that cannot be adapted, or cannot be adapted for these objects."""
-    if not model.corrections:
-        raise InputError("a model without corrections", "a model that can be adapted", REMEDY)
+    if not correctable(model).corrections:
+        raise InputError("a model without position or force", "a model that can be adapted", REMEDY)
     records = (each.correction for each in model.definition.heads.values())
     if objects == "others" and (touches := max(each.touches for each in records if each)):
         given = f"a model that was adapted to {touches} touches, for other objects"
@@ -343,14 +400,15 @@ def _suggestion(
     places: Floats = np.zeros((0, 2))
     for name, correction in known.items():
         kept = model.weights[f"{name}.correction.touches"].astype(np.float64)
-        places, terms = kept[:, :2], correction.terms(kept[:, 2:])
+        rest = np.tile(correction.centre[kept.shape[1] - 2 :], (len(kept), 1))  # of a residual, none
+        places, terms = kept[:, :2], correction.terms(np.hstack([kept[:, 2:], rest]))
         shared = terms @ correction.covariance @ terms.T
         variance = np.diag(shared)
         # A touch lowers the variance at another by the square of what they share over its own.
         lowered = (shared**2 / (correction.noise * spreads[name] ** 2 + variance)).mean(axis=0)
         gains[name] = lowered / (correction.noise * spreads[name] ** 2 + variance.mean())
     low, high = sensing_range or (-np.inf, np.inf)
-    possible = (low <= places[:, 0]) & (places[:, 0] <= high)
+    possible = (low <= places[:, 0]) & (places[:, 0] <= high) & (places[:, 1] > 0.0)
     if not possible.any():
         return None
     total = np.where(possible, np.mean(list(gains.values()), axis=0), -np.inf)

@@ -6,13 +6,21 @@ from collections.abc import Mapping
 import numpy as np
 
 from monochord.core.types import Audio, Floats, Indices
+from monochord.core.units import Metres
 from monochord.datasets.store import Dataset
-from monochord.perception.model.correction import Correction, prior
+from monochord.perception.model.correction import Correction, physical, prior
 from monochord.perception.model.definition import TOUCHES_KEPT, CorrectionRecord, Definition
 from monochord.perception.model.model import Model
 from monochord.perception.model.network import Output, spread
 from monochord.perception.training.examples import masks_of
 
+TOOL_OFFSET: Metres = 4e-4
+"""Standard deviation of a tool's offset, assumed: known positions are measured to it."""
+LENGTH_STD = 0.0058
+"""Relative standard deviation of strings' lengths, for a model that does not state it."""
+FORCE_STDS = (0.05, 0.2, 0.1)
+"""Standard deviations of force's error, assumed: constant in N, by N, and by N^2."""
+NONE_KEPT: Audio = np.zeros((TOUCHES_KEPT, 2), np.float32)
 Outputs = Mapping[int, Mapping[str, Output]]
 """The outputs of every head for the windows of a dataset, by row."""
 
@@ -80,10 +88,36 @@ def labelled_errors(definition: Definition, name: str, dataset: Dataset, outputs
         rows=rows,
         error=(dataset.label(record.task.label)[rows] - record.offset) / record.scale - value,
         std=np.array([spread(each, record) for each in own]),
-        variables=np.array([(each.value, *each.variables) for each in own]).reshape(
-            len(rows), 1 + len(definition.variables_of(name))
-        ),
+        variables=np.array([(each.value, *each.variables) for each in own])
+        if own
+        else np.zeros((0, 1 + len(definition.variables_of(name)))),
     )
+
+
+def correctable(model: Model) -> Model:
+    """Return a model that can correct every position and force; by physics where training left no prior."""
+    definition = model.definition
+    stds = {"m": (TOOL_OFFSET, definition.length_std or LENGTH_STD, 0.0), "N": FORCE_STDS}
+    kept = next((model.weights[f"{name}.correction.touches"][:, :2] for name in model.corrections), NONE_KEPT)
+    for name, record in definition.heads.items():
+        if record.correction is not None or record.task.is_probability or record.task.unit not in stds:
+            continue
+        values = (kept[:, [int(record.task.unit == "N")]] - record.offset) / record.scale
+        correction = physical(record.offset, record.scale, stds[record.task.unit])
+        touches = np.hstack([kept, values])
+        model = with_correction(model, name, correction, touches=0, sessions=0, kept=touches)
+    return model
+
+
+def with_residuals(model: Model) -> Model:
+    """Return a model whose outputs have the variables of residuals too; its corrections are not valid."""
+    heads = {
+        name: dataclasses.replace(record, correction=dataclasses.replace(record.correction, residual=True))
+        if record.correction
+        else record
+        for name, record in model.definition.heads.items()
+    }
+    return dataclasses.replace(model, definition=dataclasses.replace(model.definition, heads=heads))
 
 
 def with_prior(model: Model, name: str, dataset: Dataset, outputs: Outputs, touch: Indices) -> Model:
@@ -109,7 +143,11 @@ def with_correction(
     record = dataclasses.replace(
         record,
         correction=CorrectionRecord(
-            variables=variables, noise=correction.noise, sessions=sessions, touches=touches
+            variables=variables,
+            residual=correction.residual > 0,
+            noise=correction.noise,
+            sessions=sessions,
+            touches=touches,
         ),
     )
     arrays = {

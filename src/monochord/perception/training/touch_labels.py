@@ -66,7 +66,8 @@ def _estimated(model: Model, dataset: Dataset, label: str, outputs: Outputs) -> 
         errors, correction = labelled_errors(model.definition, name, dataset, outputs), model.correction(name)
         error = errors.error
         if correction is not None and len(error):
-            error = error - correction.error(correction.terms(errors.variables))[0]
+            terms = correction.terms(errors.variables[:, : len(correction.centre)])
+            error = error - correction.error(terms)[0]
         estimate[errors.rows] = dataset.label(label)[errors.rows] - record.scale * error
         std[errors.rows] = record.scale * errors.std
     return estimate, std
