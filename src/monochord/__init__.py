@@ -13,7 +13,7 @@ What a program needs first stands here and is loaded when it is used, so that th
 Estimates from a source
     `listen`, `listen_async`, `Update`, `Prediction`, `Estimate`
 Models
-    `load`, `train`, `evaluate`, `calibrate`, `tune`, `features`, `Model`, `PredictionTable`
+    `load`, `train`, `evaluate`, `calibrate`, `tune`, `identify`, `features`, `Model`, `PredictionTable`
 Recordings and datasets
     `record`, `collect`, `build`, `audit`, `read_session`, `load_dataset`, `split_dataset`, `windows`,
     `Augmentation`, `SessionReader`, `SessionWriter`, `Description`
@@ -62,6 +62,7 @@ if TYPE_CHECKING:
     from monochord.front.calibrate import calibrate
     from monochord.front.collect import collect
     from monochord.front.evaluate import evaluate
+    from monochord.front.identify import identify
     from monochord.front.record import record
     from monochord.front.train import train
     from monochord.live.listen import listen, listen_async
@@ -137,6 +138,7 @@ __all__ = [
     "evaluate",
     "features",
     "force_from_tension",
+    "identify",
     "listen",
     "listen_async",
     "load",
@@ -175,6 +177,7 @@ _NAMES = {
     "monochord.front.calibrate": "calibrate",
     "monochord.front.collect": "collect",
     "monochord.front.evaluate": "evaluate",
+    "monochord.front.identify": "identify",
     "monochord.front.record": "record",
     "monochord.front.train": "train",
     "monochord.live.listen": "listen listen_async",

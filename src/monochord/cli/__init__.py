@@ -33,7 +33,7 @@ INTERRUPTED = 130
 """Exit status of an interrupted command."""
 GROUPS: Mapping[str, tuple[str, ...]] = {
     "Try it": ("demo", "simulate"),
-    "Use a sensor": ("tune", "live", "locate", "calibrate"),
+    "Use a sensor": ("tune", "identify", "live", "locate", "calibrate"),
     "Record and collect": ("record", "collect", "sessions"),
     "Train and test": ("build", "audit", "train", "evaluate", "weights"),
     "Look and check": ("list", "doctor", "figure", "bench"),
