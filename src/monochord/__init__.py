@@ -18,7 +18,7 @@ Recordings and datasets
     `record`, `collect`, `build`, `audit`, `read_session`, `load_dataset`, `split_dataset`, `windows`,
     `Augmentation`, `SessionReader`, `SessionWriter`, `Description`
 Simulation and presets
-    `simulate`, `VirtualSensor`, `load_sensor`, `load_string`, `load_material`, `available`
+    `design`, `simulate`, `VirtualSensor`, `load_sensor`, `load_string`, `load_material`, `available`
 Types
     `StringParams`, `Contact`, `Signal`, `Block`, `Window`, `Readings`, `Feed`
 Closed forms
@@ -61,6 +61,7 @@ if TYPE_CHECKING:
     from monochord.front.build import build
     from monochord.front.calibrate import calibrate
     from monochord.front.collect import collect
+    from monochord.front.design import design
     from monochord.front.evaluate import evaluate
     from monochord.front.identify import identify
     from monochord.front.record import record
@@ -134,6 +135,7 @@ __all__ = [
     "calibrate",
     "collect",
     "contact_bound",
+    "design",
     "detection_score",
     "evaluate",
     "features",
@@ -176,6 +178,7 @@ _NAMES = {
     "monochord.front.build": "build",
     "monochord.front.calibrate": "calibrate",
     "monochord.front.collect": "collect",
+    "monochord.front.design": "design",
     "monochord.front.evaluate": "evaluate",
     "monochord.front.identify": "identify",
     "monochord.front.record": "record",

@@ -70,7 +70,9 @@ def test_a_fit_returns_the_string_whose_partials_it_is_given() -> None:
     heard = mc.stiff_partials(mc.open_frequency(string), inharmonicity(string), numbers)
     for driver, pull in zip(sensor.drivers, (30.0, 8.0), strict=True):
         shape = np.sin(numbers * np.pi * driver.drive / string.length) ** 2
-        heard = heard * (1.0 - pull * shape / (string.linear_density * string.length * (2 * np.pi * heard) ** 2))
+        heard = heard * (
+            1.0 - pull * shape / (string.linear_density * string.length * (2 * np.pi * heard) ** 2)
+        )
     fit = fit_string(
         sensor,
         numbers,
@@ -98,7 +100,9 @@ def test_correlations_are_those_of_the_budget(build: Build, tmp_path: Path) -> N
     np.testing.assert_allclose(result.fit.correlation, result.fit.correlation.T, atol=1e-9)
 
 
-def test_sound_and_ruler_alone_give_pitch_but_neither_tension_nor_density(build: Build, tmp_path: Path) -> None:
+def test_sound_and_ruler_alone_give_pitch_but_neither_tension_nor_density(
+    build: Build, tmp_path: Path
+) -> None:
     result = build.identified(tmp_path)
     for name in ("tension", "linear_density"):
         assert not result.estimates[name].valid
@@ -224,6 +228,8 @@ def test_fifty_plausible_builds(tmp_path: Path) -> None:
         assert 0.60 <= np.mean(error < claim) <= 0.76
         assert error.max() < 3.0 * claim.max()
     print(f"alone: median {np.median(np.abs(alone)):.0%}, would claim {np.median(alone_claims):.0%}")
-    print(f"pitch: rms of error over claim {np.sqrt(np.mean(np.square(pitch))):.2f}, largest {np.abs(pitch).max():.1f}")
+    print(
+        f"pitch: rms of error over claim {np.sqrt(np.mean(np.square(pitch))):.2f}, largest {np.abs(pitch).max():.1f}"
+    )
     assert np.median(np.abs(alone)) > 0.02
     assert steel_density_of(2.54e-4) == pytest.approx(3.978e-4, rel=1e-4)

@@ -1,13 +1,14 @@
 """Designs a sensor before it is built, like ``monochord design``."""
 
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from monochord.core.config import from_tree
+from monochord.core.types import Contact
+from monochord.front.design_figure import drawn
 from monochord.physics.design import (
     CENTS,
     COMPARED,
@@ -27,9 +28,11 @@ from monochord.physics.design import (
     stretch_cents,
     sweep,
 )
-from monochord.core.types import Contact
 from monochord.physics.sensors import Sensor, design_toml
 from monochord.physics.theory import stretch_stiffness
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Canvas
 
 HEADS = (
     "  gauge  tension  length  pitch  force std, N   position  cents    settled  stress  clearance",
@@ -77,7 +80,8 @@ class StringDesign:
     def pareto(self) -> tuple[Candidate, ...]:
         """Strings within strength and clearance that no other beats in both settling and force, the fastest first."""
         able = sorted(
-            (each for each in self.candidates if not _unsafe(each)), key=lambda each: (each.settling, each.force_std)
+            (each for each in self.candidates if not _unsafe(each)),
+            key=lambda each: (each.settling, each.force_std),
         )
         front, best = list[Candidate](), np.inf
         for each in able:
@@ -98,8 +102,13 @@ class StringDesign:
     def mounts(self) -> dict[str, float]:
         """Bound of force in N by how objects are held, at 1 N in the middle."""
         string = self.chosen.string
-        touch = Contact(position=0.501 * string.length, force=min(max(1.0, self.wishes.forces[0]), self.wishes.forces[1]))
-        each = {name: from_tree(Wishes, {**asdict(self.wishes), "mount": name}) for name in ("known", "bolted", "light", "soft")}
+        touch = Contact(
+            position=0.501 * string.length, force=min(max(1.0, self.wishes.forces[0]), self.wishes.forces[1])
+        )
+        each = {
+            name: from_tree(Wishes, {**asdict(self.wishes), "mount": name})
+            for name in ("known", "bolted", "light", "soft")
+        }
         return {name: bounds_at(wishes, string, touch)[1] for name, wishes in each.items()}
 
     def reasons(self) -> list[str]:
@@ -130,10 +139,13 @@ class StringDesign:
         )
         lines += [_at(each, wishes) for each in self.compared]
         drift, force = self.frames[wishes.frame]
-        cheapest = min(self.frames, key=lambda name: abs(self.frames[name][0]))
+        least = min(self.frames, key=lambda name: abs(self.frames[name][0]))
+        other = (
+            "as little as any" if least == wishes.frame else f"{least} drifts by {self.frames[least][0]:+.2f}"
+        )
         lines.append(
-            f"A frame of {wishes.frame} drifts by {drift:+.2f} cents a kelvin, which reads as {force:+.2f} N until the "
-            f"open pitch is measured again; {cheapest} drifts least."
+            f"A frame of {wishes.frame} drifts by {drift:+.2f} cents a kelvin ({other}), which reads as {force:+.2f} N "
+            "until the open pitch is measured again."
         )
         near = one.clearance / wishes.gap
         risk = "squeals" if near > 1.0 else "is close to squealing" if near > 0.9 else "does not squeal"
@@ -154,7 +166,9 @@ class StringDesign:
             lines += [_row(each, self.chosen) for each in self.varied(name)] + [""]
         c = self.curves
         lines.append("Along the range, at 1 N:")
-        lines.append("   x, mm   f1, Hz   f2, Hz   df1/dx, Hz/mm   df2/dx   df1/dF, Hz/N   df2/dF   std x, mm   std F, N")
+        lines.append(
+            "   x, mm   f1, Hz   f2, Hz   df1/dx, Hz/mm   df2/dx   df1/dF, Hz/N   df2/dF   std x, mm   std F, N"
+        )
         usual = int(np.argmin(np.abs(c.forces - 1.0)))
         for i in range(0, c.positions.size, 4):
             (a, b), (p, q) = c.slopes[i]
@@ -162,7 +176,9 @@ class StringDesign:
                 f"{1e3 * c.positions[i]:8.1f} {c.lines[i, 0]:8.1f} {c.lines[i, 1]:8.1f} {1e-3 * a:15.2f} {1e-3 * p:8.2f} "
                 f"{b:14.2f} {q:8.2f} {1e3 * c.position_std[usual, i]:11.3f} {c.force_std[usual, i]:10.3f}"
             )
-        frames = ", ".join(f"{name} {drift:+.2f} ({force:+.2f} N)" for name, (drift, force) in self.frames.items())
+        frames = ", ".join(
+            f"{name} {drift:+.2f} ({force:+.2f} N)" for name, (drift, force) in self.frames.items()
+        )
         mounts = ", ".join(f"{name} {value:.2g} N" for name, value in self.mounts.items())
         own = self.ambiguity
         return [
@@ -192,11 +208,20 @@ class StringDesign:
             "reasons": self.reasons(),
             "compared": [_tree(each) for each in self.compared],
             "sweep": [_tree(each) for each in self.candidates],
-            "frames": {name: {"cents": drift, "force": force} for name, (drift, force) in self.frames.items()},
+            "frames": {
+                name: {"cents": drift, "force": force} for name, (drift, force) in self.frames.items()
+            },
             "mounts": self.mounts,
             "curves": {name: value.tolist() for name, value in _arrays(c).items()},
-            "ambiguity": {"share": own.share, **{name: value.tolist() for name, value in _arrays(own).items()}},
+            "ambiguity": {
+                "share": own.share,
+                **{name: value.tolist() for name, value in _arrays(own).items()},
+            },
         }
+
+    def draw(self) -> "Canvas":
+        """Return the figure of the design; requires matplotlib."""
+        return drawn(self)
 
     def toml(self) -> str:
         """Return the text of a sensor file, which `load_sensor`, ``--sensor`` and the hardware's CAD take."""

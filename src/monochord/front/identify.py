@@ -152,7 +152,9 @@ class Identification:
         """Return the result in convenient units, as text lines."""
         lines = [f"{self.design}, as built:"]
         for name, each in self.estimates.items():
-            scale, unit = (1e3, "g/m") if each.unit == "kg/m" else (1e3, "mm") if each.unit == "m" else (1, "")
+            scale, unit = (
+                (1e3, "g/m") if each.unit == "kg/m" else (1e3, "mm") if each.unit == "m" else (1, "")
+            )
             shown = f"{_shown(scale * each.value, scale * each.std)} {unit or each.unit.removeprefix('1')}"
             lines.append(f"  {name:<16}{shown.rstrip() if each.valid else str(each)}")
         held = ", ".join(map(str, self.held)) or "none"
@@ -263,9 +265,7 @@ def identify(
         length=(length, even_std(length_error)),
         linear_density=_combined(densities),
     )
-    partials = tuple(
-        replace(each, used=used) for each, used in zip(partials, fit.used, strict=True)
-    )
+    partials = tuple(replace(each, used=used) for each, used in zip(partials, fit.used, strict=True))
     return _identified(design, built, fit, partials, (*reasons, *notes), measured=bool(densities))
 
 
@@ -277,9 +277,7 @@ def _refuse_other_size(sensor: Sensor, design: str, length: Metres, named: bool)
         raise InputError(given, f"within 10 % of {nominal:g} m", f"{remedy}, or 'monochord design' makes one")
 
 
-def _partials(
-    stream: Stream, sensor: Sensor, seconds: Seconds, take: int
-) -> tuple[tuple[Partial, ...], str]:
+def _partials(stream: Stream, sensor: Sensor, seconds: Seconds, take: int) -> tuple[tuple[Partial, ...], str]:
     """Return the partials in a recording, or none and the reason."""
     signal = replace(stream.signal, string=sensor.string)
     rate = signal.sample_rate

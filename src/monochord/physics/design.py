@@ -56,6 +56,8 @@ GAUGES: tuple[Metres, ...] = tuple(round(25.4e-6 * each, 7) for each in (8, 9, 1
 TENSIONS: tuple[Newtons, ...] = (15, 20, 25, 30, 35, 40, 45, 50, 55, 60, 65, 75, 85, 95, 110)
 COMPARED: tuple[Newtons, ...] = (20.0, 40.0, 65.0)
 """Tensions that every design is compared at."""
+COIL_ROOM: Metres = 0.035
+"""Least room for a driver's coils beside the range, at either end; the prototype has 50 mm."""
 CENTS = 1200.0 / float(np.log(2.0))
 """Cents of a relative change of frequency of one."""
 
@@ -107,20 +109,18 @@ class Wishes(Checked):
 
     def __post_init__(self) -> None:
         Checked.__post_init__(self)
-        if not self.range <= MAX_RANGE_SHARE * self.length:
+        if self.range > self.length - 2.0 * COIL_ROOM:
             given = f"a range of {self.range:g} m on a string of {self.length:g} m"
-            expected = f"{MAX_RANGE_SHARE * self.length:g} m or less"
-            raise InputError(given, expected, "coils need the room beside it: make the string longer")
+            expected = f"{max(self.length - 2.0 * COIL_ROOM, 0.0):.3g} m or less"
+            raise InputError(given, expected, "coils need 35 mm beside it at either end: make the string longer")
         if not 0.0 < self.forces[0] < self.forces[1] <= 10.0:
-            raise InputError(f"forces {self.forces[0]:g} to {self.forces[1]:g} N", "0 < least < largest <= 10")
+            raise InputError(
+                f"forces {self.forces[0]:g} to {self.forces[1]:g} N", "0 < least < largest <= 10"
+            )
         for kind, name, known in (("wire", self.wire, WIRES), ("frame", self.frame, FRAMES)):
             if name not in known:
                 raise InputError(f"{kind} '{name}'", ", ".join(known), did_you_mean(name, known))
         load_material(self.material)
-
-
-MAX_RANGE_SHARE = 0.7
-"""Largest share of the string that is sensed: coils take the rest, as in the presets."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -231,7 +231,10 @@ def candidate(wishes: Wishes, gauge: Metres, tension: Newtons, length: Metres) -
     string, wire = string_of(wishes, gauge, tension, length), WIRES[wishes.wire]
     ends = 0.5 * (length - wishes.range), 0.5 * (length + wishes.range)
     middle, usual = 0.5 * length, min(max(1.0, wishes.forces[0]), wishes.forces[1])
-    places = ends[0], 0.5 * (ends[0] + middle), middle + 1e-3 * length
+    places = (
+        ends[0],
+        middle + 1e-3 * length,
+    )  # the bound of force is worst at an end, that of position may be inside
     each = [bounds_at(wishes, string, Contact(position=x, force=usual)) for x in places]
     most = [bounds_at(wishes, string, Contact(position=x, force=wishes.forces[1]))[1] for x in places]
     under = float(geometric_tension(string, middle, wishes.forces[1]))
@@ -269,9 +272,7 @@ def _lacks(wishes: Wishes, one: Candidate) -> tuple[str, ...]:
     if one.force_std > wishes.force_resolution:
         lacks.append(f"force {one.force_std:.2g} N (wanted {wishes.force_resolution:g} N)")
     if one.position_std > wishes.resolution:
-        lacks.append(
-            f"position {1e3 * one.position_std:.2g} mm (wanted {1e3 * wishes.resolution:g} mm)"
-        )
+        lacks.append(f"position {1e3 * one.position_std:.2g} mm (wanted {1e3 * wishes.resolution:g} mm)")
     if one.stress_share > MAX_STRESS_SHARE:
         lacks.append(f"stress {one.stress_share:.0%} of the wire's strength")
     if one.clearance > wishes.gap:
@@ -299,12 +300,20 @@ def _material(name: str) -> Material:
     return load_material(name)
 
 
-def coils(length: Metres) -> tuple[tuple[Metres, Metres], tuple[Metres, Metres]]:
-    """Return the places of sense and drive coil of both drivers: the prototype's, in proportion."""
-    design = base_sensor()
-    scale = length / design.string.length
-    near, far = ((scale * each.sense, scale * each.drive) for each in design.drivers)
-    return near, far
+def coils(length: Metres, range_: Metres) -> tuple[tuple[Metres, Metres], tuple[Metres, Metres]]:
+    """Return the places of sense and drive coil of both drivers, in m: in the room beside the range.
+
+    Each coil's share of that room is the prototype's.
+
+    >>> [round(1e3 * place) for pair in coils(0.3, 0.2) for place in pair]
+    [15, 28, 278, 289]
+    """
+    base = base_sensor()
+    room, own = 0.5 * (length - range_), base.range[0]
+    near, far = ((each.sense, each.drive) for each in base.drivers)
+    sense, drive = (room * place / own for place in near)
+    beyond = [length - room * (base.string.length - place) / own for place in far]
+    return (sense, drive), (beyond[0], beyond[1])
 
 
 def _swing(wishes: Wishes, string: StringParams) -> Metres:
@@ -315,7 +324,7 @@ def _swing(wishes: Wishes, string: StringParams) -> Metres:
     omega = 2.0 * pi * open_frequency(string)
     sigma = float(decay_rates(string, sensor_losses(), np.array([omega / (2.0 * pi)]))[0])
     limit = wishes.level * max(each.limit for each in base_sensor().drivers)
-    push = max(sin(pi * drive / string.length) for _, drive in coils(string.length)) * limit
+    push = max(sin(pi * drive / string.length) for _, drive in coils(string.length, wishes.range)) * limit
     return 4.0 / pi * push / (string.linear_density * string.length * sigma * omega)
 
 
@@ -325,7 +334,7 @@ def _sag(wishes: Wishes, string: StringParams, ends: tuple[Metres, Metres]) -> M
     return max(
         wishes.forces[1] * min(at, coil) * (length - max(at, coil)) / (string.tension * length)
         for at in ends
-        for pair in coils(length)
+        for pair in coils(length, wishes.range)
         for coil in pair
     )
 
@@ -335,9 +344,8 @@ def sweep(wishes: Wishes) -> list[Candidate]:
 
     A given gauge or tension is not varied. Lengths are the whole, and two shorter ones that hold the range.
     """
-    least = wishes.range / MAX_RANGE_SHARE
+    least = wishes.range + 2.0 * COIL_ROOM
     lengths = sorted({round(least + share * (wishes.length - least), 4) for share in (0.0, 0.5, 1.0)})
-    lengths = [max(each, 0.05) for each in lengths]
     gauges = GAUGES if wishes.gauge is None else (wishes.gauge,)
     tensions = TENSIONS if wishes.tension is None else (wishes.tension,)
     strength = WIRES[wishes.wire].strength
@@ -359,7 +367,11 @@ def recommended(wishes: Wishes, candidates: list[Candidate]) -> Candidate:
         If no string of the sweep bears its tension.
     """
     if not candidates:
-        given = f"a wire of {wishes.gauge:g} m at {wishes.tension:g} N" if wishes.gauge and wishes.tension else "wishes"
+        given = (
+            f"a wire of {wishes.gauge:g} m at {wishes.tension:g} N"
+            if wishes.gauge and wishes.tension
+            else "wishes"
+        )
         raise InputError(given, "a string that bears its tension", "lower the tension, or use a thicker wire")
     fewest = min(len(each.lacks) for each in candidates)
     best = [each for each in candidates if len(each.lacks) == fewest]
@@ -419,7 +431,9 @@ def ambiguity(wishes: Wishes, string: StringParams, count: int = 161) -> Ambigui
     inside &= np.abs(place - x) > wishes.resolution
     inside &= ((m != other_m) | (n != other_n))[:, None]
     doubled = inside.reshape(MAX_MODE**2, MAX_MODE**2, count).any(axis=1)
-    return Ambiguity(positions=x, pairs=doubled.sum(axis=0).astype(float), fundamental=doubled[0].astype(float))
+    return Ambiguity(
+        positions=x, pairs=doubled.sum(axis=0).astype(float), fundamental=doubled[0].astype(float)
+    )
 
 
 def _lines(string: StringParams, x: Floats, force: Newtons) -> tuple[Floats, Floats]:
@@ -449,7 +463,10 @@ def curves(wishes: Wishes, string: StringParams, count: int = 21) -> Curves:
     usual = min(max(1.0, wishes.forces[0]), wishes.forces[1])
     forces = np.array(sorted({wishes.forces[0], usual, wishes.forces[1]}))
     bounds = np.array(
-        [[bounds_at(wishes, string, Contact(position=p, force=f)) for p in x.tolist()] for f in forces.tolist()]
+        [
+            [bounds_at(wishes, string, Contact(position=p, force=f)) for p in x.tolist()]
+            for f in forces.tolist()
+        ]
     )
     slopes = [
         frequency_sensitivities(string, Contact(position=p, force=usual), "geometric") for p in x.tolist()
@@ -473,7 +490,7 @@ def sensor_from(wishes: Wishes, chosen: Candidate) -> Sensor:
         centre = min(max(scale * each.centre, 20.0), 12000.0)
         return replace(each, sense=places[0], drive=places[1], centre=centre, level=wishes.level)
 
-    near, far = (driver(*each) for each in zip(base.drivers, coils(string.length), strict=True))
+    near, far = (driver(*each) for each in zip(base.drivers, coils(string.length, wishes.range), strict=True))
     gauge, tension = 1e3 * string.core_diameter, string.tension
     return replace(
         base,
