@@ -3,6 +3,7 @@
 import json
 import tomllib
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -30,7 +31,7 @@ def test_the_prototypes_string_has_the_prototypes_figures() -> None:
     assert mine.linear_density == pytest.approx(string.linear_density, rel=1e-3)
     assert mine.tension_per_force == pytest.approx(string.tension_per_force, rel=1e-3)
     one = candidate(Wishes(frame="aluminium"), GAUGE, 65.0, 0.2)
-    assert 65.0 / one.stress * 1e6 < 1283.0 / 65.0  # under a press the stress is above 1,283 MPa
+    assert 1283e6 < one.stress < 1.03 * 1283e6  # a press of 2 N adds 1.8 %
     assert one.drift == pytest.approx(1.52, abs=0.01)
     assert 1e3 * one.swing == pytest.approx(0.153, abs=0.002)
     assert 1e3 * one.sag == pytest.approx(0.646, abs=0.002)
@@ -38,7 +39,7 @@ def test_the_prototypes_string_has_the_prototypes_figures() -> None:
 
 @pytest.mark.parametrize(
     ("mount", "force", "expected"),
-    [("bolted", 1.0, 0.15), ("light", 1.0, 0.40), ("soft", 1.0, 0.54), ("known", 2.0, 0.08)],
+    [("bolted", 1.0, 0.15), ("light", 1.0, 0.35), ("soft", 1.0, 0.54), ("known", 2.0, 0.08)],
 )
 def test_bounds_by_mount(mount: str, force: float, expected: float) -> None:
     wishes = Wishes(mount=mount)  # pyright: ignore[reportArgumentType]
@@ -84,9 +85,9 @@ def test_what_is_recommended_meets_every_wish_and_is_the_fastest(made: StringDes
     assert all(each.settling >= 0.95 * one.settling for each in made.candidates if not each.lacks)
     assert [each.string.tension for each in made.compared] == [20.0, 40.0, 65.0]
     text = "\n".join(made.lines())
-    assert all(f"At {tension} N it gives" in text for tension in (20, 40, 65))
+    assert all(f"\n{tension} N: " in text for tension in (20, 40, 65))
     front = made.pareto
-    assert all(a.settling < b.settling and a.force_std > b.force_std for a, b in zip(front, front[1:], strict=False))
+    assert all(a.settling < b.settling and a.force_std > b.force_std for a, b in pairwise(front))
 
 
 def test_impossible_wishes_name_what_is_lacking() -> None:
@@ -94,7 +95,8 @@ def test_impossible_wishes_name_what_is_lacking() -> None:
     assert any(word.startswith("force") for word in made.chosen.lacks)
     assert "No string" in made.reasons()[1]
     assert made.mounts["known"] < made.mounts["light"] < made.mounts["soft"]
-    assert {name: round(drift, 2) for name, (drift, _) in mc.design(gauge=GAUGE, tension=65.0).frames.items()} == {
+    frames = mc.design(gauge=GAUGE, tension=65.0).frames
+    assert {name: round(drift, 2) for name, (drift, _) in frames.items()} == {
         "steel": 0.0, "stainless": 0.76, "aluminium": 1.53, "carbon": -1.45, "pla": 7.6,
     }  # fmt: skip
 
@@ -117,8 +119,8 @@ def test_the_file_is_a_sensor_of_the_twin_and_of_the_hardware(
     sound, labels = twin.advance(0.4)
     assert labels["contact"][-1] == 1.0
     assert 0.01 < np.abs(sound[:, -4410:]).max() < 1.0
-    from hardware.cad.parameters import load_hardware  # noqa: PLC0415  (the repository's, not the package's)
-    from hardware.cad.physics import physics  # noqa: PLC0415
+    from hardware.cad.parameters import load_hardware
+    from hardware.cad.physics import physics
 
     figures = physics(load_hardware(str(path)))
     assert figures["tension_N"] == made.chosen.string.tension
@@ -143,7 +145,7 @@ def test_it_is_drawn(made: StringDesign, suffix: str, tmp_path: Path, capsys: Ca
 @pytest.mark.parametrize(
     ("words", "named"),
     [
-        ("--length 0.1", "0.03 m or less"),
+        ("--length 0.1", "0.01 m or less"),
         ("--length nan", "--length"),
         ("--forces 2 1", "least"),
         ("--gauge 0.254", "gauge"),

@@ -1,6 +1,6 @@
 """Designs a sensor before it is built, like ``monochord design``."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +13,7 @@ from monochord.physics.design import (
     CENTS,
     COMPARED,
     FRAMES,
+    MAX_MODE,
     MAX_STRESS_SHARE,
     WIRES,
     Ambiguity,
@@ -78,7 +79,7 @@ class StringDesign:
 
     @property
     def pareto(self) -> tuple[Candidate, ...]:
-        """Strings within strength and clearance that no other beats in both settling and force, the fastest first."""
+        """Strings that hold and do not squeal, and that no other beats in settling and force, by settling."""
         able = sorted(
             (each for each in self.candidates if not _unsafe(each)),
             key=lambda each: (each.settling, each.force_std),
@@ -100,94 +101,86 @@ class StringDesign:
 
     @property
     def mounts(self) -> dict[str, float]:
-        """Bound of force in N by how objects are held, at 1 N in the middle."""
+        """Bound of force in N by how objects are held, at the usual press in the middle."""
         string = self.chosen.string
-        touch = Contact(
-            position=0.501 * string.length, force=min(max(1.0, self.wishes.forces[0]), self.wishes.forces[1])
-        )
-        each = {
-            name: from_tree(Wishes, {**asdict(self.wishes), "mount": name})
-            for name in ("known", "bolted", "light", "soft")
+        touch = Contact(position=0.501 * string.length, force=self.wishes.usual)
+        each: dict[str, Wishes] = {
+            "known": replace(self.wishes, mount="known"),
+            "bolted": replace(self.wishes, mount="bolted"),
+            "light": replace(self.wishes, mount="light"),
+            "soft": replace(self.wishes, mount="soft"),
         }
         return {name: bounds_at(wishes, string, touch)[1] for name, wishes in each.items()}
 
     def reasons(self) -> list[str]:
         """Return why this string is recommended, and what others cost, as sentences."""
-        wishes, one = self.wishes, self.chosen
-        string = one.string
-        lines = [
-            f"Build {1e3 * string.core_diameter:.3f} mm {wishes.wire.replace('_', ' ')}, {1e3 * string.length:.0f} mm "
-            f"between the ends, at {string.tension:.0f} N ({one.frequency:.0f} Hz)."
-        ]
-        able = [each for each in self.candidates if not each.lacks]
-        if one.lacks:
-            lines.append(
-                f"No string of the {len(self.candidates)} in the sweep meets every wish. This one lacks least: "
-                f"{'; '.join(one.lacks)}."
-            )
-        else:
-            lines.append(
-                f"It is the fastest of {len(able)} strings that meet every wish, of {len(self.candidates)} in the sweep: "
-                f"a touch settles in {1e3 * one.settling:.0f} ms."
-            )
-        lines.append(
-            f"Force is told to {one.force_std:.2g} N at 1 N and {one.force_std_most:.2g} N at {wishes.forces[1]:g} N at "
-            f"best, position to {1e3 * one.position_std:.2g} mm, if objects are held as '{wishes.mount}'."
-        )
-        lines.append(
-            "The sensitivity to force goes as E A / T^3, so half the tension gives eight times the cents per newton."
-        )
-        lines += [_at(each, wishes) for each in self.compared]
-        drift, force = self.frames[wishes.frame]
-        least = min(self.frames, key=lambda name: abs(self.frames[name][0]))
-        other = (
-            "as little as any" if least == wishes.frame else f"{least} drifts by {self.frames[least][0]:+.2f}"
-        )
-        lines.append(
-            f"A frame of {wishes.frame} drifts by {drift:+.2f} cents a kelvin ({other}), which reads as {force:+.2f} N "
-            "until the open pitch is measured again."
+        wishes, one, string = self.wishes, self.chosen, self.chosen.string
+        gauge, wire = 1e3 * string.core_diameter, wishes.wire.replace("_", " ")
+        usual, most = f"{wishes.usual:g} N", f"{wishes.forces[1]:g} N"
+        able, count = [each for each in self.candidates if not each.lacks], len(self.candidates)
+        lacks = ", ".join(one.lacks)
+        why = (
+            f"It is the fastest of the {len(able)} strings that meet every wish, of {count} in the sweep."
+            if able
+            else f"No string of the {count} in the sweep meets every wish; this one lacks {lacks}."
         )
         near = one.clearance / wishes.gap
-        risk = "squeals" if near > 1.0 else "is close to squealing" if near > 0.9 else "does not squeal"
-        lines.append(
-            f"Under {wishes.forces[1]:g} N beside a coil the string comes {1e3 * one.sag:.2f} mm nearer to the pole and "
-            f"swings by {1e3 * one.swing:.2f} mm (which raises the pitch by {stretch_cents(string, one.swing):.1f} "
-            f"cents): at a gap of {1e3 * wishes.gap:g} mm it {risk}."
+        squeal = "squeals" if near > 1.0 else "is close to squealing" if near > 0.9 else "does not squeal"
+        build = (
+            f"{gauge:.3f} mm {wire}, {1e3 * string.length:.0f} mm between the ends, {string.tension:.0f} N"
         )
-        lines.append(
-            f"The wire bears {one.stress / 1e6:.0f} MPa under the largest press, {one.stress_share:.0%} of its strength."
+        tells = f"{usual} to {one.force_std:.2g} N, {most} to {one.force_std_most:.2g} N"
+        position, stress = f"position to {1e3 * one.position_std:.2g} mm", one.stress / 1e6
+        glide = stretch_cents(string, one.swing)
+        swing, sag, gap = (f"{1e3 * each:.2f} mm" for each in (one.swing, one.sag, wishes.gap))
+        return [
+            f"Build: {build} ({one.frequency:.0f} Hz).",
+            f"{why} A touch settles in {1e3 * one.settling:.0f} ms.",
+            f"At best it tells {tells}, and {position} (objects held as '{wishes.mount}').",
+            "Sensitivity to force goes as E A / T^3: half the tension gives eight times the cents.",
+            *(_at(each, wishes) for each in self.compared),
+            self._drifts(),
+            f"The string swings by {swing}. {most} at an end of the range bring it {sag} nearer to a pole.",
+            f"At a gap of {gap} it {squeal}. The swing raises the pitch by {glide:.1f} cents.",
+            f"Under {most} the wire bears {stress:.0f} MPa, {one.stress_share:.0%} of its strength.",
+        ]
+
+    def _drifts(self) -> str:
+        frame, (drift, force) = self.wishes.frame, self.frames[self.wishes.frame]
+        least = min(self.frames, key=lambda name: abs(self.frames[name][0]))
+        if least == frame:
+            return f"A frame of {frame} drifts least, by {abs(drift):.2f} cents a kelvin."
+        return (
+            f"A frame of {frame} drifts by {drift:+.2f} cents a kelvin ({least}: {self.frames[least][0]:+.2f}). "
+            f"Until the open pitch is measured again, a kelvin reads as {force:+.2f} N."
         )
-        return lines
 
     def lines(self) -> list[str]:
         """Return the design in convenient units, as text lines."""
-        lines = [*self.reasons(), "", "Sweeps through the recommended string:", *HEADS]
-        for name in ("core_diameter", "tension", "length"):
-            lines += [_row(each, self.chosen) for each in self.varied(name)] + [""]
-        c = self.curves
-        lines.append("Along the range, at 1 N:")
-        lines.append(
-            "   x, mm   f1, Hz   f2, Hz   df1/dx, Hz/mm   df2/dx   df1/dF, Hz/N   df2/dF   std x, mm   std F, N"
-        )
-        usual = int(np.argmin(np.abs(c.forces - 1.0)))
-        for i in range(0, c.positions.size, 4):
-            (a, b), (p, q) = c.slopes[i]
-            lines.append(
-                f"{1e3 * c.positions[i]:8.1f} {c.lines[i, 0]:8.1f} {c.lines[i, 1]:8.1f} {1e-3 * a:15.2f} {1e-3 * p:8.2f} "
-                f"{b:14.2f} {q:8.2f} {1e3 * c.position_std[usual, i]:11.3f} {c.force_std[usual, i]:10.3f}"
-            )
+        sweeps = [
+            line
+            for name in ("core_diameter", "tension", "length")
+            for line in (*(_row(each, self.chosen) for each in self.varied(name)), "")
+        ]
+        own, usual = self.ambiguity, f"{self.wishes.usual:g} N"
         frames = ", ".join(
             f"{name} {drift:+.2f} ({force:+.2f} N)" for name, (drift, force) in self.frames.items()
         )
         mounts = ", ".join(f"{name} {value:.2g} N" for name, value in self.mounts.items())
-        own = self.ambiguity
         return [
-            *lines,
-            f"Force at 1 N by mount: {mounts}.",
-            f"Drift in cents a kelvin by frame: {frames}.",
+            *self.reasons(),
+            "",
+            "Sweeps through the recommended string:",
+            *HEADS,
+            *sweeps,
+            f"Along the range, under {usual}:",
+            *_along(self.curves, self.wishes.usual),
+            "",
+            f"Standard error of {usual} in the middle, by mount: {mounts}.",
+            f"Drift in cents a kelvin, and what it reads as, by frame: {frames}.",
             f"A held touch is followed up to {self.chosen.bandwidth:.1f} Hz.",
-            f"Of the pairs of modes up to 6, {own.share:.0%} fit another place, too; of the fundamentals, at "
-            f"{own.fundamental.mean():.0%} of places.",
+            f"Pairs of modes up to {MAX_MODE} that fit another place too: {own.share:.0%}.",
+            f"Places where the pair of fundamentals does: {own.fundamental.mean():.0%}.",
         ]
 
     def varied(self, name: str) -> list[Candidate]:
@@ -253,7 +246,7 @@ def design(**wishes: Any) -> StringDesign:
     >>> import monochord as mc
     >>> made = mc.design(gauge=0.254e-3, tension=40.0)
     >>> made.chosen.lacks
-    ('clearance 1.8 mm (gap 1.5 mm)',)
+    ('clearance 1.7 mm (gap 1.5 mm)',)
     >>> [round(each.cents_per_newton) for each in made.compared]
     [158, 31, 8]
     """
@@ -271,28 +264,44 @@ def _unsafe(one: Candidate) -> bool:
 
 
 def _at(one: Candidate, wishes: Wishes) -> str:
-    costs = list[str]()
+    """Return what a tension gives and what it costs, as a sentence."""
+    costs = [f"settles in {1e3 * one.settling:.0f} ms"]
     if one.clearance > wishes.gap:
-        costs.append(f"needs a gap of {1e3 * one.clearance:.1f} mm, at which drivers pull less")
+        costs.append(f"needs a gap of {1e3 * one.clearance:.1f} mm (drivers pull less there)")
     if one.stress_share > MAX_STRESS_SHARE:
         costs.append(f"loads the wire to {one.stress_share:.0%} of its strength")
-    costs.append(f"settles in {1e3 * one.settling:.0f} ms")
-    own = ambiguity(wishes, one.string).share
-    costs.append(f"leaves {own:.0%} of mode pairs ambiguous")
+    costs.append(f"leaves {ambiguity(wishes, one.string).share:.0%} of the pairs of modes ambiguous")
     return (
-        f"At {one.string.tension:.0f} N it gives {one.cents_per_newton:.0f} cents per newton and tells 1 N to "
-        f"{one.force_std:.2g} N; it {', '.join(costs[:-1])} and {costs[-1]}."
+        f"{one.string.tension:.0f} N: {one.cents_per_newton:.0f} cents per newton, {wishes.usual:g} N to "
+        f"{one.force_std:.2g} N. It {', '.join(costs[:-1])} and {costs[-1]}."
     )
 
 
 def _row(one: Candidate, chosen: Candidate) -> str:
     string, mark = one.string, "*" if one.string == chosen.string else " "
-    return (
-        f"{mark}{1e3 * string.core_diameter:6.3f} {string.tension:8.0f} {1e3 * string.length:7.0f} {one.frequency:6.0f} "
-        f"{one.force_std:7.3f} {one.force_std_most:7.3f} {1e3 * one.position_std:10.3f} {one.cents_per_newton:6.1f} "
-        f"{1e3 * one.settling:10.0f} {100.0 * one.stress_share:7.0f} {1e3 * one.clearance:10.2f}"
-        f"{'  lacks ' + ', '.join(word.split(' ')[0] for word in one.lacks) if one.lacks else ''}"
+    cells = (
+        f"{mark}{1e3 * string.core_diameter:6.3f}",
+        f"{string.tension:8.0f} {1e3 * string.length:7.0f} {one.frequency:6.0f}",
+        f"{one.force_std:7.3f} {one.force_std_most:7.3f} {1e3 * one.position_std:10.3f}",
+        f"{one.cents_per_newton:6.1f} {1e3 * one.settling:10.0f}",
+        f"{100.0 * one.stress_share:7.0f} {1e3 * one.clearance:10.2f}",
+        f" lacks {', '.join(word.split(' ')[0] for word in one.lacks)}" if one.lacks else "",
     )
+    return " ".join(cells).rstrip()
+
+
+def _along(own: Curves, force: float) -> list[str]:
+    """Return lines, slopes and bounds along the range, as a table."""
+    usual = int(np.argmin(np.abs(own.forces - force)))
+    rows = ["   x, mm  f1, Hz  f2, Hz  df1/dx, Hz/mm  df2/dx  df1/dF, Hz/N  df2/dF  std x, mm  std F, N"]
+    for i in range(0, own.positions.size, 4):
+        (one, one_force), (two, two_force) = own.slopes[i]
+        rows.append(
+            f"{1e3 * own.positions[i]:8.1f} {own.lines[i, 0]:7.0f} {own.lines[i, 1]:7.0f} {1e-3 * one:14.2f} "
+            f"{1e-3 * two:7.2f} {one_force:13.2f} {two_force:7.2f} "
+            f"{1e3 * own.position_std[usual, i]:10.3f} {own.force_std[usual, i]:9.3f}"
+        )
+    return rows
 
 
 def _tree(one: Candidate) -> dict[str, Any]:

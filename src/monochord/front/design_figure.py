@@ -29,7 +29,10 @@ def drawn(design: StringDesign) -> Canvas:
     for axes in panels.ravel():
         axes.tick_params(which="minor", labelsize=style.TICK - 1.0, width=0.4, length=1.5)
         if axes.get_legend_handles_labels()[1]:
-            axes.legend(fontsize=style.TICK - 1.0, frameon=False, labelcolor=style.INK, handlelength=1.4)
+            place = "lower left" if axes is panels[0, 0] else "best"
+            axes.legend(
+                loc=place, fontsize=style.TICK - 1.0, frameon=False, labelcolor=style.INK, handlelength=1.4
+            )
     return page
 
 
@@ -60,8 +63,8 @@ def _tensions(axes: Axes, design: StringDesign) -> None:
     for gauge, colour in zip(gauges, COLOURS, strict=False):
         some = [each for each in same if each.string.core_diameter == gauge]
         axes.plot(
-            [each.string.tension for each in some], [each.force_std for each in some], "-", marker=".", ms=2.5,
-            lw=0.8, color=colour, label=f"{1e3 * gauge:.3f} mm",
+            [each.string.tension for each in some], [each.force_std for each in some], ".-", ms=2.5, lw=0.8,
+            color=colour, label=f"{1e3 * gauge:.3f} mm",
         )  # fmt: skip
     axes.axhline(design.wishes.force_resolution, color=style.INK, lw=0.6, ls=style.THEORY)
     axes.set_yscale("log")

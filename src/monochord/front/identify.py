@@ -227,7 +227,9 @@ def identify(
     >>> build = mc.identify(pluck, length=0.2, caliper=0.254e-3)
     >>> abs(build.sensor.string.tension - 65.0) < 1.0, build.held
     (True, ())
-    >>> mc.identify(pluck, length=0.2).estimates["tension"].valid
+    >>> again = mc.VirtualSensor("prototype", seed=1)
+    >>> again.drive(False, False)
+    >>> mc.identify(again, length=0.2).estimates["tension"].valid
     False
     """
     if not recordings:
@@ -338,8 +340,8 @@ def _densities(
         (one, one_std), (other, other_std) = densities
         if abs(one - other) > DISAGREEMENT * math.hypot(one_std, other_std):
             notes.append(
-                f"caliper and scales differ by {abs(one / other - 1.0):.1%}: the wire is not plain steel; the "
-                "weight counts"
+                f"caliper and scales differ by {abs(one / other - 1.0):.1%}: the wire is not plain steel; "
+                "its weight counts"
             )
             densities = densities[1:]
     nominal = sensor.string.linear_density

@@ -1,4 +1,4 @@
-"""What a string will do as a sensor before anybody builds it: frequencies, bounds, drift, strength, clearance.
+"""What a string will do as a sensor before it is built: frequencies, bounds, drift, strength, clearance.
 
 Everything is closed form. How well position and force can be told is `contact_bound`, with the open pitch
 measured, lines known to `LINE_STD`, ends known to `END_STD`, and contact and mount known only by their class
@@ -44,7 +44,7 @@ SNR = 1e3
 """Power ratio of a partial to the noise in its window: 30 dB."""
 SAMPLE_RATE: Hertz = 44100.0
 MAX_STRESS_SHARE = 0.6
-"""Largest stress over the wire's strength, under the hardest press: strings on instruments bear 0.5 to 0.7."""
+"""Largest stress over the wire's strength, under the hardest press; on instruments it is 0.5 to 0.7."""
 CLEARANCE_MARGIN: Metres = 5e-4
 """Beside swing and sag, between string and pole."""
 MAX_MODE = 6
@@ -56,7 +56,7 @@ GAUGES: tuple[Metres, ...] = tuple(round(25.4e-6 * each, 7) for each in (8, 9, 1
 TENSIONS: tuple[Newtons, ...] = (15, 20, 25, 30, 35, 40, 45, 50, 55, 60, 65, 75, 85, 95, 110)
 COMPARED: tuple[Newtons, ...] = (20.0, 40.0, 65.0)
 """Tensions that every design is compared at."""
-COIL_ROOM: Metres = 0.035
+COIL_ROOM: Metres = 0.045
 """Least room for a driver's coils beside the range, at either end; the prototype has 50 mm."""
 CENTS = 1200.0 / float(np.log(2.0))
 """Cents of a relative change of frequency of one."""
@@ -107,12 +107,17 @@ class Wishes(Checked):
     gap: Annotated[Metres, Meta(ge=2e-4, le=2e-2)] = 1.5e-3
     level: Annotated[float, Meta(ge=0.05, le=20.0)] = 1.0
 
+    @property
+    def usual(self) -> Newtons:
+        """The press at which strings are compared: 1 N, if it is among the forces."""
+        return min(max(1.0, self.forces[0]), self.forces[1])
+
     def __post_init__(self) -> None:
         Checked.__post_init__(self)
         if self.range > self.length - 2.0 * COIL_ROOM:
             given = f"a range of {self.range:g} m on a string of {self.length:g} m"
             expected = f"{max(self.length - 2.0 * COIL_ROOM, 0.0):.3g} m or less"
-            raise InputError(given, expected, "coils need 35 mm beside it at either end: make the string longer")
+            raise InputError(given, expected, "coils need 45 mm at either end: make the string longer")
         if not 0.0 < self.forces[0] < self.forces[1] <= 10.0:
             raise InputError(
                 f"forces {self.forces[0]:g} to {self.forces[1]:g} N", "0 < least < largest <= 10"
@@ -129,9 +134,9 @@ class Candidate:
 
     `position_std` in m and `force_std` in N are bounds; `force_std_most` is that of the largest press.
     `drift` is in cents a kelvin and `drift_force` what a kelvin reads as in N, unless the open pitch is
-    followed. `settling` in s is that of a touch, `bandwidth` in Hz that of changes of a held touch. `stress` is
-    that under the largest press. `swing` and `sag`, by the driver and by that press, bring the string nearer
-    to a pole. `lacks` says which wishes it does not meet.
+    followed. `settling` in s is that of a touch, `bandwidth` in Hz that of changes of a held touch. `stress`
+    is that under the largest press. `swing` and `sag`, by the driver and by that press, bring the string
+    nearer to a pole. `lacks` says which wishes it does not meet.
     """
 
     string: StringParams
@@ -192,7 +197,7 @@ def bounds_at(wishes: Wishes, string: StringParams, contact: Contact) -> tuple[M
     >>> string = string_of(Wishes(), 0.254e-3, 65.0, 0.2)
     >>> touch = Contact(position=0.077, force=1.0)
     >>> [round(bounds_at(Wishes(mount=each), string, touch)[1], 2) for each in ("bolted", "light", "known")]
-    [0.15, 0.41, 0.14]
+    [0.15, 0.35, 0.14]
     """
     lines = np.array(segment_frequencies(string, contact, "geometric"))
     give = lengthening(
@@ -226,11 +231,11 @@ def candidate(wishes: Wishes, gauge: Metres, tension: Newtons, length: Metres) -
     --------
     >>> one = candidate(Wishes(frame="aluminium"), 0.254e-3, 65.0, 0.2)
     >>> round(one.stress / 1e6), round(one.drift, 2), round(1e3 * one.swing, 2), one.lacks
-    (1332, 1.52, 0.15, ('force 0.19 N (wanted 0.15 N)',))
+    (1306, 1.53, 0.15, ('force 0.19 N (wanted 0.15 N)',))
     """
     string, wire = string_of(wishes, gauge, tension, length), WIRES[wishes.wire]
     ends = 0.5 * (length - wishes.range), 0.5 * (length + wishes.range)
-    middle, usual = 0.5 * length, min(max(1.0, wishes.forces[0]), wishes.forces[1])
+    middle, usual = 0.5 * length, wishes.usual
     places = (
         ends[0],
         middle + 1e-3 * length,
@@ -417,7 +422,7 @@ def ambiguity(wishes: Wishes, string: StringParams, count: int = 161) -> Ambigui
     """
     ends = 0.5 * (string.length - wishes.range), 0.5 * (string.length + wishes.range)
     x = np.linspace(*ends, count)
-    force = min(max(1.0, wishes.forces[0]), wishes.forces[1])
+    force = wishes.usual
     f1, f2 = (np.array(each) for each in _lines(string, x, force))
     n = np.arange(1, MAX_MODE + 1)
     m, n, other_m, other_n = (each.ravel() for each in np.meshgrid(n, n, n, n, indexing="ij"))
@@ -457,10 +462,10 @@ class Curves:
 
 
 def curves(wishes: Wishes, string: StringParams, count: int = 21) -> Curves:
-    """Return frequencies, sensitivities and bounds along the range, for the least, a usual and the largest press."""
+    """Return lines, slopes and bounds along the range, under the least, a usual and the largest press."""
     ends = 0.5 * (string.length - wishes.range), 0.5 * (string.length + wishes.range)
     x = np.linspace(*ends, count)
-    usual = min(max(1.0, wishes.forces[0]), wishes.forces[1])
+    usual = wishes.usual
     forces = np.array(sorted({wishes.forces[0], usual, wishes.forces[1]}))
     bounds = np.array(
         [
@@ -491,13 +496,13 @@ def sensor_from(wishes: Wishes, chosen: Candidate) -> Sensor:
         return replace(each, sense=places[0], drive=places[1], centre=centre, level=wishes.level)
 
     near, far = (driver(*each) for each in zip(base.drivers, coils(string.length, wishes.range), strict=True))
-    gauge, tension = 1e3 * string.core_diameter, string.tension
+    gauge, tension, wire = 1e3 * string.core_diameter, string.tension, wishes.wire.replace("_", " ")
     return replace(
         base,
         name="design",
-        title=f"{1e3 * string.length:.0f} mm of {gauge:.3f} mm {wishes.wire.replace('_', ' ')} at {tension:.0f} N",
+        title=f"{1e3 * string.length:.0f} mm of {gauge:.3f} mm {wire} at {tension:.0f} N",
         source="monochord design; drivers and pickups like those of the preset prototype",
-        notes="Assumed: all of it. Places of the coils are in proportion to the length and bands to the pitch.",
+        notes="Assumed: all of it. Coils and bands are the prototype's, in proportion to room and pitch.",
         string=string,
         drivers=(near, far),
         range=chosen.range,

@@ -104,7 +104,7 @@ def fit_string(
     >>> fit = fit_string(
     ...     load_sensor("prototype"), n, heard, 0.1 * n, length=(0.2, 1e-4), linear_density=weighed
     ... )
-    >>> dict(zip(NAMES, fit.values.round(1)))["tension"]
+    >>> round(float(fit.values[NAMES.index("tension")]), 1)
     63.7
     """
     if not numbers.size:
@@ -136,7 +136,7 @@ def fit_string(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Model:
-    """The partials as a function of (ln f0, k_1, k_2, e, ln L, ln mu, ln E), the magnets in units of `pull`."""
+    """Partials as a function of (ln f0, k_1, k_2, e, ln L, ln mu, ln E); k_1 and k_2 in units of `pull`."""
 
     mean: Floats
     precision: Floats

@@ -66,7 +66,7 @@ def lengthening(
     ...     for mount in ("bolted", "light", "soft", "known")
     ... }
     >>> [round(1e6 * one.std) for one in each.values()]
-    [17, 204, 1752, 0]
+    [21, 257, 1794, 0]
     """
     surface = string.tension * contact * contact_share
     if mount == "known":
@@ -82,14 +82,14 @@ def lengthening(
 
 
 def contact_compliance(string: StringParams, material: Material, force: Newtons) -> float:
-    """Return the compliance of a smooth, round surface under a press, in m/N: Hertz's, 2 / (3 k^(2/3) F^(1/3)).
+    """Return the compliance of a smooth, round surface under a press, in m/N: 2 / (3 k^(2/3) F^(1/3)), Hertz.
 
     Examples
     --------
     >>> from monochord.physics.materials import load_material
     >>> string = StringParams(length=0.2, linear_density=3.978e-4, tension=65.0)
     >>> round(65e6 * contact_compliance(string, load_material("plastic"), 1.0))
-    191
+    165
     """
     stiffness = hertz_stiffness(string, material.radius, material.young_modulus, material.poisson_ratio)
     return 2.0 / (3.0 * stiffness ** (2.0 / 3.0) * force ** (1.0 / 3.0))
@@ -105,7 +105,7 @@ def _compliances(mount: MountKind, frequencies: Floats) -> Floats:
 
 @cache
 def _drawn(mount: MountKind) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return drawn mounts: spring (draws,), and of each mode (draws, 3) compliance, frequency, and quality."""
+    """Return drawn mounts: spring (draws,), and each mode's compliance, frequency and quality (draws, 3)."""
     mounts = [drawn_mount("", seed, mount) for seed in range(DRAWS)]
     modes = np.ones((DRAWS, 3, 3)) * [0.0, 1.0, 1.0]
     for number, each in enumerate(mounts):

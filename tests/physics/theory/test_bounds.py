@@ -240,7 +240,7 @@ def test_geometric_law_is_blind_to_the_first_touch() -> None:
 
 
 def test_what_lines_are_worth_and_what_is_expected_enter_the_contact_bound() -> None:
-    """Of a middle touch whose pitches alone err: T / T0 errs by 2 hypot(line / sqrt 2, open), and a prior adds."""
+    """Of a touch in the middle T / T0 errs by 2 hypot(line / sqrt 2, open), and a prior adds information."""
     string = StringParams(length=0.2, linear_density=4e-4, tension=65.0, tension_per_force=0.5)
     touch = Contact(position=0.1, force=1.0)
     options = {"duration": 0.1, "sample_rate": 44100.0, "line_std": 5e-4, "open_frequency_std": 0.7}
