@@ -53,10 +53,13 @@ class Build:
             driven=driven.advance(3.0)[0],
         )
 
-    def identified(self, folder: Path, **measured: float) -> Identification:
+    def identified(
+        self, folder: Path, *, caliper: float | None = None, weighed: float | None = None
+    ) -> Identification:
         for name in ("plucked", "driven"):
             soundfile.write(folder / f"{name}.wav", getattr(self, name).T, 44100, subtype="FLOAT")
-        return mc.identify(folder / "plucked.wav", folder / "driven.wav", length=self.ruler, **measured)
+        takes = folder / "plucked.wav", folder / "driven.wav"
+        return mc.identify(*takes, length=self.ruler, caliper=caliper, weighed=weighed)
 
 
 @pytest.fixture(scope="module")
@@ -209,12 +212,15 @@ def test_fifty_plausible_builds(tmp_path: Path) -> None:
     pitch = list[float]()
     for seed in range(BUILDS):
         build = Build.drawn(seed)
-        for name, values in errors.items():
-            result = build.identified(tmp_path, **{name: getattr(build, name)})
+        both = {
+            "caliper": build.identified(tmp_path, caliper=build.caliper),
+            "weighed": build.identified(tmp_path, weighed=build.weighed),
+        }
+        for name, result in both.items():
             tension = result.estimates["tension"]
-            values.append(tension.value / build.string.tension - 1.0)
+            errors[name].append(tension.value / build.string.tension - 1.0)
             claims[name].append(tension.std / build.string.tension)
-        frequency = result.estimates["open_frequency"]
+        frequency = both["caliper"].estimates["open_frequency"]
         pitch.append((frequency.value - mc.open_frequency(build.string)) / frequency.std)
         result = build.identified(tmp_path)
         assert not result.estimates["tension"].valid

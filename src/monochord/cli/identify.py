@@ -55,7 +55,15 @@ from monochord.live.tuning import SECONDS
 @click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help="Sensor file to write.")
 @click.option("--force", is_flag=True, help="Overwrite the file if it exists.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
-def identify(files: tuple[str, ...], *, out: Path | None, force: bool, as_json: bool, **options: Any) -> None:
+def identify(
+    files: tuple[str, ...],
+    *,
+    sensor: str | None,
+    out: Path | None,
+    force: bool,
+    as_json: bool,
+    **measured: Any,
+) -> None:
     """Measure a sensor as built: pitch, stiffness, losses, tension, density, magnets.
 
     FILES are recordings of the untouched string (.wav, .flac, or a session's .mcap): a pluck with both
@@ -71,7 +79,7 @@ def identify(files: tuple[str, ...], *, out: Path | None, force: bool, as_json: 
         refuse_unwritable(out, (".toml",))
         if out.exists() and not force:
             raise InputError(f"file '{out}', which already exists", "a new file", "replace it with --force")
-    result = identified(*files, **{**options, "sensor": options["sensor"] or ""})
+    result = identified(*files, sensor=sensor or "", **measured)
     if out is not None:
         with replacing(out) as part:
             part.write_text(result.toml(), encoding="utf-8")

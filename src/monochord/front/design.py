@@ -150,8 +150,9 @@ class StringDesign:
         least = min(self.frames, key=lambda name: abs(self.frames[name][0]))
         if least == frame:
             return f"A frame of {frame} drifts least, by {abs(drift):.2f} cents a kelvin."
+        other = f"{least}: {self.frames[least][0]:+.2f}"
         return (
-            f"A frame of {frame} drifts by {drift:+.2f} cents a kelvin ({least}: {self.frames[least][0]:+.2f}). "
+            f"A frame of {frame} drifts by {drift:+.2f} cents a kelvin ({other}). "
             f"Until the open pitch is measured again, a kelvin reads as {force:+.2f} N."
         )
 

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from monochord.capture.sources.base import Source, Stream
+from monochord.capture.sources.base import Stream
 from monochord.core.errors import InputError
 from monochord.core.silence import SILENCE_REMEDY
 from monochord.core.types import Estimate, Floats
 from monochord.core.units import Hertz, KilogramsPerMetre, Metres, Seconds
 from monochord.core.windows import windows
-from monochord.live.listen import source_of
+from monochord.live.listen import Listenable, source_of
 from monochord.live.tuning import KEEP, RING, SECONDS, preset_of
 from monochord.perception.tuning import Tuner, TunerState
 from monochord.perception.tuning.lines import (
@@ -171,7 +171,7 @@ class Identification:
 
 
 def identify(
-    *recordings: str | Path | Source,
+    *recordings: Listenable,
     length: Metres,
     caliper: Metres | None = None,
     weighed: KilogramsPerMetre | None = None,

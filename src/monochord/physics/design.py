@@ -430,7 +430,7 @@ def ambiguity(wishes: Wishes, string: StringParams, count: int = 161) -> Ambigui
     place = locate_from_segments(string.length, one, two)
     tension = tension_from_segments(string, one, two)
     inside = (place >= ends[0]) & (place <= ends[1])
-    most = np.array(geometric_tension(string, np.clip(place, *ends), wishes.forces[1]))
+    most = np.array(geometric_tension(string, np.clip(place, *ends), np.array(wishes.forces[1])))
     margin = 3.0 * 2.0 * sqrt(OPEN_STD**2 + 0.5 * LINE_STD**2)
     inside &= (tension > string.tension * (1.0 - margin)) & (tension < most * (1.0 + margin))
     inside &= np.abs(place - x) > wishes.resolution
@@ -442,7 +442,7 @@ def ambiguity(wishes: Wishes, string: StringParams, count: int = 161) -> Ambigui
 
 
 def _lines(string: StringParams, x: Floats, force: Newtons) -> tuple[Floats, Floats]:
-    half = np.sqrt(np.array(geometric_tension(string, x, force)) / string.linear_density) / 2.0
+    half = np.sqrt(geometric_tension(string, x, np.array(force)) / string.linear_density) / 2.0
     return half / x, half / (string.length - x)
 
 
