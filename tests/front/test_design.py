@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from tests.cli.running import Capture, records, refusal
+from tests.contract.test_documents import command_lines
+from tests.contract.test_layout import PAGES, ROOT
 
 import monochord as mc
 from monochord.cli import run
@@ -161,3 +163,12 @@ def test_it_is_drawn(made: StringDesign, suffix: str, tmp_path: Path, capsys: Ca
 )
 def test_bad_input_is_refused_in_a_line(words: str, named: str, capsys: Capture) -> None:
     assert named in refusal(capsys, "design", *words.split())
+
+
+def test_the_pages_commands_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("matplotlib")
+    monkeypatch.chdir(tmp_path)
+    commands = command_lines(PAGES[ROOT / "docs" / "how-to" / "design.md"])
+    assert [words[0] for words in commands] == ["design", "simulate"]
+    assert [run(words) for words in commands] == [0, 0]
+    assert (tmp_path / "design.png").stat().st_size > 10_000

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 import soundfile
 from tests.cli.running import Capture, records, refusal
+from tests.contract.test_documents import command_lines
+from tests.contract.test_layout import PAGES, ROOT
 
 import monochord as mc
 from monochord.cli import run
@@ -201,6 +203,17 @@ def test_a_wound_string_has_no_density_by_caliper(tmp_path: Path) -> None:
     assert not result.estimates["tension"].valid
     assert "wound" in result.notes[0]
     assert result.fit.relative_std("tension") > 0.05
+
+
+def test_the_pages_command_runs(build: Build, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    soundfile.write("pluck.wav", build.plucked.T, 44100, subtype="FLOAT")
+    soundfile.write("driven.wav", build.driven.T, 44100, subtype="FLOAT")
+    commands = command_lines(PAGES[ROOT / "docs" / "how-to" / "identify.md"])
+    (words,) = [words for words in commands if words[0] == "identify"]
+    assert run(words) == 0
+    tension = mc.load_sensor("mine.toml").string.tension
+    assert tension == pytest.approx(build.string.tension, rel=0.02)
 
 
 @pytest.mark.slow
