@@ -68,7 +68,7 @@ def test_slopes_of_the_curves_are_differences_of_their_lines() -> None:
 
 def test_an_ambiguous_place_has_a_double_that_sounds_alike() -> None:
     """At x = L / 3 the second mode of the short side sounds as its fundamental at another place would."""
-    wishes = Wishes(range=0.12)
+    wishes = Wishes(range=0.11)
     string = string_of(wishes, GAUGE, 65.0, 0.2)
     own = ambiguity(wishes, string)
     np.testing.assert_array_equal(own.pairs, own.pairs[::-1])

@@ -67,6 +67,8 @@ def _wish(name: str, unit: str, text: str, **options: Any) -> Any:
 @_wish(
     "contact_share", "SHARE", "Relative standard error of the contact's compliance: 0.3 for unknown objects."
 )
+@_wish("line_std", "SHARE", "Relative standard error of a segment's fundamental.")
+@_wish("open_std", "SHARE", "Relative standard error of the open pitch.")
 @_wish("window", "S", "Length of a window.")
 @_wish("gap", "M", "Distance from the string at rest to a driver's pole.")
 @_wish("level", "TIMES", "Force of the drivers, relative to the presets'.")

@@ -247,7 +247,7 @@ def design(**wishes: Any) -> StringDesign:
     >>> import monochord as mc
     >>> made = mc.design(gauge=0.254e-3, tension=40.0)
     >>> made.chosen.lacks
-    ('clearance 1.7 mm (gap 1.5 mm)',)
+    ('clearance 1.8 mm (gap 1.5 mm)',)
     >>> [round(each.cents_per_newton) for each in made.compared]
     [158, 31, 8]
     """

@@ -88,7 +88,9 @@ class Wishes(Checked):
     `range` is the length to be sensed, in the middle of a string of at most `length`; `resolution` and
     `force_resolution` are the standard errors wanted at 1 N. `forces` are the least and the largest press. A
     `gauge` or a `tension` that is given is not varied. `mount` is how objects are held, `material` what
-    touches; `gap` is that between string and pole, `level` the drivers' force over the presets'.
+    touches and `contact_share` how well its compliance is known; `line_std` and `open_std` are the relative
+    standard errors of a segment's fundamental and of the open pitch. `gap` is that between string and pole,
+    `level` the drivers' force over the presets'.
     """
 
     length: Annotated[Metres, Meta(ge=0.08, le=2.0)] = 0.2
@@ -103,6 +105,8 @@ class Wishes(Checked):
     mount: MountName = "bolted"
     material: str = "plastic"
     contact_share: Annotated[float, Meta(ge=0.0, le=3.0)] = CONTACT_SHARE
+    line_std: Annotated[float, Meta(ge=1e-6, le=0.1)] = LINE_STD
+    open_std: Annotated[float, Meta(ge=1e-6, le=0.1)] = OPEN_STD
     window: Annotated[Seconds, Meta(ge=0.01, le=2.0)] = 0.1
     gap: Annotated[Metres, Meta(ge=2e-4, le=2e-2)] = 1.5e-3
     level: Annotated[float, Meta(ge=0.05, le=20.0)] = 1.0
@@ -216,10 +220,10 @@ def bounds_at(wishes: Wishes, string: StringParams, contact: Contact) -> tuple[M
         highest=max(8000.0, 2.0 * float(lines.max())),
         law="geometric",
         end_std=END_STD,
-        open_frequency_std=OPEN_STD * open_frequency(string),
+        open_frequency_std=wishes.open_std * open_frequency(string),
         lengthening_std=give.std,
         lengthening_correlation=give.correlation,
-        line_std=LINE_STD,
+        line_std=wishes.line_std,
         force_prior_std=(wishes.forces[1] - wishes.forces[0]) / sqrt(12.0),
     )
 
@@ -431,7 +435,7 @@ def ambiguity(wishes: Wishes, string: StringParams, count: int = 161) -> Ambigui
     tension = tension_from_segments(string, one, two)
     inside = (place >= ends[0]) & (place <= ends[1])
     most = np.array(geometric_tension(string, np.clip(place, *ends), np.array(wishes.forces[1])))
-    margin = 3.0 * 2.0 * sqrt(OPEN_STD**2 + 0.5 * LINE_STD**2)
+    margin = 3.0 * 2.0 * sqrt(wishes.open_std**2 + 0.5 * wishes.line_std**2)
     inside &= (tension > string.tension * (1.0 - margin)) & (tension < most * (1.0 + margin))
     inside &= np.abs(place - x) > wishes.resolution
     inside &= ((m != other_m) | (n != other_n))[:, None]
