@@ -6,10 +6,11 @@ A partial of a stiff string with two drivers' magnets and yielding ends lies at
 
 where f0 = sqrt(T / mu) / (2 L) belongs to the string between rigid ends, k_d is the negative stiffness of the
 magnet at x_d, and e = T C / L the share by which ends of compliance C lengthen the string. Of a plain wire
-B = pi^2 E mu / (16 pi rho^2 L^4 f0^2), so that stiffness, density and length are tied together.
+B = pi E mu / (16 rho^2 L^4 f0^2), so that stiffness, density and length are tied together.
 
-The fit is Gauss-Newton with Gaussian priors, and its covariance is joint: what the partials cannot separate,
-as density from Young's modulus, stays correlated and uncertain.
+The fit is Gauss-Newton with Gaussian priors. Of the magnets, any pull in the range of the world `plausible` is
+as likely; the ends' compliance is as that world draws it. The covariance is joint: what the partials cannot
+separate, as density from Young's modulus, stays correlated and uncertain.
 """
 
 from dataclasses import dataclass
@@ -155,7 +156,7 @@ class _Model:
     ) -> "_Model":
         string = sensor.string
         measured = density or (string.linear_density, UNKNOWN_STD * string.linear_density)
-        pull, pull_std = log_uniform_moments(PULL)
+        pull, pull_std = 0.5 * (PULL[0] + PULL[1]), even_std(0.5 * (PULL[1] - PULL[0]))
         give, give_std = (string.tension / length[0] * each for each in compliance_moments())
         # A wound string bends by its core: as if the wire's modulus were lower, by an unknown amount.
         solid = 4.0 * string.linear_density / (pi * STEEL_DENSITY)
