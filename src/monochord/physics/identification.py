@@ -8,9 +8,9 @@ where f0 = sqrt(T / mu) / (2 L) belongs to the string between rigid ends, k_d is
 magnet at x_d, and e = T C / L the share by which ends of compliance C lengthen the string. Of a plain wire
 B = pi E mu / (16 rho^2 L^4 f0^2), so that stiffness, density and length are tied together.
 
-The fit is Gauss-Newton with Gaussian priors. Of the magnets, any pull in the range of the world `plausible` is
-as likely; the ends' compliance is as that world draws it. The covariance is joint: what the partials cannot
-separate, as density from Young's modulus, stays correlated and uncertain.
+The fit is Gauss-Newton with Gaussian priors. Of the magnets, any pull in the range of the world `plausible`
+is as likely; the ends' compliance is as that world draws it. The covariance is joint: what the partials
+cannot separate, as density from Young's modulus, stays correlated and uncertain.
 """
 
 from dataclasses import dataclass
