@@ -169,6 +169,6 @@ def test_the_pages_commands_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     pytest.importorskip("matplotlib")
     monkeypatch.chdir(tmp_path)
     commands = command_lines(PAGES[ROOT / "docs" / "how-to" / "design.md"])
-    assert [words[0] for words in commands] == ["design", "simulate"]
+    assert [words[0] for words in commands] == ["design", "tune"]
     assert [run(words) for words in commands] == [0, 0]
     assert (tmp_path / "design.png").stat().st_size > 10_000

@@ -79,7 +79,7 @@ def _wish(name: str, unit: str, text: str, **options: Any) -> Any:
 @click.option("--force", is_flag=True, help="Overwrite the files if they exist.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def design(*, figure: Path | None, out: Path | None, force: bool, as_json: bool, **wishes: Any) -> None:
-    """Design a sensor: which string, at which tension, and what it will tell.
+    """Design a sensor: its string, its tension, and what it can tell.
 
     Sweeps gauge, tension and length, computes for each the Cramer-Rao bounds of position and force, drift,
     strength and clearance, and recommends one with its reasons. The bounds hold for a contact and a mount

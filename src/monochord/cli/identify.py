@@ -64,7 +64,7 @@ def identify(
     as_json: bool,
     **measured: Any,
 ) -> None:
-    """Measure a sensor as built: pitch, stiffness, losses, tension, density, magnets.
+    """Measure a sensor as built: pitch, tension, density, losses.
 
     FILES are recordings of the untouched string (.wav, .flac, or a session's .mcap): a pluck with both
     drivers off, and the string with both on. Each quantity has a standard error; tension and density have no

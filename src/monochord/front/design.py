@@ -249,7 +249,7 @@ def design(**wishes: Any) -> StringDesign:
     >>> made.chosen.lacks
     ('clearance 1.8 mm (gap 1.5 mm)',)
     >>> [round(each.cents_per_newton) for each in made.compared]
-    [158, 31, 8]
+    [157, 31, 8]
     """
     wanted = from_tree(Wishes, wishes)
     candidates = sweep(wanted)
