@@ -13,12 +13,12 @@ What a program needs first stands here and is loaded when it is used, so that th
 Estimates from a source
     `listen`, `listen_async`, `Update`, `Prediction`, `Estimate`
 Models
-    `load`, `train`, `evaluate`, `calibrate`, `tune`, `features`, `Model`, `PredictionTable`
+    `load`, `train`, `evaluate`, `calibrate`, `tune`, `identify`, `features`, `Model`, `PredictionTable`
 Recordings and datasets
     `record`, `collect`, `build`, `audit`, `read_session`, `load_dataset`, `split_dataset`, `windows`,
     `Augmentation`, `SessionReader`, `SessionWriter`, `Description`
 Simulation and presets
-    `simulate`, `VirtualSensor`, `load_sensor`, `load_string`, `load_material`, `available`
+    `design`, `simulate`, `VirtualSensor`, `load_sensor`, `load_string`, `load_material`, `available`
 Types
     `StringParams`, `Contact`, `Signal`, `Block`, `Window`, `Readings`, `Feed`
 Closed forms
@@ -61,7 +61,9 @@ if TYPE_CHECKING:
     from monochord.front.build import build
     from monochord.front.calibrate import calibrate
     from monochord.front.collect import collect
+    from monochord.front.design import design
     from monochord.front.evaluate import evaluate
+    from monochord.front.identify import identify
     from monochord.front.record import record
     from monochord.front.train import train
     from monochord.live.listen import listen, listen_async
@@ -133,10 +135,12 @@ __all__ = [
     "calibrate",
     "collect",
     "contact_bound",
+    "design",
     "detection_score",
     "evaluate",
     "features",
     "force_from_tension",
+    "identify",
     "listen",
     "listen_async",
     "load",
@@ -174,7 +178,9 @@ _NAMES = {
     "monochord.front.build": "build",
     "monochord.front.calibrate": "calibrate",
     "monochord.front.collect": "collect",
+    "monochord.front.design": "design",
     "monochord.front.evaluate": "evaluate",
+    "monochord.front.identify": "identify",
     "monochord.front.record": "record",
     "monochord.front.train": "train",
     "monochord.live.listen": "listen listen_async",

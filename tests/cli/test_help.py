@@ -9,9 +9,11 @@ from shutil import copy, copytree, rmtree
 
 import click
 import pytest
+import soundfile
 from tests.cli.conftest import Take
 
 from monochord import cli
+from monochord.physics.twin.virtual_sensor import VirtualSensor
 
 OTHER_MEANS = ("--instrument", "--device", "tune --sensor", "left=", "weights", "bench", "collect small")
 """Words of examples that need a device, a download or minutes: these are parsed, not run."""
@@ -83,6 +85,10 @@ def sessions(tmp_path_factory: pytest.TempPathFactory) -> Path:
             cli.run(["simulate", "prototype", "--model", "twin", "--seconds", "2", "--out", "two.wav"]) == 0
         )
         assert cli.run(["sessions", "import", "two.wav", "--out", "take.mcap"]) == 0
+        for name, driven in (("pluck.wav", False), ("driven.wav", True)):
+            twin = VirtualSensor("prototype", seed=1)
+            twin.drive(driven, driven)
+            soundfile.write(name, twin.advance(2.0)[0].T, twin.sample_rate, subtype="FLOAT")
         copy("take.csv", "touches.csv")
         copy("session.mcap", "touches.mcap")
     return path

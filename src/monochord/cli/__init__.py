@@ -32,8 +32,8 @@ from monochord.core.errors import DeviceError, InputError, MonochordError, did_y
 INTERRUPTED = 130
 """Exit status of an interrupted command."""
 GROUPS: Mapping[str, tuple[str, ...]] = {
-    "Try it": ("demo", "simulate"),
-    "Use a sensor": ("tune", "live", "locate", "calibrate"),
+    "Try it": ("demo", "simulate", "design"),
+    "Use a sensor": ("tune", "identify", "live", "locate", "calibrate"),
     "Record and collect": ("record", "collect", "sessions"),
     "Train and test": ("build", "audit", "train", "evaluate", "weights"),
     "Look and check": ("list", "doctor", "figure", "bench"),

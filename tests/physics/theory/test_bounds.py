@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -237,3 +238,28 @@ def test_far_segment_sensitivity_equals_a_finite_difference(f: float) -> None:
 def test_geometric_law_is_blind_to_the_first_touch() -> None:
     first = frequency_sensitivities(PLAIN, Contact(position=0.1, force=0.0), "geometric")
     np.testing.assert_array_equal(first[:, 1], 0.0)
+
+
+def test_what_lines_are_worth_and_what_is_expected_enter_the_contact_bound() -> None:
+    """Of a touch in the middle T / T0 errs by 2 hypot(line / sqrt 2, open), and a prior adds information."""
+    string = StringParams(length=0.2, linear_density=4e-4, tension=65.0, tension_per_force=0.5)
+    touch = Contact(position=0.1, force=1.0)
+    bound = partial(
+        contact_bound,
+        duration=0.1,
+        sample_rate=44100.0,
+        line_std=5e-4,
+        open_frequency_std=0.7,
+        tension_std=5.0,
+    )
+    first = np.sqrt(65.0 / 4e-4) / 0.4
+    _, force = bound(string, touch, 1e6)
+    relative = 2.0 * np.hypot(5e-4 / np.sqrt(2.0), 0.7 / first)
+    assert force == pytest.approx(relative * (65.5 / 0.5), rel=0.01)
+    _, both = bound(string, touch, 1e6, force_prior_std=0.2)
+    assert both == pytest.approx((force**-2 + 0.2**-2) ** -0.5, rel=1e-3)
+    x, _ = bound(string, touch, 1e6)
+    assert x == pytest.approx(0.2 * 0.25 * np.sqrt(2.0) * 5e-4, rel=0.01)
+    slack = StringParams(length=0.2, linear_density=4e-4, tension=65.0)
+    assert bound(slack, touch, 1e6)[1] == np.inf
+    assert bound(slack, touch, 1e6, force_prior_std=0.3)[1] == 0.3

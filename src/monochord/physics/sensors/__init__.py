@@ -19,7 +19,7 @@ from monochord.physics.strings import load_string
 from monochord.physics.theory import open_frequency
 from monochord.physics.twin.setup import Sensor, lengthened
 
-__all__ = ["Sensor", "load_sensor", "sensor_names"]
+__all__ = ["Sensor", "design_toml", "load_sensor", "sensor_names"]
 
 MAX_RETUNING = 0.25
 """Largest relative deviation of a sensor's tuning from its design."""
@@ -84,6 +84,21 @@ def sensor_toml(design: str, tuning: SensorTuning) -> str:
     <BLANKLINE>
     """
     return dump_toml({"design": design, "tuning": to_tree(tuning)})
+
+
+def design_toml(sensor: Sensor) -> str:
+    """Return the text of a file that `load_sensor` reads as this sensor, with every value written out.
+
+    Examples
+    --------
+    >>> print(design_toml(load_sensor("long")).splitlines()[0])
+    title = "A long sensor: 45 cm range on a guitar's scale"
+    """
+    tree = to_tree(sensor)
+    string = tree.pop("string")
+    kept = {key: tree[key] for key in tree if key != "name" and tree[key] is not None}
+    texts = {key: kept.pop(key) for key in ("title", "source", "notes")}
+    return dump_toml({**texts, "string": "prototype", **kept, "override": string})
 
 
 def sensor_tuning(name: str) -> SensorTuning | None:

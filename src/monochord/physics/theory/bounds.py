@@ -223,6 +223,8 @@ def contact_bound(
     open_frequency_std: Hertz = np.inf,
     lengthening_std: Metres = 0.0,
     lengthening_correlation: float = 0.0,
+    line_std: float = 0.0,
+    force_prior_std: Newtons = np.inf,
 ) -> tuple[Metres, Newtons]:
     """Return the smallest standard errors of position and force, from both segments and the untouched pitch.
 
@@ -240,7 +242,7 @@ def contact_bound(
     To first order f1 f2 / (f1 + f2) over f0 is sqrt(T / T0) (1 - (d1 + d2) / L), whatever the ends: where the
     untouched pitch is measured, they leave the force an error of 2 (e1 + e2) / L of itself, and what limits
     it is the lengthening. The bound ignores other evidence, such as further partials on a resonating mount,
-    combination tones and levels, and prior knowledge of the force: an estimator that uses them can be better.
+    combination tones and levels: an estimator that uses them can be better.
 
     Parameters
     ----------
@@ -264,11 +266,17 @@ def contact_bound(
     lengthening_correlation
         Correlation of the lengthening of both segments, -1 to 1: 1 for one spring under both, 0 where
         resonances of the mount shift each line by itself.
+    line_std
+        Relative standard error of each fundamental beside the noise's: drivers, losses and stiffness move
+        lines off the formula by as much as they are not modelled.
+    force_prior_std
+        Standard deviation of the force that is expected anyway, in N: its range over sqrt(12), say.
 
     Returns
     -------
     position, force
-        Standard errors in m and N; the force's is infinite where the tension does not depend on it.
+        Standard errors in m and N; without a prior the force's is infinite where the tension does not depend
+        on it.
 
     Raises
     ------
@@ -310,7 +318,7 @@ def contact_bound(
     """
     if not -1.0 <= lengthening_correlation <= 1.0:
         raise InputError(f"lengthening_correlation {lengthening_correlation:g}", "-1 to 1")
-    refuse_not_positive(open_frequency_std=open_frequency_std)
+    refuse_not_positive(open_frequency_std=open_frequency_std, force_prior_std=force_prior_std)
     lengths = np.array([contact.position, string.length - contact.position])
     f = np.array(split_frequencies(string, contact.position, contact.force, law))
     variances = np.empty(2)
@@ -322,6 +330,7 @@ def contact_bound(
             series_bound(f[side], numbers, snr, duration=duration, sample_rate=sample_rate, inharmonicity=b)
             ** 2
         )
+    variances += (line_std * f) ** 2
     slopes = frequency_sensitivities(string, contact, law)
     tension = tension_from_force(string, contact.force, contact.position, law)
     # A string that is tighter from the beginning stretches less: from T^2 (T - T0) = const, differentiated.
@@ -339,8 +348,10 @@ def contact_bound(
     if slopes[0, 1] == 0.0:
         # The position still follows, from the ratio of the two frequencies.
         by_ratio = string.length * np.array([-f[1], f[0]]) / f.sum() ** 2
-        return float(np.sqrt(by_ratio @ covariance[:2, :2] @ by_ratio)), np.inf
-    errors = np.sqrt(np.diag(np.linalg.inv(slopes.T @ np.linalg.solve(covariance, slopes))))
+        return float(np.sqrt(by_ratio @ covariance[:2, :2] @ by_ratio)), force_prior_std
+    information = slopes.T @ np.linalg.solve(covariance, slopes)
+    information[1, 1] += force_prior_std**-2
+    errors = np.sqrt(np.diag(np.linalg.inv(information)))
     return float(errors[0]), float(errors[1])
 
 

@@ -1,0 +1,112 @@
+"""The command `design`: a sensor before it is built, with its bounds and what others would cost."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+
+from monochord.cli._options import amount, completes, refuse_unwritable
+from monochord.cli._output import echo
+from monochord.cli.figure import SUFFIXES
+from monochord.core.errors import InputError
+from monochord.core.files import replacing
+from monochord.figures.base import require_matplotlib
+from monochord.front.design import design as designed
+from monochord.physics.design import FRAMES, WIRES, Wishes
+from monochord.physics.materials import material_names
+
+USUAL = Wishes()
+
+
+def _wish(name: str, unit: str, text: str, **options: Any) -> Any:
+    """Return the option of a wish that is a number above zero."""
+    default = {} if name in {"gauge", "tension"} else {"default": getattr(USUAL, name), "show_default": True}
+    return click.option(
+        f"--{name.replace('_', '-')}", type=amount, metavar=unit, help=text, **default, **options
+    )
+
+
+@click.command()
+@_wish("length", "M", "Room for the string between its ends; shorter strings are tried, too.")
+@_wish("range", "M", "Length to be sensed, in the middle of the string.")
+@_wish("resolution", "M", "Standard error of position wanted at 1 N.")
+@_wish("force_resolution", "N", "Standard error of force wanted at 1 N.")
+@click.option(
+    "--forces",
+    type=amount,
+    nargs=2,
+    default=USUAL.forces,
+    show_default=True,
+    metavar="N N",
+    help="Least and largest press.",
+)
+@_wish("gauge", "M", "Diameter of the wire.  [default: .008 to .016 inch are tried]")
+@_wish("tension", "N", "Tension at rest.  [default: 15 to 110 N are tried]")
+@click.option(
+    "--wire", default=USUAL.wire, show_default=True, metavar="NAME", help=f"Wire: {', '.join(WIRES)}."
+)
+@click.option(
+    "--frame", default=USUAL.frame, show_default=True, metavar="NAME", help=f"Frame: {', '.join(FRAMES)}."
+)
+@click.option(
+    "--mount",
+    type=click.Choice(["bolted", "light", "soft", "known"]),
+    default=USUAL.mount,
+    show_default=True,
+    help="How touching objects are held.",
+)
+@click.option(
+    "--material",
+    default=USUAL.material,
+    show_default=True,
+    metavar="NAME",
+    help="Material that touches: 'monochord list materials'.",
+    **completes(material_names),
+)
+@_wish(
+    "contact_share", "SHARE", "Relative standard error of the contact's compliance: 0.3 for unknown objects."
+)
+@_wish("line_std", "SHARE", "Relative standard error of a segment's fundamental.")
+@_wish("open_std", "SHARE", "Relative standard error of the open pitch.")
+@_wish("window", "S", "Length of a window.")
+@_wish("gap", "M", "Distance from the string at rest to a driver's pole.")
+@_wish("level", "TIMES", "Force of the drivers, relative to the presets'.")
+@click.option(
+    "--figure", type=click.Path(path_type=Path), metavar="FILE", help="Draw it: .png, .pdf or .svg."
+)
+@click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help="Sensor file to write.")
+@click.option("--force", is_flag=True, help="Overwrite the files if they exist.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def design(*, figure: Path | None, out: Path | None, force: bool, as_json: bool, **wishes: Any) -> None:
+    """Design a sensor: its string, its tension, and what it can tell.
+
+    Sweeps gauge, tension and length, computes for each the Cramer-Rao bounds of position and force, drift,
+    strength and clearance, and recommends one with its reasons. The bounds hold for a contact and a mount
+    that are known only by their class. Nothing is simulated.
+
+    \b
+    monochord design --range 0.1 --force-resolution 0.1 --figure design.png
+    monochord design --gauge 0.254e-3 --tension 40 --gap 2e-3 --out sensor.toml
+    """  # noqa: D301
+    for path, suffixes in ((figure, SUFFIXES), (out, (".toml",))):
+        if path is None:
+            continue
+        refuse_unwritable(path, suffixes)
+        if path.exists() and not force:
+            raise InputError(f"file '{path}', which already exists", "a new file", "replace it with --force")
+    if figure is not None:
+        require_matplotlib()
+    given = {name: value for name, value in wishes.items() if value is not None}
+    result = designed(**given)
+    if out is not None:
+        with replacing(out) as part:
+            part.write_text(result.toml(), encoding="utf-8")
+    if figure is not None:
+        with replacing(figure) as part:
+            result.draw().savefig(part)
+    written = {name: str(path) for name, path in (("path", out), ("figure", figure)) if path is not None}
+    if as_json:
+        echo(json.dumps({**result.tree(), **written}))
+        return
+    echo(*result.lines(), *(f"written to {path}" for path in written.values()))

@@ -1,0 +1,90 @@
+"""The command `identify`: measures a real build from its untouched sound, a ruler and a caliper."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+
+from monochord.cli._options import amount, refuse_unwritable, sensor_option
+from monochord.cli._output import echo
+from monochord.core.errors import InputError
+from monochord.core.files import replacing
+from monochord.front.identify import CALIPER_ERROR, LENGTH_ERROR, WEIGHED_ERROR
+from monochord.front.identify import identify as identified
+from monochord.live.tuning import SECONDS
+
+
+@click.command()
+@click.argument("files", metavar="FILES...", nargs=-1, required=True)
+@click.option(
+    "--length", type=amount, required=True, metavar="M", help="Length of the string between its ends."
+)
+@click.option("--caliper", type=amount, metavar="M", help="Diameter of a plain steel wire.")
+@click.option(
+    "--weighed", type=amount, metavar="KG/M", help="Linear density of the wire: its weight over its length."
+)
+@sensor_option
+@click.option(
+    "--length-error", type=amount, default=LENGTH_ERROR, show_default=True, metavar="M", help="Largest error."
+)
+@click.option(
+    "--caliper-error",
+    type=amount,
+    default=CALIPER_ERROR,
+    show_default=True,
+    metavar="M",
+    help="Largest error.",
+)
+@click.option(
+    "--weighed-error",
+    type=amount,
+    default=WEIGHED_ERROR,
+    show_default=True,
+    metavar="SHARE",
+    help="Largest relative error.",
+)
+@click.option(
+    "--seconds",
+    type=amount,
+    default=SECONDS,
+    show_default=True,
+    metavar="S",
+    help="Duration taken from each file.",
+)
+@click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help="Sensor file to write.")
+@click.option("--force", is_flag=True, help="Overwrite the file if it exists.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def identify(
+    files: tuple[str, ...],
+    *,
+    sensor: str | None,
+    out: Path | None,
+    force: bool,
+    as_json: bool,
+    **measured: Any,
+) -> None:
+    """Measure a sensor as built: pitch, tension, density, losses.
+
+    FILES are recordings of the untouched string (.wav, .flac, or a session's .mcap): a pluck with both
+    drivers off, and the string with both on. Each quantity has a standard error; tension and density have no
+    answer without --caliper or --weighed, since sound and ruler do not determine them. The written file is a
+    sensor for every --sensor.
+
+    \b
+    monochord identify pluck.wav driven.wav --length 0.2 --caliper 0.254e-3 --out mine.toml
+    monochord identify pluck.wav --length 0.2 --weighed 3.95e-4 --json
+    """  # noqa: D301
+    if out is not None:
+        refuse_unwritable(out, (".toml",))
+        if out.exists() and not force:
+            raise InputError(f"file '{out}', which already exists", "a new file", "replace it with --force")
+    result = identified(*files, sensor=sensor or "", **measured)
+    if out is not None:
+        with replacing(out) as part:
+            part.write_text(result.toml(), encoding="utf-8")
+    written = {} if out is None else {"path": str(out)}
+    if as_json:
+        echo(json.dumps({**result.tree(), **written}))
+        return
+    echo(*result.lines(), *(f"written to {path}; use it with --sensor {path}" for path in written.values()))

@@ -1,0 +1,313 @@
+"""Designs a sensor before it is built, like ``monochord design``."""
+
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from monochord.core.config import from_tree
+from monochord.core.types import Contact
+from monochord.front.design_figure import drawn
+from monochord.physics.design import (
+    CENTS,
+    COMPARED,
+    FRAMES,
+    MAX_MODE,
+    MAX_STRESS_SHARE,
+    WIRES,
+    Ambiguity,
+    Candidate,
+    Curves,
+    Wishes,
+    ambiguity,
+    bounds_at,
+    candidate,
+    curves,
+    recommended,
+    sensor_from,
+    stretch_cents,
+    sweep,
+)
+from monochord.physics.sensors import Sensor, design_toml
+from monochord.physics.theory import stretch_stiffness
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Canvas
+
+HEADS = (
+    "  gauge  tension  length  pitch  force std, N   position  cents    settled  stress  clearance",
+    "     mm        N      mm     Hz   1 N    most    std, mm  per N         ms       %         mm",
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class StringDesign:
+    """A sensor's design: the recommended string, what it does, and what others would.
+
+    Attributes
+    ----------
+    wishes
+        What was asked for.
+    chosen
+        The recommended string with its figures.
+    candidates
+        Every string of the sweep.
+    compared
+        The recommended gauge and length at 20, 40 and 65 N.
+    """
+
+    wishes: Wishes
+    chosen: Candidate
+    candidates: tuple[Candidate, ...]
+    compared: tuple[Candidate, ...]
+
+    @property
+    def sensor(self) -> Sensor:
+        """The sensor: the recommended string with the prototype's drivers and pickups in proportion."""
+        return sensor_from(self.wishes, self.chosen)
+
+    @cached_property
+    def curves(self) -> Curves:
+        """Lines, their slopes and bounds along the range."""
+        return curves(self.wishes, self.chosen.string)
+
+    @cached_property
+    def ambiguity(self) -> Ambiguity:
+        """Places that share pairs of lines with another place."""
+        return ambiguity(self.wishes, self.chosen.string)
+
+    @property
+    def pareto(self) -> tuple[Candidate, ...]:
+        """Strings that hold and do not squeal, and that no other beats in settling and force, by settling."""
+        able = sorted(
+            (each for each in self.candidates if not _unsafe(each)),
+            key=lambda each: (each.settling, each.force_std),
+        )
+        front, best = list[Candidate](), np.inf
+        for each in able:
+            if each.force_std < best:
+                front.append(each)
+                best = each.force_std
+        return tuple(front)
+
+    @property
+    def frames(self) -> dict[str, tuple[float, float]]:
+        """By frame: drift in cents a kelvin, and the force in N that a kelvin reads as at 1 N."""
+        string, wire = self.chosen.string, WIRES[self.wishes.wire]
+        scale = CENTS * 0.5 * stretch_stiffness(string) / string.tension
+        drifts = {name: scale * (expansion - wire.expansion) for name, expansion in FRAMES.items()}
+        return {name: (drift, drift / self.chosen.cents_per_newton) for name, drift in drifts.items()}
+
+    @property
+    def mounts(self) -> dict[str, float]:
+        """Bound of force in N by how objects are held, at the usual press in the middle."""
+        string = self.chosen.string
+        touch = Contact(position=0.501 * string.length, force=self.wishes.usual)
+        each: dict[str, Wishes] = {
+            "known": replace(self.wishes, mount="known"),
+            "bolted": replace(self.wishes, mount="bolted"),
+            "light": replace(self.wishes, mount="light"),
+            "soft": replace(self.wishes, mount="soft"),
+        }
+        return {name: bounds_at(wishes, string, touch)[1] for name, wishes in each.items()}
+
+    def reasons(self) -> list[str]:
+        """Return why this string is recommended, and what others cost, as sentences."""
+        wishes, one, string = self.wishes, self.chosen, self.chosen.string
+        gauge, wire = 1e3 * string.core_diameter, wishes.wire.replace("_", " ")
+        usual, most = f"{wishes.usual:g} N", f"{wishes.forces[1]:g} N"
+        able, count = [each for each in self.candidates if not each.lacks], len(self.candidates)
+        lacks = ", ".join(one.lacks)
+        why = (
+            f"It is the fastest of the {len(able)} strings that meet every wish, of {count} in the sweep."
+            if able
+            else f"No string of the {count} in the sweep meets every wish; this one lacks {lacks}."
+        )
+        near = one.clearance / wishes.gap
+        squeal = "squeals" if near > 1.0 else "is close to squealing" if near > 0.9 else "does not squeal"
+        build = (
+            f"{gauge:.3f} mm {wire}, {1e3 * string.length:.0f} mm between the ends, {string.tension:.0f} N"
+        )
+        tells = f"{usual} to {one.force_std:.2g} N, {most} to {one.force_std_most:.2g} N"
+        position, stress = f"position to {1e3 * one.position_std:.2g} mm", one.stress / 1e6
+        glide = stretch_cents(string, one.swing)
+        swing, sag, gap = (f"{1e3 * each:.2f} mm" for each in (one.swing, one.sag, wishes.gap))
+        return [
+            f"Build: {build} ({one.frequency:.0f} Hz).",
+            f"{why} A touch settles in {1e3 * one.settling:.0f} ms.",
+            f"At best it tells {tells}, and {position} (objects held as '{wishes.mount}').",
+            "Sensitivity to force goes as E A / T^3: half the tension gives eight times the cents.",
+            *(_at(each, wishes) for each in self.compared),
+            self._drifts(),
+            f"The string swings by {swing}. {most} at an end of the range bring it {sag} nearer to a pole.",
+            f"At a gap of {gap} it {squeal}. The swing raises the pitch by {glide:.1f} cents.",
+            f"Under {most} the wire bears {stress:.0f} MPa, {one.stress_share:.0%} of its strength.",
+        ]
+
+    def _drifts(self) -> str:
+        frame, (drift, force) = self.wishes.frame, self.frames[self.wishes.frame]
+        least = min(self.frames, key=lambda name: abs(self.frames[name][0]))
+        if least == frame:
+            return f"A frame of {frame} drifts least, by {abs(drift):.2f} cents a kelvin."
+        other = f"{least}: {self.frames[least][0]:+.2f}"
+        return (
+            f"A frame of {frame} drifts by {drift:+.2f} cents a kelvin ({other}). "
+            f"Until the open pitch is measured again, a kelvin reads as {force:+.2f} N."
+        )
+
+    def lines(self) -> list[str]:
+        """Return the design in convenient units, as text lines."""
+        sweeps = [
+            line
+            for name in ("core_diameter", "tension", "length")
+            for line in (*(_row(each, self.chosen) for each in self.varied(name)), "")
+        ]
+        own, usual = self.ambiguity, f"{self.wishes.usual:g} N"
+        frames = ", ".join(
+            f"{name} {drift:+.2f} ({force:+.2f} N)" for name, (drift, force) in self.frames.items()
+        )
+        mounts = ", ".join(f"{name} {value:.2g} N" for name, value in self.mounts.items())
+        return [
+            *self.reasons(),
+            "",
+            "Sweeps through the recommended string:",
+            *HEADS,
+            *sweeps,
+            f"Along the range, under {usual}:",
+            *_along(self.curves, self.wishes.usual),
+            "",
+            f"Standard error of {usual} in the middle, by mount: {mounts}.",
+            f"Drift in cents a kelvin, and what it reads as, by frame: {frames}.",
+            f"A held touch is followed up to {self.chosen.bandwidth:.1f} Hz.",
+            f"Pairs of modes up to {MAX_MODE} that fit another place too: {own.share:.0%}.",
+            f"Places where the pair of fundamentals does: {own.fundamental.mean():.0%}.",
+        ]
+
+    def varied(self, name: str) -> list[Candidate]:
+        """Return the strings of the sweep that differ from the recommended one in one quantity at most."""
+        others = {"core_diameter", "tension", "length"} - {name}
+        return [
+            each
+            for each in self.candidates
+            if all(getattr(each.string, other) == getattr(self.chosen.string, other) for other in others)
+        ]
+
+    def tree(self) -> dict[str, Any]:
+        """Return the design as plain values, in SI units."""
+        own, c = self.ambiguity, self.curves
+        return {
+            "wishes": asdict(self.wishes),
+            "recommended": _tree(self.chosen),
+            "reasons": self.reasons(),
+            "compared": [_tree(each) for each in self.compared],
+            "sweep": [_tree(each) for each in self.candidates],
+            "frames": {
+                name: {"cents": drift, "force": force} for name, (drift, force) in self.frames.items()
+            },
+            "mounts": self.mounts,
+            "curves": {name: value.tolist() for name, value in _arrays(c).items()},
+            "ambiguity": {
+                "share": own.share,
+                **{name: value.tolist() for name, value in _arrays(own).items()},
+            },
+        }
+
+    def draw(self) -> "Canvas":
+        """Return the figure of the design; requires matplotlib."""
+        return drawn(self)
+
+    def toml(self) -> str:
+        """Return the text of a sensor file, which `load_sensor`, ``--sensor`` and the hardware's CAD take."""
+        return design_toml(self.sensor)
+
+
+def design(**wishes: Any) -> StringDesign:
+    """Design a sensor: sweep gauge, tension and length, and recommend a string with reasons.
+
+    Parameters
+    ----------
+    wishes
+        Fields of `monochord.physics.design.Wishes`, in SI units: ``length`` (the room between the ends),
+        ``range``, ``resolution``, ``force_resolution``, ``forces``, ``gauge``, ``tension``, ``wire``,
+        ``frame``, ``mount``, ``material``, ``contact_share``, ``window``, ``gap`` and ``level``.
+
+    Returns
+    -------
+    StringDesign
+        The recommended string with its Cramer-Rao bounds, and all others of the sweep.
+
+    Raises
+    ------
+    InputError
+        For an unknown or impossible wish.
+
+    Examples
+    --------
+    >>> import monochord as mc
+    >>> made = mc.design(gauge=0.254e-3, tension=40.0)
+    >>> made.chosen.lacks
+    ('clearance 1.8 mm (gap 1.5 mm)',)
+    >>> [round(each.cents_per_newton) for each in made.compared]
+    [157, 31, 8]
+    """
+    wanted = from_tree(Wishes, wishes)
+    candidates = sweep(wanted)
+    chosen = recommended(wanted, candidates)
+    compared = tuple(
+        candidate(wanted, chosen.string.core_diameter, tension, chosen.string.length) for tension in COMPARED
+    )
+    return StringDesign(wishes=wanted, chosen=chosen, candidates=tuple(candidates), compared=compared)
+
+
+def _unsafe(one: Candidate) -> bool:
+    return any(word.startswith(("stress", "clearance", "lines", "open")) for word in one.lacks)
+
+
+def _at(one: Candidate, wishes: Wishes) -> str:
+    """Return what a tension gives and what it costs, as a sentence."""
+    costs = [f"settles in {1e3 * one.settling:.0f} ms"]
+    if one.clearance > wishes.gap:
+        costs.append(f"needs a gap of {1e3 * one.clearance:.1f} mm (drivers pull less there)")
+    if one.stress_share > MAX_STRESS_SHARE:
+        costs.append(f"loads the wire to {one.stress_share:.0%} of its strength")
+    costs.append(f"leaves {ambiguity(wishes, one.string).share:.0%} of the pairs of modes ambiguous")
+    return (
+        f"{one.string.tension:.0f} N: {one.cents_per_newton:.0f} cents per newton, {wishes.usual:g} N to "
+        f"{one.force_std:.2g} N. It {', '.join(costs[:-1])} and {costs[-1]}."
+    )
+
+
+def _row(one: Candidate, chosen: Candidate) -> str:
+    string, mark = one.string, "*" if one.string == chosen.string else " "
+    cells = (
+        f"{mark}{1e3 * string.core_diameter:6.3f}",
+        f"{string.tension:8.0f} {1e3 * string.length:7.0f} {one.frequency:6.0f}",
+        f"{one.force_std:7.3f} {one.force_std_most:7.3f} {1e3 * one.position_std:10.3f}",
+        f"{one.cents_per_newton:6.1f} {1e3 * one.settling:10.0f}",
+        f"{100.0 * one.stress_share:7.0f} {1e3 * one.clearance:10.2f}",
+        f" lacks {', '.join(word.split(' ')[0] for word in one.lacks)}" if one.lacks else "",
+    )
+    return " ".join(cells).rstrip()
+
+
+def _along(own: Curves, force: float) -> list[str]:
+    """Return lines, slopes and bounds along the range, as a table."""
+    usual = int(np.argmin(np.abs(own.forces - force)))
+    rows = ["   x, mm  f1, Hz  f2, Hz  df1/dx, Hz/mm  df2/dx  df1/dF, Hz/N  df2/dF  std x, mm  std F, N"]
+    for i in range(0, own.positions.size, 4):
+        (one, one_force), (two, two_force) = own.slopes[i]
+        rows.append(
+            f"{1e3 * own.positions[i]:8.1f} {own.lines[i, 0]:7.0f} {own.lines[i, 1]:7.0f} {1e-3 * one:14.2f} "
+            f"{1e-3 * two:7.2f} {one_force:13.2f} {two_force:7.2f} "
+            f"{1e3 * own.position_std[usual, i]:10.3f} {own.force_std[usual, i]:9.3f}"
+        )
+    return rows
+
+
+def _tree(one: Candidate) -> dict[str, Any]:
+    return {**asdict(one), "clearance": one.clearance}
+
+
+def _arrays(of: Curves | Ambiguity) -> dict[str, np.ndarray]:
+    return {name: getattr(of, name) for name in type(of).__dataclass_fields__}
