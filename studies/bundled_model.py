@@ -39,7 +39,7 @@ PLANS = {
 READER, HEADS = 0.6, 0.85
 """Share of the builds up to which they train the reader's network, and up to which they train heads."""
 SENSOR, LENGTH_STD = "prototype", 0.0058
-"""The design, and how far real strings' lengths are off it where no ruler measured them: evenly within 1 %."""
+"""The design, and how far real strings are off its length where no ruler measured them: evenly within 1 %."""
 
 
 def plan_sessions(name: str, seed: int) -> dict[str, tuple[int, Metres]]:

@@ -116,7 +116,7 @@ class Recorded:
         record, own = model.definition.heads[head], model.corrections.get(head)
         variables = 0 if own is None else len(own.centre) - 1
         outputs = [self.replayed.outputs[row][head] for row in rows.tolist()]
-        outputs = [replace(each, variables=each.variables[:variables]) for each in outputs]
+        outputs = [each._replace(variables=each.variables[:variables]) for each in outputs]
         value, std = np.array([quantity(each, record, own) for each in outputs]).T
         return value - self.dataset.label(head)[rows], std
 

@@ -7,7 +7,7 @@ import pytest
 from monochord.core.config import from_tree, to_tree
 from monochord.core.errors import InputError
 from monochord.perception.heads import HEADS
-from monochord.perception.heads.base import CONTACT, Task
+from monochord.perception.heads.base import CONTACT, Loss, Task
 
 TASKS = {name: HEADS.build(name).task() for name in HEADS.names()}
 each_task = pytest.mark.parametrize("task", TASKS.values(), ids=TASKS)
@@ -53,13 +53,8 @@ def test_a_quantity_may_have_one_standard_error_for_all(name: str) -> None:
         HEADS.build(name, {"limit": -1.0}).task()
 
 
-def test_a_linear_path_of_a_probability_is_refused() -> None:
-    with pytest.raises(InputError, match="linear"):
-        Task(label="slip", loss="logistic", linear=True)
-
-
-@pytest.mark.parametrize("option", ["blur", "drop"])
-def test_inputs_that_a_linear_path_sees_are_not_blurred(option: str) -> None:
-    assert HEADS.build("force", {option: 0.1, "linear": False}).task().linear is False
-    with pytest.raises(InputError, match="linear"):
-        HEADS.build("force", {option: 0.1, "linear": True}).task()
+@pytest.mark.parametrize("loss", ["logistic", "square"])
+def test_a_position_is_refined_with_a_learned_standard_error_alone(loss: Loss) -> None:
+    assert Task(label="position", unit="m", loss="laplace", refines="position").outputs == 3
+    with pytest.raises(InputError, match="refines"):
+        Task(label="position", unit="m", loss=loss, refines="position")

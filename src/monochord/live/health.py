@@ -173,10 +173,10 @@ TWO_STRINGS = _finding(
 SOFT_TOUCH = _finding(
     "warning", "Something very soft seems to touch the string.", "Touch it with something harder than foam."
 )
-PITCH = _finding(
-    "info",
-    "The pitch of the string is not known yet.",
-    "Leave it untouched for 1 s, drivers on. If that does not help, tune it closer to its nominal pitch.",
+OUT_OF_TUNE = _finding(
+    "error",
+    "The string seems out of tune.",
+    "Leave it untouched for a second, so that its pitch is measured, or run monochord tune.",
 )
 NOT_NUMBERS = _finding(
     "error", "The samples are not numbers.", "Check the audio driver, and what else writes to these inputs."
@@ -202,7 +202,7 @@ REASONS: Mapping[str, tuple[str, Finding]] = MappingProxyType(
         "something very soft seems to touch": ("soft_touch", SOFT_TOUCH),
         "one driver seems silent": ("driver_silent", ONE_DRIVER),
         "sound unlike what this model learned": ("sound_unlike", UNKNOWN_SOUND),
-        "the string's pitch is not known yet": ("pitch_unknown", PITCH),
+        "the string seems out of tune: run monochord tune": ("out_of_tune", OUT_OF_TUNE),
         "silence": ("string_still", STILL),
         "samples that are not numbers": ("not_numbers", NOT_NUMBERS),
     }

@@ -216,11 +216,10 @@ def _measure_partials(row: Floats, frequency: Floats, height: Floats, nominal: f
 @part()
 def _measure_levels(row: Floats, power: Floats, one: float, two: float) -> int:
     """Fill in the levels at both lines, in bins, and at their combination tones; return the next column."""
-    both, beside = one + two, abs(one - two)
-    third_1, third_2 = abs(2.0 * one - two), abs(2.0 * two - one)
-    harmonics = (2.0 * one, 2.0 * two, 3.0 * one, 3.0 * two)
+    tones = np.array((one, two, one + two, one - two, 2.0 * one - two, 2.0 * two - one, 0.0, 0.0, 0.0, 0.0))
+    tones[6:8], tones[8:] = 2.0 * tones[:2], 3.0 * tones[:2]
     loudest, at = -np.inf, FIRST_LEVEL
-    for tone in ((one, two, both, beside, third_1, third_2) + harmonics):
+    for tone in np.abs(tones):
         k = min(max(int(np.round(tone)), 2), power.shape[1] - 3)
         for c in range(2):
             row[at] = np.log10(power[c, k - 1 : k + 2].max() + MIN_POWER)
