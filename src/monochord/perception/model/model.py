@@ -467,16 +467,13 @@ class Model:
         name, places = self.definition.place, self.places
         if name is None:
             return ""
-        position = estimates[name]
-        place, std = position.value, position.std
-        if not position.valid:  # it is withheld, and may lie outside all the same
-            place, std = quantity(
-                reading.outputs[name], self.definition.heads[name], self.corrections.get(name)
-            )
+        # By its own standard error: how far a string's length is off its design moves the range's end, too.
+        output, record = reading.outputs[name], self.definition.heads[name]
+        place, std = quantity(output, record, self.corrections.get(name))
         edge = min(EDGE_DEVIATIONS * std, MAX_EDGE)
         if places is not None and not places[0] - edge <= place <= places[1] + edge:
             return OUTSIDE_RANGE
-        return "" if position.valid else position.reason
+        return "" if estimates[name].valid else estimates[name].reason
 
     @staticmethod
     def _read(
