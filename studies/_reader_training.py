@@ -18,9 +18,9 @@ from monochord.perception.reader import (
     POSITIONS,
     STRIDES,
     Network,
+    SpectrumAnalyser,
     spectrum_cells,
 )
-from monochord.perception.spectrum import SpectrumAnalyser
 from monochord.perception.training import torch_library
 
 Cells: TypeAlias = NDArray[np.uint8]

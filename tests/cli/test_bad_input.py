@@ -35,7 +35,7 @@ REFUSED = {
     "live demo nosuch": "'nosuch'",
     "live demmo prototype --source twin": "demmo",
     "live twin": "--source twin",
-    "live demo {short} --source twin": "0.195 m",  # of which the twin has as many modes
+    "live demo {short} --source twin": "0.19 m",  # of which the twin has as many modes
     "live --source split_string --string apendix": "'appendix'",
     f"live {{one}} --source wave {STRING}": "'wav'",
     f"live {{one}} {STRING} --sink terminl": "'terminal'",
@@ -248,7 +248,7 @@ def material(small: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str,
     soundfile.write(folder / "silence.wav", np.zeros(44100), 44100, subtype="FLOAT")
     files = {name: folder / f"{name}.wav" for name in ("one", "two", "silence")}
     prototype = (resources.files("monochord.physics.sensors") / "prototype.toml").read_text(encoding="utf-8")
-    (folder / "short.toml").write_text(f"{prototype}\n[override]\nlength = 0.195\n", encoding="utf-8")
+    (folder / "short.toml").write_text(f"{prototype}\n[override]\nlength = 0.19\n", encoding="utf-8")
     files |= {"session": folder / "session.mcap", "short": folder / "short.toml", "folder": folder}
     return files | {"dataset": small / "dataset"}
 

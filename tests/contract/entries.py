@@ -28,7 +28,7 @@ RATE, SIZE = 44100, 4410
 STRING = load_sensor("prototype").string
 SIGNAL = Signal(sample_rate=RATE, channels=2, string=STRING)
 Sound = NDArray[Any]
-FEATURES_HERE = ("fft_harmonic", "closed_form", "untouched", "log_mel", "one_microphone")
+FEATURES_HERE = ("fft_harmonic", "reading", "log_mel", "one_microphone")
 """Features that need no weights of another's."""
 
 

@@ -14,13 +14,11 @@ from monochord.physics.strings import load_string
 
 RATE, SIZE = 44100, 4410
 SIGNAL = Signal(sample_rate=RATE, channels=2, string=load_string("prototype").string)
-OPTIONS = {f"{name} with gaps": (name, {"gaps": True}) for name in ("fft_harmonic", "untouched")}
-"""Features with columns that their defaults leave out."""
-each_feature = pytest.mark.parametrize("name", [*FEATURES.names(), *OPTIONS])
+each_feature = pytest.mark.parametrize("name", FEATURES.names())
 
 
 def built(name: str) -> Feature:
-    return FEATURES.build(*OPTIONS.get(name, (name, {})))
+    return FEATURES.build(name)
 
 
 @cache

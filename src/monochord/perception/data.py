@@ -33,7 +33,7 @@ def features(
     audio: Audio,
     sensor: str | Sensor = "prototype",
     *,
-    feature: str = "reading",
+    feature: str = "fft_harmonic",
     sample_rate: int = 44100,
     window: Seconds = 0.1,
     hop: Seconds = 0.01,
@@ -54,7 +54,7 @@ def features(
     window, hop
         Length of a window, and time from one window start to the next, in s.
     options
-        Options of the feature, such as ``bins=64`` of log_mel.
+        Options of the feature, such as ``bins=64`` of ``log_mel``.
 
     Returns
     -------
@@ -265,7 +265,7 @@ class LabelledData:
 
     def arrays(
         self,
-        feature: str = "reading",
+        feature: str = "fft_harmonic",
         part: str | None = None,
         *,
         sensor: str = "prototype",
@@ -304,7 +304,7 @@ class LabelledData:
             parts[members] = name
         return table.of(rows), self.labels(rows), parts[rows]
 
-    def torch(self, part: str, feature: str = "reading", **options: Any) -> "TensorDataset":
+    def torch(self, part: str, feature: str = "fft_harmonic", **options: Any) -> "TensorDataset":
         """Return a part as a PyTorch dataset of (features, labels) pairs.
 
         Features have the shape (columns,). Labels have the shape (names,), in the order of `labels`, with NaN

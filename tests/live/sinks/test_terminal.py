@@ -247,7 +247,7 @@ def note(finding: Finding, since: float = 0.0, key: str = "") -> Note:
     )
 
 
-SILENT, DEAD, CLIPPING, PITCH = map(note, (health.SILENT, health.DEAD[1], health.CLIPPING, health.PITCH))
+SILENT, DEAD, CLIPPING, SETTLING = map(note, (health.SILENT, health.DEAD[1], health.CLIPPING, health.SETTLING))
 
 
 def noted(*notes: Note, time: float = 1.0, string: str = "", events: tuple[Event, ...] = ()) -> Update:
@@ -269,7 +269,7 @@ def text_of(shown: Update, columns: int, rows: int, last: Event | None = None) -
 )
 def test_an_error_is_read_whole_on_a_terminal_of_any_size(columns: int, rows: int) -> None:
     touch = Event(name="contact", on=True, time=0.9, delay=0.03, confidence=0.9)
-    text = text_of(noted(CLIPPING, PITCH, DEAD), columns, rows, touch if rows > 15 else None)
+    text = text_of(noted(CLIPPING, SETTLING, DEAD), columns, rows, touch if rows > 15 else None)
     assert "error" in text
     if rows > 2:
         assert f"{DEAD.sentence} {DEAD.remedy}" in text
@@ -288,7 +288,7 @@ def test_a_note_is_wrapped_within_the_width(columns: int) -> None:
 def test_a_brief_info_is_not_shown_and_one_that_lasts_is() -> None:
     settling = note(health.SETTLING, since=1.0)
     assert settling.sentence not in text_of(noted(settling, time=1.05), 80, 40)
-    assert PITCH.sentence in text_of(noted(PITCH, time=0.5), 80, 40)
+    assert SETTLING.sentence in text_of(noted(SETTLING, time=0.5), 80, 40)
 
 
 def test_a_note_cannot_control_the_terminal() -> None:
@@ -300,7 +300,7 @@ def test_a_note_cannot_control_the_terminal() -> None:
 
 @pytest.mark.parametrize("rows", [24, 5, 4])
 def test_of_several_strings_each_has_a_line_and_its_worst_note(rows: int) -> None:
-    strings = {"left": (PITCH, DEAD), "middle": (), "right": (PITCH, CLIPPING)}
+    strings = {"left": (SETTLING, DEAD), "middle": (), "right": (SETTLING, CLIPPING)}
     updates = [noted(*notes, string=name) for name, notes in strings.items()]
     lines = [line.plain for line in _view.several(updates, Histogram().percentiles(), 300, rows)]
     assert len(lines) < rows
@@ -308,7 +308,7 @@ def test_of_several_strings_each_has_a_line_and_its_worst_note(rows: int) -> Non
     assert sum(CLIPPING.sentence in line and line.startswith("right") for line in lines) == (rows > 5)
     shown = [line.split()[0] for line in lines if "100.0 mm" in line]
     assert shown == (["left"] if rows >= 5 else []) + ["middle", "right"]
-    assert not any(PITCH.sentence in line for line in lines)
+    assert not any(SETTLING.sentence in line for line in lines)
     assert len(_view.several(updates[:1], Histogram().percentiles(), 60, 24)[1]) == 60
 
 

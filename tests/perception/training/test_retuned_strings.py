@@ -164,7 +164,7 @@ def test_a_measured_length_is_that_of_positions_and_forces(dataset: Dataset) -> 
     signal = Signal(sample_rate=44100, channels=2, string=DESIGN)
     rows, few = (
         [
-            Rows.prepared(each, signal, "closed_form", {}, dataset.path / "features")
+            Rows.prepared(each, signal, "reading", {}, dataset.path / "features")
             for each in (longer, dataset)
         ],
         np.flatnonzero(dataset.label("settled") == 1.0)[::7],

@@ -3,6 +3,7 @@
 from monochord.perception.reader.cells import CELLS, CHANNELS
 from monochord.perception.reader.network import DILATIONS, FILE, KINDS, POSITIONS, STRIDES, Network
 from monochord.perception.reader.reader import Reader, Reading, spectrum_cells
+from monochord.perception.spectrum import SpectrumAnalyser
 
 __all__ = [
     "CELLS",
@@ -15,5 +16,6 @@ __all__ = [
     "Network",
     "Reader",
     "Reading",
+    "SpectrumAnalyser",
     "spectrum_cells",
 ]

@@ -15,6 +15,8 @@ from monochord.perception.training.examples import Examples
 
 MAX_REFINED_LOSS = 20.0
 """Largest loss of a window from the error of a refined position."""
+LIKELY_RIGHT = 4.0
+"""Initial log odds that a refined position is right: few windows of training do not tell otherwise."""
 SPREAD_POWER = 0.5
 """Power of the spread that weights a window's likelihood; with 0, difficult windows are not learned."""
 
@@ -87,6 +89,8 @@ def heads_module(definition: Definition, seed: int) -> Any:
             torch.nn.init.zeros_(layer.bias)
         torch.nn.init.zeros_(layers[-1].weight)
         torch.nn.init.zeros_(layers[-1].bias)
+        if record.task.refines:
+            layers[-1].bias.data[2] = LIKELY_RIGHT
         heads[name] = torch.nn.ModuleList(layers)
     return torch.nn.ModuleDict(heads)
 

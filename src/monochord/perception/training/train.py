@@ -302,6 +302,8 @@ def _calibration(
     if record.task.is_probability:
         logit = np.array([outputs[row][name].value for row in rows.tolist()])
         return calibrate_probability(reference == 1.0, logit, session)
+    if not len(rows):  # no position is certain
+        return Calibration()
     value, std = _quantities(definition, name, rows, outputs)
     return calibrate_quantity(value - reference, std, session, touch[rows])
 
@@ -316,6 +318,8 @@ def _score(
         estimate = np.array([probability(outputs[row][name], record) for row in rows.tolist()])
         return probability_scores(reference == 1.0, estimate)
     correction = model.correction(name)
+    if not len(rows):
+        return {"windows": 0}
     return quantity_scores(
         reference, *_quantities(definition, name, rows, outputs, correction), record.offset
     )
