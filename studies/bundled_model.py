@@ -36,6 +36,8 @@ PLANS = {
     "odd": {"studies/plans/odd.toml": ("world=plausible",)},
 }
 """Plans of ordinary touches and of faults, with their overrides; those of a name make one dataset."""
+CORRECTIONS = '{force = ["position", "open - rest"]}'
+"""What an unknown build and object add to the uncertainty, and what known touches take away again."""
 READER, HEADS = 0.6, 0.85
 """Share of the builds up to which they train the reader's network, and up to which they train heads."""
 SENSOR, LENGTH_STD = "prototype", 0.0058
@@ -134,7 +136,12 @@ def command(
         report("trained the reader")
     run = folder / "run"
     rmtree(run, ignore_errors=True)
-    settings = [f"split={heads_split(folder, seed)}", f"length_std={LENGTH_STD}", f"seed={seed}"]
+    settings = [
+        f"split={heads_split(folder, seed)}",
+        f"length_std={LENGTH_STD}",
+        f"corrections={CORRECTIONS}",
+        f"seed={seed}",
+    ]
     model = mc.train(folder / "ordinary_dataset", run, config="reader", settings=settings, workers=workers)
     target = bundled_folder("demo")
     assert target is not None

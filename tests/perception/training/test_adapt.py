@@ -88,7 +88,7 @@ def test_known_touches_of_another_build_take_its_bias_away(correctable: Model, f
     assert force.touches == 8
     assert force.before > 0.8 * BIAS
     assert force.after < 0.6 * force.before
-    assert force.coverage > 0.5
+    assert force.coverage > 0.4
     assert result.heads["position"].after < 1.2 * result.heads["position"].before
     assert result.next_touch is not None
     assert 0.05 <= result.next_touch.position <= 0.15
@@ -208,11 +208,11 @@ def test_a_model_that_learned_no_prior_is_corrected_by_physics(
     """A position is off by an offset and a length, and its stated error has no other length in it then."""
     model = load(lesson_run)
     place = foreign.label("position")
-    longer = replace(foreign, labels={**foreign.labels, "position": 1.2 * place + 2e-3})
+    longer = replace(foreign, labels={**foreign.labels, "position": 1.1 * place + 2e-3})
     result = adapt(model, longer)
     assert all(result.heads[name].used for name in ("position", "force"))
     assert result.heads["position"].after < 0.5 * result.heads["position"].before
-    assert result.heads["force"].after < 0.5 * result.heads["force"].before
+    assert result.heads["force"].after < 0.9 * result.heads["force"].before
     assert result.next_touch is None  # it keeps none to choose from
     save(result.model, tmp_path / "model")
     again = load(tmp_path / "model")
@@ -222,7 +222,7 @@ def test_a_model_that_learned_no_prior_is_corrected_by_physics(
     for metres in (0.07, 0.13):
         value = (metres - record.offset) / record.scale
         error = record.scale * float(correction.error(correction.terms(np.array([value])))[0])
-        assert error == pytest.approx(0.2 * metres + 2e-3, rel=0.4)
+        assert error == pytest.approx(0.1 * metres + 2e-3, rel=0.4)
     position = Estimate(value=0.1, std=1e-4, unit="m")
     unsure = replace(again, definition=replace(again.definition, length_std=0.01))
     assert unsure.with_length_error({"position": position})["position"] == position
