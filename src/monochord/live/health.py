@@ -152,11 +152,6 @@ DEAD = tuple(
     )
     for number in (1, 2)
 )
-UNKNOWN_SOUND = _finding(
-    "error",
-    "The sound is unlike the model's training data.",
-    "Check microphones, drivers and string; if all are fine, train the model on sound like this.",
-)
 TWO_TOUCHES = _finding(
     "warning", "Two things seem to touch the string.", "Touch it with one object at a time."
 )
@@ -201,7 +196,6 @@ REASONS: Mapping[str, tuple[str, Finding]] = MappingProxyType(
         "two strings sound at once": ("two_strings", TWO_STRINGS),
         "something very soft seems to touch": ("soft_touch", SOFT_TOUCH),
         "one driver seems silent": ("driver_silent", ONE_DRIVER),
-        "sound unlike what this model learned": ("sound_unlike", UNKNOWN_SOUND),
         "the string seems out of tune: run monochord tune": ("out_of_tune", OUT_OF_TUNE),
         "silence": ("string_still", STILL),
         "samples that are not numbers": ("not_numbers", NOT_NUMBERS),

@@ -247,7 +247,9 @@ def note(finding: Finding, since: float = 0.0, key: str = "") -> Note:
     )
 
 
-SILENT, DEAD, CLIPPING, SETTLING = map(note, (health.SILENT, health.DEAD[1], health.CLIPPING, health.SETTLING))
+SILENT, DEAD, CLIPPING, SETTLING = map(
+    note, (health.SILENT, health.DEAD[1], health.CLIPPING, health.SETTLING)
+)
 
 
 def noted(*notes: Note, time: float = 1.0, string: str = "", events: tuple[Event, ...] = ()) -> Update:

@@ -55,7 +55,7 @@ def test_it_is_what_its_configuration_asks_for(name: str) -> None:
         assert getattr(definition.reference, field) == getattr(rule, field), AGAIN
     assert built(definition.reference.feature) == built(rule.feature), AGAIN
     assert definition.faults is not None, AGAIN
-    assert definition.faults.limit < 100.0, AGAIN
+    assert max(definition.faults.limits) < 10.0, AGAIN
 
 
 @pytest.mark.parametrize("name", bundled_names())

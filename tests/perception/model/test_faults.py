@@ -14,7 +14,6 @@ from monochord.perception.model.faults import (
     FAULTS,
     MAX_ODDS,
     NAMES,
-    SOME_FAULT,
     FaultState,
     fault_reason,
     step,
@@ -62,7 +61,7 @@ def test_the_first_windows_count_alike() -> None:
 
 def test_an_unusual_touch_is_told_within_less_than_a_touch() -> None:
     state = averaged([odds(two_touches=-6.0)] * 100 + [odds(two_touches=6.0)] * 30)
-    assert fault_reason(state.odds, 1.0) == "two things seem to touch"
+    assert fault_reason(state.odds, np.full(COUNT, 1.0)) == "two things seem to touch"
 
 
 def test_what_is_told_of_touches_alone_does_not_change_without_one() -> None:
@@ -71,11 +70,13 @@ def test_what_is_told_of_touches_alone_does_not_change_without_one() -> None:
     assert state.odds[NAMES.index("driver dead")] == -MAX_ODDS
 
 
-def test_a_reason_is_named_where_one_is_likely_enough() -> None:
-    assert fault_reason(None, 0.0) == ""
-    assert fault_reason(odds(hum=1.0), 2.0) == ""
-    assert fault_reason(odds(hum=3.0), 2.0) == "hum louder than the string"
-    assert fault_reason(odds(hum=3.0, clipping=3.0), 2.0) == SOME_FAULT
+def test_a_reason_is_that_of_the_fault_furthest_above_its_limit() -> None:
+    limits = np.full(COUNT, 2.0)
+    assert fault_reason(None, limits) == ""
+    assert fault_reason(odds(hum=1.0), limits) == ""
+    assert fault_reason(odds(hum=3.0), limits) == "hum louder than the string"
+    limits[NAMES.index("clipping")] = -5.0
+    assert fault_reason(odds(hum=3.0, clipping=0.0), limits) == "mostly clipped"
 
 
 def outputs(contact: float, position: float = 0.0, certainty: float = 1.0) -> dict[str, Output]:
@@ -132,11 +133,11 @@ def test_force_is_withheld_with_a_position_that_is_not_certain(drawn: Model) -> 
 
 
 def test_a_record_for_another_number_of_faults_is_refused() -> None:
-    with pytest.raises(InputError, match=f"3 values lowered.*{COUNT}"):
-        FaultRecord(limit=1.0, lowered=(0.0, 0.0, 0.0))
+    with pytest.raises(InputError, match=f"3 limits of faults.*{COUNT}"):
+        FaultRecord(limits=(0.0, 0.0, 0.0))
 
 
 def test_a_feature_without_kinds_tells_no_faults(drawn: Model) -> None:
-    definition = dataclasses.replace(drawn.definition, faults=FaultRecord(limit=1.0))
+    definition = dataclasses.replace(drawn.definition, faults=FaultRecord(limits=(1.0,) * COUNT))
     with pytest.raises(InputError, match="'kind ordinary'"):
         _ = definition.fault_columns

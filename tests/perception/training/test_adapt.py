@@ -293,20 +293,22 @@ def test_positions_from_the_other_end_are_refused(correctable: Model, foreign: D
 
 
 def test_what_a_sensor_in_order_sounds_like_is_no_fault_from_then_on(correctable: Model) -> None:
-    record, swapped = FaultRecord(limit=2.0), NAMES.index("microphones swapped")
-    model = replace(correctable, definition=replace(correctable.definition, faults=record))
+    limits, swapped = (2.0,) * len(NAMES), NAMES.index("microphones swapped")
+    model = replace(
+        correctable, definition=replace(correctable.definition, faults=FaultRecord(limits=limits))
+    )
     odds = np.full((100, len(NAMES)), -8.0)
     same, none = desensitised(model, list(odds))
     assert not none
-    assert same.definition.faults == replace(record, lowered=(0.0,) * len(NAMES))
-    odds[:30, swapped] = record.limit + 1.0
-    odds[30:, swapped] = record.limit - 0.5
+    assert same.definition.faults == FaultRecord(limits=limits)
+    odds[:30, swapped] = 3.0
+    odds[30:, swapped] = 1.5
     result, mistaken = desensitised(model, list(odds))
     assert mistaken == {"the microphones seem swapped": 0.3}
     assert result.definition.faults is not None
-    lowered = np.array(result.definition.faults.lowered)
-    assert np.flatnonzero(lowered).tolist() == [swapped]
-    assert lowered[swapped] == pytest.approx(1.0 + np.log(len(NAMES)), abs=1e-5)
+    raised = np.array(result.definition.faults.limits) - limits
+    assert np.flatnonzero(raised).tolist() == [swapped]
+    assert raised[swapped] == pytest.approx(1.0)
 
 
 def test_too_few_touches_are_refused(correctable: Model, foreign: Dataset) -> None:

@@ -163,10 +163,7 @@ def test_a_measured_length_is_that_of_positions_and_forces(dataset: Dataset) -> 
     np.testing.assert_allclose(1.01**3 * own.label("force"), other.label("force"), rtol=1e-6)
     signal = Signal(sample_rate=44100, channels=2, string=DESIGN)
     rows, few = (
-        [
-            Rows.prepared(each, signal, "reading", {}, dataset.path / "features")
-            for each in (longer, dataset)
-        ],
+        [Rows.prepared(each, signal, "reading", {}, dataset.path / "features") for each in (longer, dataset)],
         np.flatnonzero(dataset.label("settled") == 1.0)[::7],
     )
     np.testing.assert_allclose(rows[0].of(few), rows[1].of(few), rtol=1e-5)

@@ -108,19 +108,17 @@ class CorrectionRecord(Checked):
 class FaultRecord(Checked):
     """When a model reports a fault; see `monochord.perception.model.faults`.
 
-    The model abstains from a window if the averaged score exceeds `limit`. `measured` holds the shares of
-    validation windows above the limit: of ordinary windows, and of each kind of fault. `lowered` is what is
-    taken from the log odds of each fault, for a sensor whose healthy sound resembles it; empty for nothing.
+    The model abstains from a window if the averaged log odds of a fault exceed its one of `limits`, in the
+    order of `FAULTS`. `measured` holds the share of ordinary validation windows above any limit.
     """
 
-    limit: Finite[float] = 0.0
-    lowered: tuple[NonNegative[float], ...] = ()
+    limits: tuple[Finite[float], ...]
     measured: dict[str, float] = field(default_factory=dict[str, float])
 
     def __post_init__(self) -> None:
         Checked.__post_init__(self)
-        if len(self.lowered) not in (0, len(FAULTS)):
-            raise InputError(f"{len(self.lowered)} values lowered", f"{len(FAULTS)}, one for each fault")
+        if len(self.limits) != len(FAULTS):
+            raise InputError(f"{len(self.limits)} limits of faults", f"{len(FAULTS)}, one for each fault")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

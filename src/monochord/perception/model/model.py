@@ -515,9 +515,9 @@ class Model:
         contact = probability(outputs[trained.gate], trained.heads[trained.gate])
         if trained.faults is not None:
             kinds = row[self._fault_columns].astype(np.float64)
-            odds = kinds[1:] - kinds[0] - (trained.faults.lowered or 0.0)
+            odds = kinds[1:] - kinds[0]
             state = state._replace(faults=faults.step(state.faults, odds, time, touched=contact > DECISION))
-            reason = fault_reason(state.faults.odds, trained.faults.limit)
+            reason = fault_reason(state.faults.odds, self._fault_limits)
         if trained.reference is not None:
             # A faulty window is no untouched string, whatever the contact head says.
             contact = 1.0 if reason else contact
@@ -599,6 +599,10 @@ class Model:
             if column is not None and string is not None:
                 refined[name] = column, string.length / record.scale
         return refined
+
+    @cached_property
+    def _fault_limits(self) -> Floats:
+        return np.array(self.definition.faults.limits if self.definition.faults else ())
 
     @cached_property
     def _fault_columns(self) -> Indices:

@@ -229,8 +229,8 @@ def _trust(
 def desensitised(model: Model, odds: Sequence[Floats]) -> tuple[Model, dict[str, float]]:
     """Return a model that reports no faults of a healthy sensor.
 
-    The log odds of each fault are lowered until they exceed the fault's part of the limit in at most
-    `MAX_ALARM_SHARE` of the windows, but by no more than `MAX_ODDS`.
+    The limit of each fault is raised until at most `MAX_ALARM_SHARE` of the windows exceed it, but by no more
+    than `MAX_ODDS`.
 
     Parameters
     ----------
@@ -247,11 +247,11 @@ def desensitised(model: Model, odds: Sequence[Floats]) -> tuple[Model, dict[str,
     if record is None or not odds:
         return model, {}
     every = np.stack(odds)
-    reasons = Counter(why for each in every if (why := fault_reason(each, record.limit)))
+    limits = np.array(record.limits)
+    reasons = Counter(why for each in every if (why := fault_reason(each, limits)))
     high = np.quantile(every, 1.0 - MAX_ALARM_SHARE, axis=0)
-    lowered = np.clip(high - (record.limit - np.log(every.shape[1])), 0.0, MAX_ODDS)
-    lowered += record.lowered or 0.0
-    record = replace(record, lowered=tuple(lowered.tolist()))
+    raised = np.clip(high, limits, limits + MAX_ODDS)
+    record = replace(record, limits=tuple(raised.tolist()))
     model = replace(model, definition=replace(model.definition, faults=record))
     return model, {why: count / len(every) for why, count in reasons.most_common()}
 

@@ -13,10 +13,10 @@ from monochord.core.types import Floats, Indices, Progress, Signal, Window
 from monochord.core.units import Samples
 from monochord.datasets.store import Dataset, open_dataset
 from monochord.metrics import detection_score, mean_absolute_error, regression_score
-from monochord.perception.model import faults
 from monochord.perception.model.context import ModelState
 from monochord.perception.model.correction import Correction
-from monochord.perception.model.definition import Calibration, Definition, FaultRecord
+from monochord.perception.model.definition import ORDINARY, Calibration, Definition, FaultRecord
+from monochord.perception.model.faults import FAULTS
 from monochord.perception.model.files import INSIDE_A_RUN
 from monochord.perception.model.model import Model
 from monochord.perception.model.network import Output, probability, quantity
@@ -53,7 +53,7 @@ from monochord.perception.tuning.sessions import force_scales, length_scales, re
 
 HeadScores = dict[str, float]
 NEVER = 1.0e6
-"""Limit that no score of faults exceeds."""
+"""Limit that no log odds of a fault exceed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,7 +126,7 @@ def train(
         state, weights = fit(setup, scaler, learned, judged, out / CHECKPOINT, report)
         report(state)  # a kill between a checkpoint and its report would leave out its epoch
     if settings.faults:
-        definition = dataclasses.replace(definition, faults=FaultRecord(limit=NEVER))
+        definition = dataclasses.replace(definition, faults=FaultRecord(limits=(NEVER,) * len(FAULTS)))
     model = Model(definition=definition, weights={**scaler, **probes(data), **weights})
     rows = stream_of(dataset, split.validation)
     model, scores = calibrated(model, dataset, rows, progress, fault_share=settings.faults)
@@ -173,8 +173,10 @@ def calibrated(
     model = _with(model, gate, _calibration(model.definition, gate, dataset, outputs, touch))
     if fault_share:
         odds = np.stack(list(read_in_turn(model, dataset, rows, progress).odds.values()))
-        limit = float(np.quantile(faults.score(odds), 1.0 - fault_share, method="higher"))
-        record = FaultRecord(limit=limit)
+        limits = np.quantile(odds, 1.0 - fault_share / odds.shape[1], axis=0, method="higher")
+        record = FaultRecord(
+            limits=tuple(limits.tolist()), measured={ORDINARY: float(np.mean((odds > limits).any(axis=1)))}
+        )
         model = dataclasses.replace(model, definition=dataclasses.replace(model.definition, faults=record))
     outputs = read_in_turn(model, dataset, rows, progress).outputs
     scores: dict[str, HeadScores] = {}
