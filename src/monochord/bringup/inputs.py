@@ -208,8 +208,8 @@ def order_check(tap: Take, relative: float) -> Check:
 def separation_check(press: Take, relative: float) -> Check:
     """Return whether a pressed string's segments are told apart by their microphones.
 
-    The strongest lines of both are compared; `relative` as in `order_check`. The value is the lesser of the
-    largest differences in favour of each microphone, in dB.
+    The strongest lines of both are compared; `relative` as in `order_check`. The value is the largest
+    difference in favour of either microphone, in dB.
     """
     name, end = "separation of the microphones", steady(press)
     power = np.abs(np.fft.rfft(end * np.hanning(end.shape[1]))) ** 2

@@ -21,6 +21,8 @@ from monochord.physics.twin import Sensor
 STEP = "pluck"
 LOWEST: Hertz = 300.0
 """Lowest frequency of a line that counts as the string's: hum lies below."""
+ONSET = 0.4
+"""Share of its peak that a tap or pluck first passes: noise and hum of simulated builds stay below 0.25."""
 SEARCHED = 0.25
 """Relative range of pitches searched around the design's: what a sensor file may deviate by."""
 WINDOW: Seconds = 0.1
@@ -61,7 +63,7 @@ RATE_TOLERANCE = 0.012
 def onset(samples: Audio, sample_rate: int, after: Seconds = 0.0) -> int:
     """Return the first frame of the loudest sound in samples (channels, n), above 300 Hz.
 
-    It is where the sound first passes a fifth of its peak, not before the time `after`. Hum lies below.
+    It is where the sound first passes 0.4 of its peak, not before the time `after`. Hum lies below.
 
     Examples
     --------
@@ -76,7 +78,7 @@ def onset(samples: Audio, sample_rate: int, after: Seconds = 0.0) -> int:
     half = size // 2
     envelope[half : half + mean.shape[1]] = np.abs(samples[:, half : half + mean.shape[1]] - mean).max(axis=0)
     envelope[: round(after * sample_rate)] = 0.0
-    return int(np.argmax(envelope >= 0.2 * envelope.max()))
+    return int(np.argmax(envelope >= ONSET * envelope.max()))
 
 
 def measure_pluck(take: Take, string: StringParams) -> Pluck | None:
