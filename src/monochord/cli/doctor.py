@@ -2,52 +2,19 @@
 
 import dataclasses
 import json
-import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import click
 
-from monochord.bringup import (
-    BringUp,
-    Live,
-    Step,
-    Virtual,
-    bring_up,
-    from_recordings,
-    shown,
-    steps,
-    write,
-)
-from monochord.bringup import (
-    recordings as recorded,
-)
-from monochord.bringup.page import rows
 from monochord.capture.jack.machine import MISSING, OK, Check, checks
-from monochord.capture.sources import SOURCES
+from monochord.cli._bring_up import PAUSE, bring_up_sensor
 from monochord.cli._compile import compile_kernels
-from monochord.cli._options import (
-    amount,
-    put_source,
-    refuse_unwritable,
-    refuse_without,
-    sensor_option,
-    set_option,
-    source_options,
-)
+from monochord.cli._options import amount, refuse_without, sensor_option, set_option, source_options
 from monochord.cli._output import echo
-from monochord.core.config import Tree, override
-from monochord.core.errors import InputError
 from monochord.evaluation import recordings
-from monochord.live import LiveRun
-from monochord.physics.sensors import load_sensor
-from monochord.physics.twin import sensor_of
 
 MARKS = {"ok": "ok     ", "warn": "warn   ", "missing": "missing"}
-PASSED = {True: "ok      ", False: "FAILED  ", None: "left out"}
-PAUSE = 3.0
-"""Time in s to get ready for a step without prompts."""
 
 
 @click.command()
@@ -82,7 +49,7 @@ PAUSE = 3.0
 @set_option("monochord list settings live")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def doctor(*, compiles: bool, as_json: bool, **options: Any) -> int:
-    """Check this machine for live audio; with --sensor, bring up a newly built sensor.
+    """Check this machine, or bring up a newly built sensor.
 
     Each line is one requirement; a line with -> says what to do. The exit status is 1 only if a required
     part is missing.
@@ -93,11 +60,10 @@ def doctor(*, compiles: bool, as_json: bool, **options: Any) -> int:
 
     \b
     monochord doctor
-    monochord doctor --sensor prototype --source jack --out mine.toml
-    monochord doctor --sensor prototype --recordings takes --out mine.toml
+    monochord doctor --sensor prototype --source twin --out mine.toml
     """  # noqa: D301
     if options["sensor"]:
-        return _sensor(options, as_json=as_json)
+        return bring_up_sensor(options, as_json=as_json)
     refuse_without(
         "an option of a sensor's bring-up", "it has an effect with --sensor",
         "folder", "yes", "drift", "out", "force", "source", "device", "rate", "assignments",
@@ -114,81 +80,6 @@ def doctor(*, compiles: bool, as_json: bool, **options: Any) -> int:
                 echo(f"{'':<9}{'':<20}-> {check.remedy}")
         echo(_verdict(results))
     return int(not _usable(results))
-
-
-def _sensor(options: dict[str, Any], *, as_json: bool) -> int:
-    """Bring up a sensor; return the exit status."""
-    sensor, out = options["sensor"], options["out"]
-    load_sensor(sensor)  # an unknown one is refused before anything is recorded
-    if out is not None:
-        refuse_unwritable(out, (".toml",))
-        if not options["force"] and (taken := [p for p in (out, out.with_suffix(".html")) if p.exists()]):
-            raise InputError(
-                f"file '{taken[0]}', which already exists", "a new file", "replace it with --force"
-            )
-    result = _brought_up(options, quiet=as_json)
-    written = write(result, out) if out is not None else ()
-    if as_json:
-        paths = [str(path) for path in written if path is not None]
-        echo(
-            json.dumps(
-                {"faults": result.faults, "passed": result.passed, "files": paths, "checks": rows(result)}
-            )
-        )
-        return int(not result.passed)
-    echo(f"{len(result.faults)} fault(s): {', '.join(result.faults)}" if result.faults else "No fault.")
-    for path, use in zip(written, (f"use it with --sensor {out}", "the report"), strict=False):
-        echo(f"written to {path}; {use}" if path else "no sensor file: the pitch is not measured")
-    return int(not result.passed)
-
-
-def _brought_up(options: dict[str, Any], *, quiet: bool) -> BringUp:
-    """Carry out the steps on what the options name, and print each check as it is there unless `quiet`."""
-    sensor, folder = options["sensor"], options["folder"]
-    show = (lambda _: None) if quiet else _shower()
-    todo = steps(options["drift"] or 0.0)
-    if folder is not None:
-        refuse_without(
-            "--source, --device or --rate with --recordings", "only one", "source", "device", "rate"
-        )
-        result = from_recordings(sensor, recorded(folder, todo))
-        show(result)
-        return result
-    tree: Tree = {"sinks": {}}
-    put_source(tree, options)
-    source = LiveRun.read(override(tree, options["assignments"])).source
-    if (name := SOURCES.name_of(source)) == "twin":
-        built: Any = source
-        virtual = sensor_of(load_sensor(sensor), built.world, build=built.build, day=built.day)
-        taking: Any = Virtual(sensor=virtual, seed=built.seed, sample_rate=built.sample_rate)
-    else:
-        taking = Live(source=source, name=name, prompt=lambda step: _prompt(step, waits=not options["yes"]))
-    return bring_up(sensor, taking, todo, after=show)
-
-
-def _prompt(step: Step, *, waits: bool) -> None:
-    """Say on standard error what to do, and wait for Enter or a while."""
-    echo("", f"{step.name} ({step.seconds:g} s): {step.instruction}", err=True)
-    if waits:
-        click.prompt("Enter to record", default="", show_default=False, prompt_suffix=" ", err=True)
-    else:
-        time.sleep(PAUSE)
-    echo("recording ...", err=True)
-
-
-def _shower() -> Callable[[BringUp], None]:
-    """Return a function that prints the checks that are new or have changed since its last call."""
-    printed: dict[tuple[str, str], str] = {}
-
-    def show(result: BringUp) -> None:
-        for check in result.checks:
-            text = f"{PASSED[check.passed]}  {check.name:<42}  {shown(check)}"
-            known = check.step in result.takes or check.step == "loopback"
-            if known and printed.get((check.step, check.name)) != text:
-                printed[check.step, check.name] = text
-                echo(text)
-
-    return show
 
 
 def _usable(results: list[Check]) -> bool:
