@@ -90,7 +90,7 @@ def shown(check: Check) -> str:
     Examples
     --------
     >>> shown(Check(step="both", name="level", value=-12.34, unit="dBFS"))
-    '-12.3 dBFS'
+    '-12.34 dBFS'
     """
     value = "" if check.value is None else f"{check.value:.4g} {check.unit}".strip()
     if check.passed is None:

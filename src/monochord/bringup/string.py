@@ -208,7 +208,7 @@ def tuner_turns(string: StringParams, frequency: float) -> float:
     >>> from monochord.physics.strings import load_string
     >>> string = load_string("prototype").string
     >>> round(tuner_turns(string, 0.94 * open_frequency(string)), 2)
-    0.12
+    0.11
     """
     missing = string.tension - retuned(string, frequency).tension
     if not string.core_diameter:

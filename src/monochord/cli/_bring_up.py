@@ -21,7 +21,7 @@ from monochord.bringup import (
 )
 from monochord.bringup.page import rows
 from monochord.capture.sources import SOURCES
-from monochord.cli._options import put_source, refuse_unwritable, refuse_without
+from monochord.cli._options import first_field, put_source, refuse_unwritable, refuse_without
 from monochord.cli._output import echo
 from monochord.core.config import Tree, override
 from monochord.core.errors import InputError
@@ -80,7 +80,12 @@ def _brought_up(options: dict[str, Any], *, quiet: bool) -> BringUp:
         virtual = sensor_of(load_sensor(sensor), built.world, build=built.build, day=built.day)
         taking: Any = Virtual(sensor=virtual, seed=built.seed, sample_rate=built.sample_rate)
     else:
-        taking = Live(source=source, name=name, prompt=lambda step: _prompt(step, waits=not options["yes"]))
+        opened = getattr(source, first_field(SOURCES, name)) or "first two inputs"
+        taking = Live(
+            source=source,
+            name=f"{name} {opened}",
+            prompt=lambda step: _prompt(step, waits=not options["yes"]),
+        )
     return bring_up(sensor, taking, todo, after=show)
 
 
