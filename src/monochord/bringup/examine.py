@@ -84,6 +84,20 @@ class BringUp:
         return "".join(f"# {note}\n" for note in notes) + sensor_toml(self.design, tuning)
 
 
+def number(check: Check) -> str:
+    """Return a check's value with its unit as text, empty where there is none.
+
+    Examples
+    --------
+    >>> number(Check(step="quiet", name="sample rate", value=44100.0, unit="Hz"))
+    '44100 Hz'
+    """
+    if check.value is None:
+        return ""
+    form = ".0f" if abs(check.value) >= 1e4 else ".4g"
+    return f"{check.value:{form}} {check.unit}".strip()
+
+
 def shown(check: Check) -> str:
     """Return a check's value, fault and advice as text.
 
@@ -92,7 +106,7 @@ def shown(check: Check) -> str:
     >>> shown(Check(step="both", name="level", value=-12.34, unit="dBFS"))
     '-12.34 dBFS'
     """
-    value = "" if check.value is None else f"{check.value:.4g} {check.unit}".strip()
+    value = number(check)
     if check.passed is None:
         value = "left out"
     text = ": ".join(part for part in (check.fault, check.advice) if part)

@@ -6,7 +6,7 @@ from importlib.resources import files
 import numpy as np
 
 from monochord.bringup.check import Take
-from monochord.bringup.examine import BringUp, shown
+from monochord.bringup.examine import BringUp, number
 from monochord.core.types import Floats
 
 TEMPLATE = "page.html.jinja"
@@ -34,7 +34,7 @@ def page(result: BringUp) -> str:
     text = files("monochord.bringup").joinpath(TEMPLATE).read_text(encoding="utf-8")
     plots = {step: (_level_plot(take), _spectrum_plot(take)) for step, take in result.takes.items()}
     return environment.from_string(text).render(
-        result=result, shown=shown, plots=plots, marks={True: "ok", False: "failed", None: "left out"}
+        result=result, number=number, plots=plots, marks={True: "ok", False: "failed", None: "left out"}
     )
 
 
