@@ -2,10 +2,13 @@ import json
 from pathlib import Path
 
 import pytest
+import soundfile
 
+from monochord.bringup import STEPS, Virtual
 from monochord.capture.jack.machine import Check
 from monochord.cli import doctor as command
 from monochord.cli import run
+from monochord.physics.sensors import load_sensor
 
 
 def test_it_prints_a_line_for_each_thing(capsys: pytest.CaptureFixture[str]) -> None:
@@ -40,3 +43,75 @@ def test_it_fails_only_for_what_is_required(
 
     monkeypatch.setattr(command, "checks", lacking)
     assert run(["doctor"]) == status
+
+
+@pytest.fixture(scope="module")
+def takes(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a recording of each step of a healthy sensor."""
+    folder = tmp_path_factory.mktemp("takes")
+    virtual = Virtual(sensor=load_sensor("prototype"))
+    for step in STEPS:
+        take = virtual.take(step)
+        soundfile.write(folder / f"{step.name}.wav", take.samples.T, take.sample_rate, subtype="FLOAT")
+    return folder
+
+
+def test_a_sensor_is_brought_up_from_recordings(
+    takes: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "mine.toml"
+    words = ["doctor", "--sensor", "prototype", "--recordings", str(takes), "--out", str(out)]
+    assert run([*words, "--json"]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["passed"]
+    assert printed["faults"] == []
+    assert printed["files"] == [str(out), str(out.with_suffix(".html"))]
+    assert {"step", "name", "value", "unit", "passed", "fault", "advice"} == set(printed["checks"][0])
+    assert (
+        run(["tune", str(takes / "both.wav"), "--sensor", str(out), "--out", str(tmp_path / "t.toml")]) == 0
+    )
+    assert run(words) == 2
+    assert "already exists" in capsys.readouterr().err
+    assert run([*words, "--force"]) == 0
+    assert "written to" in capsys.readouterr().out
+
+
+def test_the_status_is_1_if_a_check_fails(
+    takes: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for file in takes.glob("*.wav"):
+        samples, rate = soundfile.read(file, dtype="float32")
+        soundfile.write(tmp_path / file.name, samples * [1.0, 0.0], rate, subtype="FLOAT")
+    assert run(["doctor", "--sensor", "prototype", "--recordings", str(tmp_path)]) == 1
+    assert "1 fault(s): microphone 2 dead" in capsys.readouterr().out.splitlines()
+
+
+def test_the_virtual_sensor_needs_no_hands(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["--source", "twin", "--set", "source.world=plausible", "--set", "source.build=1005"]
+    assert run(["doctor", "--sensor", "prototype", *words, "--drift", "4"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[-1] == "No fault."
+    assert any(line.startswith("ok") and " drift " in line for line in lines)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["--drift", "3"],
+        ["--recordings", "."],
+        ["--sensor", "nope"],
+        ["--sensor", "prototype", "--recordings", "nowhere"],
+        ["--sensor", "prototype", "--recordings", "."],
+        ["--sensor", "prototype", "--recordings", ".", "--source", "twin"],
+        ["--sensor", "prototype", "--out", "mine.txt"],
+        ["--sensor", "prototype", "--out", "nowhere/mine.toml"],
+        ["--sensor", "prototype", "--source", "jack", "--set", "source.server=no-such-server"],
+    ],
+)
+def test_what_cannot_be_is_refused_in_a_line(
+    words: list[str], capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run(["doctor", "--yes" if "jack" in words else "--json", *words]) == 2
+    error = [line for line in capsys.readouterr().err.splitlines() if line.startswith("monochord: ")]
+    assert len(error) == 1

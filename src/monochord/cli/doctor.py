@@ -1,12 +1,16 @@
-"""The command `doctor`: checks this machine's readiness for live audio, with a remedy for each problem."""
+"""The command `doctor`: checks this machine's readiness for live audio, or brings up a newly built sensor."""
 
 import dataclasses
 import json
+from pathlib import Path
+from typing import Any
 
 import click
 
 from monochord.capture.jack.machine import MISSING, OK, Check, checks
+from monochord.cli._bring_up import PAUSE, bring_up_sensor
 from monochord.cli._compile import compile_kernels
+from monochord.cli._options import amount, refuse_without, sensor_option, set_option, source_options
 from monochord.cli._output import echo
 from monochord.evaluation import recordings
 
@@ -20,17 +24,50 @@ MARKS = {"ok": "ok     ", "warn": "warn   ", "missing": "missing"}
     is_flag=True,
     help="Compile all kernels first, so that other commands start at once.",
 )
+@sensor_option
+@source_options
+@click.option(
+    "--recordings",
+    "folder",
+    type=click.Path(path_type=Path),
+    metavar="FOLDER",
+    help="With --sensor: take each step from a recording, such as pluck.wav, instead of a live source.",
+)
+@click.option(
+    "--yes", is_flag=True, help=f"With --sensor: do not wait for Enter; a step begins after {PAUSE:g} s."
+)
+@click.option(
+    "--drift", type=amount, default=None, metavar="SECONDS", help="With --sensor: measure the drift as well."
+)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="With --sensor: sensor file to write, with a report.",
+)
+@click.option("--force", is_flag=True, help="Overwrite the file if it exists.")
+@set_option("monochord list settings live")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
-def doctor(*, compiles: bool, as_json: bool) -> int:
-    """Check whether this machine is ready for live audio.
+def doctor(*, compiles: bool, as_json: bool, **options: Any) -> int:
+    """Check this machine, or bring up a newly built sensor.
 
-    Each line is one requirement; a line with -> says what to do. The exit status is 2 only if a required
+    Each line is one requirement; a line with -> says what to do. The exit status is 1 only if a required
     part is missing.
+
+    With --sensor, it asks for one step after the other, records each, and says what passed and what to
+    change. --out writes a file for --sensor of other commands, and a report beside it, such as mine.html. The
+    exit status is then 1 if a check failed.
 
     \b
     monochord doctor
-    monochord doctor --json
+    monochord doctor --sensor prototype --source twin --out mine.toml
     """  # noqa: D301
+    if options["sensor"]:
+        return bring_up_sensor(options, as_json=as_json)
+    refuse_without(
+        "an option of a sensor's bring-up", "it has an effect with --sensor",
+        "folder", "yes", "drift", "out", "force", "source", "device", "rate", "assignments",
+    )  # fmt: skip
     if compiles:
         compile_kernels()
     results = [*checks(), _recordings()]

@@ -1,0 +1,27 @@
+"""Brings up a newly built sensor: one part after the other, each a number, passed, or what to change."""
+
+from monochord.bringup.check import Check, Take
+from monochord.bringup.examine import BringUp, examine, shown
+from monochord.bringup.rehearsal import rehearse
+from monochord.bringup.run import bring_up, from_recordings, write
+from monochord.bringup.steps import STEPS, Step, steps
+from monochord.bringup.takes import Live, Virtual, record, recordings
+
+__all__ = [
+    "STEPS",
+    "BringUp",
+    "Check",
+    "Live",
+    "Step",
+    "Take",
+    "Virtual",
+    "bring_up",
+    "examine",
+    "from_recordings",
+    "record",
+    "recordings",
+    "rehearse",
+    "shown",
+    "steps",
+    "write",
+]

@@ -1,0 +1,67 @@
+"""The vocabulary of a bring-up: what is recorded in a step, and what a check says."""
+
+from dataclasses import dataclass
+
+from monochord.core.types import Audio
+from monochord.core.units import Hertz, Seconds
+
+MICROPHONES = 1, 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Take:
+    """The sound of one step, (2, n) in full scale.
+
+    `elapsed` is the time in s that a live source took for it, by the machine's clock; None for a recording.
+    `source` names where it comes from, `dropped` counts the frames that were lost.
+    """
+
+    samples: Audio
+    sample_rate: int
+    source: str = ""
+    elapsed: Seconds | None = None
+    dropped: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Check:
+    """The result of one check.
+
+    `value` is in `unit`, None where nothing could be measured. `passed` is None where the check was left out.
+    `advice` says what to change, or why it was left out. `fault` names the diagnosis of a check that failed.
+    """
+
+    step: str
+    name: str
+    value: float | None = None
+    unit: str = ""
+    passed: bool | None = True
+    advice: str = ""
+    fault: str = ""
+
+
+def left_out(step: str, name: str, reason: str) -> Check:
+    """Return a check that was left out.
+
+    Examples
+    --------
+    >>> left_out("loopback", "latency", "no loop-back").passed is None
+    True
+    """
+    return Check(step=step, name=name, passed=None, advice=reason)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pluck:
+    """A plucked string as measured: see `monochord.bringup.string.measure_pluck`.
+
+    `frequency` is f0 in Hz and `inharmonicity` B of f_n = n f0 sqrt(1 + B n^2), each with its standard error;
+    B is None where too few partials sound. `decay` is the decay rate of the amplitude in 1/s.
+    """
+
+    frequency: Hertz
+    frequency_std: Hertz
+    inharmonicity: float | None
+    inharmonicity_std: float | None
+    partials: tuple[int, ...]
+    decay: float | None

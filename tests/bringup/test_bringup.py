@@ -1,0 +1,160 @@
+"""The checks of a bring-up as pure functions, the sensor's file, and the report."""
+
+import math
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from monochord.bringup import STEPS, BringUp, Take, Virtual, examine, write
+from monochord.bringup.inputs import dropped_check, rate_check
+from monochord.bringup.noise import hum_checks
+from monochord.bringup.string import measure_pluck, tuner_turns
+from monochord.bringup.timing import drift_checks, latency_check
+from monochord.core.errors import InputError
+from monochord.physics.sensors import load_sensor, retuned, sensor_tuning
+from monochord.physics.theory import inharmonicity, open_frequency
+
+RATE = 44100
+DESIGN = load_sensor("prototype")
+
+
+def take(samples: np.ndarray) -> Take:
+    return Take(samples=samples.astype(np.float32), sample_rate=RATE)
+
+
+@pytest.fixture(scope="module")
+def healthy() -> BringUp:
+    virtual = Virtual(sensor=DESIGN, seed=3)
+    return examine("prototype", DESIGN, {step.name: virtual.take(step) for step in STEPS}, time="now")
+
+
+def tones(*lines: tuple[float, float], seconds: float = 2.0) -> np.ndarray:
+    time = np.arange(round(seconds * RATE)) / RATE
+    return sum(
+        (level * math.sqrt(2.0) * np.sin(2 * np.pi * f * time) for f, level in lines), np.zeros(time.size)
+    )
+
+
+def test_the_pluck_gives_pitch_stiffness_and_decay_of_the_string(healthy: BringUp) -> None:
+    assert healthy.pluck
+    assert healthy.pluck.frequency == pytest.approx(open_frequency(DESIGN.string), rel=1e-3)
+    assert healthy.pluck.inharmonicity == pytest.approx(inharmonicity(DESIGN.string), rel=0.1)
+    assert healthy.pluck.decay == pytest.approx(15.0, rel=0.3)
+
+
+def test_the_sensor_file_is_read_with_the_measured_pitch(healthy: BringUp, tmp_path: Path) -> None:
+    file, report = write(healthy, tmp_path / "mine.toml")
+    assert file
+    assert healthy.pluck
+    assert open_frequency(load_sensor(str(file)).string) == pytest.approx(healthy.pluck.frequency)
+    tuning = sensor_tuning(str(file))
+    assert tuning
+    assert tuning.microphones == (1, 2)
+    assert "# level of microphone 1: " in file.read_text(encoding="utf-8")
+    text = report.read_text(encoding="utf-8")
+    assert text.count("<svg") == 2 * len(STEPS)
+    assert not re.search(r"(src|href)=|@import|url\(", text)
+
+
+def test_advice_cannot_put_markup_into_the_report(healthy: BringUp, tmp_path: Path) -> None:
+    first = replace(healthy.checks[0], advice="<script>")
+    _, report = write(replace(healthy, checks=(first,)), tmp_path / "mine.toml")
+    assert "<script>" not in report.read_text(encoding="utf-8")
+
+
+def test_the_tuner_is_turned_further_for_a_larger_error_and_either_way() -> None:
+    nominal = open_frequency(DESIGN.string)
+    low, lower, high = (tuner_turns(DESIGN.string, share * nominal) for share in (0.98, 0.96, 1.02))
+    assert high < 0.0 < low < lower
+    stretched = (
+        (DESIGN.string.tension - retuned(DESIGN.string, 0.98 * nominal).tension) / (2e11 * 5.067e-8) * 0.2
+    )
+    assert low == pytest.approx(stretched * 14.0 / (math.pi * 6e-3), rel=1e-3)
+
+
+def test_no_string_is_found_in_noise() -> None:
+    noise = 1e-3 * np.random.default_rng(1).normal(size=(2, RATE))
+    found = measure_pluck(take(noise), DESIGN.string)
+    assert found is None or len(found.partials) < 12
+
+
+@pytest.mark.parametrize(
+    ("lines", "cause"),
+    [(((100.0, 0.02), (50.0, 0.005)), "ripple"), (((50.0, 0.02), (150.0, 0.01)), "ground loop")],
+)
+def test_the_cause_of_hum_is_told_by_its_harmonics(
+    lines: tuple[tuple[float, float], ...], cause: str
+) -> None:
+    sound = tones(*lines)
+    checks = hum_checks(take(np.stack([sound, sound])))
+    assert [check.fault for check in checks] == ["hum", "hum"]
+    assert cause in checks[0].advice
+    assert checks[0].value == pytest.approx(
+        20.0 * math.log10(math.hypot(*(level for _, level in lines))), abs=0.5
+    )
+
+
+def test_hum_in_one_microphone_is_its_cable() -> None:
+    checks = hum_checks(take(np.stack([tones((60.0, 0.02)), tones((60.0, 1e-4))])))
+    assert [check.fault for check in checks] == ["hum", ""]
+    assert "cable" in checks[0].advice
+
+
+def test_latency_is_the_time_from_the_click_to_its_return() -> None:
+    sound = np.zeros((2, RATE))
+    sound[0, 1000], sound[1, 1000 + 441] = 0.5, 0.2
+    check = latency_check(take(sound))
+    assert check.passed
+    assert check.value == pytest.approx(10.0)
+    sound[1] = 1e-3 * np.random.default_rng(0).normal(size=RATE)
+    assert latency_check(take(sound)).passed is None
+
+
+@pytest.mark.parametrize(("cents", "fault"), [(5.0, ""), (60.0, "drift")])
+def test_drift_is_in_cents_a_minute(cents: float, fault: str) -> None:
+    time = np.arange(10 * RATE) / RATE
+    phase = 2 * np.pi * 2000.0 * np.cumsum(2.0 ** (cents * time / 60.0 / 1200.0)) / RATE
+    sound = 0.2 * np.sin(phase)
+    (check,) = drift_checks(take(np.stack([sound, sound])), 1000.0)
+    assert check.value == pytest.approx(cents, rel=0.05)
+    assert check.fault == fault
+
+
+def test_a_live_source_at_another_rate_and_lost_frames_are_told() -> None:
+    sound = take(np.zeros((2, 3 * RATE)))
+    assert rate_check({"quiet": replace(sound, elapsed=3.0)}).passed
+    wrong = rate_check({"quiet": replace(sound, elapsed=3.0 * RATE / 48000)})
+    assert wrong.fault == "wrong rate"
+    assert wrong.value == pytest.approx(48000.0)
+    assert dropped_check({"quiet": replace(sound, dropped=64)}).fault == "lost frames"
+
+
+@pytest.mark.parametrize(
+    "takes",
+    [
+        {},
+        {"pluck": take(np.zeros((1, RATE)))},
+        {"pluck": take(np.zeros((2, 100)))},
+        {"pluck": take(np.full((2, RATE), np.nan))},
+        {"pluck": take(np.zeros((2, RATE))), "quiet": replace(take(np.zeros((2, RATE))), sample_rate=48000)},
+    ],
+)
+def test_takes_that_cannot_be_are_refused(takes: dict[str, Take]) -> None:
+    with pytest.raises(InputError):
+        examine("prototype", DESIGN, takes)
+
+
+def test_silence_is_two_dead_microphones() -> None:
+    quiet = take(np.zeros((2, 2 * RATE)))
+    result = examine("prototype", DESIGN, {step.name: quiet for step in STEPS})
+    assert result.faults == ("microphone 1 dead", "microphone 2 dead")
+    assert result.toml() is None
+
+
+def test_a_design_of_one_driver_is_not_asked_for_the_other(healthy: BringUp) -> None:
+    design = load_sensor("prototype_one_driver")
+    result = examine("prototype_one_driver", design, healthy.takes)
+    assert next(check for check in result.checks if check.step == "driver_2").passed is None
