@@ -8,7 +8,7 @@ import pytest
 import monochord as mc
 from monochord.core.config import load_toml
 from monochord.core.errors import InputError
-from monochord.core.types import OUTSIDE_RANGE, Signal, Window
+from monochord.core.types import Signal, Window
 from monochord.perception.features import FEATURES
 from monochord.perception.features.base import Feature
 from monochord.perception.model import ModelState, folder_of, load
@@ -88,30 +88,20 @@ def test_an_unknown_name_is_refused_with_the_names() -> None:
 
 
 @pytest.mark.parametrize("dead", [1, 2])
-def test_a_silent_driver_is_named_when_something_touches_and_remembered(dead: int) -> None:
-    sensor, model, state = mc.VirtualSensor("prototype", build=3), load("demo"), ModelState()
-    parts = [sensor.advance(2.0)[0]]
+def test_beside_a_silent_driver_no_wrong_position_is_stated(dead: int) -> None:
+    sensor, model = mc.VirtualSensor("prototype", build=3), load("demo")
+    parts, pressed = [sensor.advance(2.0)[0]], list[tuple[float, float]]()
     sensor.drive(dead != 1, dead != 2)
     for place in (0.07, 0.12):
         sensor.press(place, force=1.0)
+        pressed.append((sum(part.shape[1] for part in parts) / 44100, place))
         parts.append(sensor.advance(1.0)[0])
         sensor.release()
         parts.append(sensor.advance(0.5)[0])
-    sound = np.concatenate(parts, axis=1).astype(np.float32)
-    reasons: dict[float, str] = {}
-    touched: dict[float, bool] = {}
-    for start in range(0, sound.shape[1] - 4410, 2205):
-        samples = np.ascontiguousarray(sound[:, start : start + 4410])
-        state, estimates = model.step(state, Window(samples=samples, start=start, sample_rate=44100))
-        time, contact = start / 44100, estimates["contact"]
-        reasons[time] = contact.reason if time < 1.9 else estimates["slip"].reason
-        if contact.valid:
-            touched[time] = contact.value > 0.5
-    assert not any(reason for time, reason in reasons.items() if time < 1.9)
-    named = {"one driver seems silent"}
-    after = {reason for time, reason in reasons.items() if time > 2.4}
-    # With driver 1 dead, the place of these touches reads 24 +- 10 mm, as that of a touch close to that end.
-    assert after == (named | {OUTSIDE_RANGE} if dead == 1 else named)
-    # Contact is told all the same; of one segment that hardly rings it is in doubt now and then.
-    assert np.mean([touched[time] for time in reasons if 2.4 < time < 2.9 or 3.9 < time < 4.4]) > 0.6
-    assert not any(touched[time] for time in reasons if 3.1 < time < 3.4)
+    table = model.predict(np.concatenate(parts, axis=1), hop=0.05)
+    denied = table.contact.valid & (table.contact.value < 0.5)
+    for begin, place in pressed:
+        held = (table.time > begin + 0.4) & (table.time < begin + 0.9)
+        assert np.mean(denied[held]) < 0.4
+        stated = held & table.position.valid
+        assert (np.abs(table.position.value[stated] - place) < 5e-3).all()
