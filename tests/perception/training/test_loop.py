@@ -216,7 +216,7 @@ def test_a_head_refines_a_position_and_knows_where_it_is_wrong(tmp_path: Path) -
     certainty = np.array([output.certainty for output in outputs])
     wrong = judged.base[0][mask][:, 1] > 1.0
     assert certainty[~wrong].mean() > 0.9
-    assert certainty[wrong].mean() < 0.2
+    assert certainty[wrong].mean() < 0.3
     # The column is off by half a millimetre times its neighbour.
     error = 1e-3 * np.array([output.value for output in outputs]) - 5e-4 * judged.base[0][mask][:, 2]
     assert np.abs(error[~wrong]).mean() < 1.5e-4
