@@ -22,6 +22,7 @@ from studies._command import lines_of, main, progress_bar
 from tests import beam_elements, finite_differences
 from tests.finite_differences import Take
 
+import monochord as mc
 from monochord.capture.sources import SOURCES
 from monochord.core.types import Audio, Floats, Signal, StringParams, Window
 from monochord.core.units import Samples, Seconds
@@ -106,7 +107,8 @@ def of_twin(seed: int, world: str) -> Recording:
             steady = truth.get("transition") == 0.0 and (touched == 0.0 or truth["settled"] > 0.9)
             values = (truth.get(name, np.nan) for name in ("position", "force"))
             rows.append((touched, *values, float(steady)))  # pyright: ignore[reportArgumentType]
-    return _recording(np.concatenate(blocks, axis=1)[:, :frames], 0.2, starts, rows)
+    built = mc.VirtualSensor("prototype", world=world, build=seed, day=seed, seed=seed).sensor
+    return _recording(np.concatenate(blocks, axis=1)[:, :frames], built.string.length, starts, rows)
 
 
 def _recording(
