@@ -47,7 +47,7 @@ class FeaturesBenchmark(Benchmark):
         Length of a window in s.
     """
 
-    names: tuple[str, ...] = ("fft_harmonic", "closed_form", "untouched")
+    names: tuple[str, ...] = ("fft_harmonic", "reading", "log_mel")
     count: int = 1000
     window: Seconds = 0.1
 

@@ -25,7 +25,7 @@ SIGNAL = Signal(sample_rate=RATE, channels=2, string=load_sensor("prototype").st
 def test_it_says_over_jack_what_it_says_of_the_file(
     jack_server: Any, play: Any, recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], hop: str
 ) -> None:
-    save(drawn("fft_harmonic", "untouched", SIGNAL, SIZE), tmp_path / "run")
+    save(drawn("fft_harmonic", "reading", SIGNAL, SIZE), tmp_path / "run")
     play(recording)
     source = ["player:", "--source", "jack", "--set", f"source.server={jack_server.name}"]
     options = ["--hop", hop, "--json", "--seconds", "1.4"]

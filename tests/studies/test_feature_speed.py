@@ -9,7 +9,7 @@ from monochord.core.errors import InputError
 
 
 def test_every_feature_stands_beside_the_plain_transform_and_real_time() -> None:
-    names = ("fft_harmonic", "closed_form")
+    names = ("fft_harmonic", "reading")
     rows = {row.name: row for row in FeaturesBenchmark(names=names, count=60).run()}
     assert len(rows) == 2 * 4
     for name in names:
