@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import takewhile
 from time import process_time
-from typing import Any, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import click
 import numpy as np
@@ -86,7 +86,7 @@ def of_take(take: Take) -> Recording:
     return _recording(take.sound, take.length, starts, rows)
 
 
-def of_twin(seed: int, world: str) -> Recording:
+def of_twin(seed: int, world: Literal["ideal", "plausible"]) -> Recording:
     """Return the recording of a build of the twin, of touches at random."""
     options = {
         "world": world,
