@@ -61,7 +61,7 @@ def bring_up_sensor(options: dict[str, Any], *, as_json: bool) -> int:
 
 
 def _brought_up(options: dict[str, Any], *, quiet: bool) -> BringUp:
-    """Carry out the steps on what the options name, and print each check as it is there unless `quiet`."""
+    """Carry out the steps on the recordings or the source in the options; print each check unless `quiet`."""
     sensor, folder = options["sensor"], options["folder"]
     show = (lambda _: None) if quiet else _shower()
     todo = steps(options["drift"] or 0.0)

@@ -88,7 +88,7 @@ def test_known_touches_of_another_build_take_its_bias_away(correctable: Model, f
     assert force.touches == 8
     assert force.before > 0.8 * BIAS
     assert force.after < 0.6 * force.before
-    assert force.coverage > 0.4
+    assert force.coverage > 0.5
     assert result.heads["position"].after < 1.2 * result.heads["position"].before
     assert result.next_touch is not None
     assert 0.05 <= result.next_touch.position <= 0.15
@@ -212,7 +212,7 @@ def test_a_model_that_learned_no_prior_is_corrected_by_physics(
     result = adapt(model, longer)
     assert all(result.heads[name].used for name in ("position", "force"))
     assert result.heads["position"].after < 0.5 * result.heads["position"].before
-    assert result.heads["force"].after < 0.9 * result.heads["force"].before
+    assert result.heads["force"].after < 0.5 * result.heads["force"].before
     assert result.next_touch is None  # it keeps none to choose from
     save(result.model, tmp_path / "model")
     again = load(tmp_path / "model")

@@ -44,7 +44,7 @@ def test_it_beats_the_mean_label_by_far_on_sessions_not_trained_on(lesson_run: P
             if contact == 1.0 and estimates[name].valid:
                 errors.setdefault(name, []).append(estimates[name].value - float(dataset.label(name)[row]))
     assert np.mean(right) > 0.98
-    for name, share in (("position", 0.35), ("force", 0.65)):
+    for name, share in (("position", 0.35), ("force", 0.6)):
         label = dataset.label(name)[test]
         by_mean = np.nanmean(np.abs(label - model.definition.heads[name].offset))
         assert np.mean(np.abs(errors[name])) < share * by_mean, name

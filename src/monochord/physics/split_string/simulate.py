@@ -71,7 +71,7 @@ def simulate(
     route
         "fdtd": the paper's leapfrog on N nodes per segment, compiled. "reference": the same in NumPy, over a
         hundred times slower, equal to rounding. "modal": each mode as a damped oscillator solved exactly over
-        each interval of constant drive; the limit that the grid tends to as it is refined.
+        each interval of constant drive; a finer grid converges to it.
     sample_rate
         Of the recording, in Hz. The grid runs at 1 / dt; its velocities are brought to this rate by a
         linear-phase resampler (soxr, "HQ": flat to 0.01 dB up to 0.456 of the rate, more than 120 dB

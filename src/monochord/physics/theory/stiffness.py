@@ -76,10 +76,10 @@ def bending_stiffness(string: StringParams) -> float:
 def support_shortening(string: StringParams) -> Metres:
     """Return by how much a point that supports a stiff string shortens the segment on either side.
 
-    lambda / 2 with lambda = sqrt(E I / T), the distance over which a bent string comes straight. A hinge
-    leaves a segment as long as it is and a clamp shortens it by lambda; over a point support the slope goes
-    on, so that the other side's bending is half of a clamp. Holds for partials whose waves are long beside
-    lambda, on a segment whose neighbour does not sound with it.
+    lambda / 2 with lambda = sqrt(E I / T), the distance over which a bent string becomes straight. A hinge
+    does not shorten a segment; a clamp shortens it by lambda. A point support lets the slope continue to the
+    other side, and so acts like half a clamp. Holds for partials whose waves are long beside lambda, on a
+    segment whose neighbour does not sound with it.
 
     Parameters
     ----------

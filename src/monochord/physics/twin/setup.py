@@ -207,7 +207,7 @@ class Key(Checked):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MountMode(Checked):
-    """A mode of a held object, of its gripper and of the frame, as it is felt where the object touches.
+    """A mode of a held object, its gripper and the frame, seen from the point of contact.
 
     `mass` is the modal mass in kg, `quality` is Q. A robot's hand and tool have them from some hundred Hz on;
     the usual values are assumed.
