@@ -97,7 +97,7 @@ def heads_split(folder: Path, seed: int) -> Path:
     dataset, known = open_dataset(folder / "ordinary_dataset"), plan_sessions("ordinary", seed)
     share = [share_of(known[part.name][0], seed) for part in dataset.manifest.parts]
     own = np.array(share)[dataset.session]
-    rows = {"train": (own >= READER) & (own < HEADS), "validation": own >= HEADS, "test": own < 0.0}
+    rows = {"train": own < HEADS, "validation": own >= HEADS, "test": own < 0.0}
     parts = {name: np.flatnonzero(each) for name, each in rows.items()}
     file = folder / "heads_split.json"
     Split(by="build", parts=parts, seed=seed, dataset=dataset.checksum).write(file)
