@@ -286,6 +286,7 @@ def examples_of(
     rows, stream = chosen(dataset, part, data.tasks, name), stream_of(dataset, part)
     contact = labelled_contact(dataset, stream)
     quiet = stream[contact == 0.0]
+    alike = rule is not None and rule.feature == data.definition.feature
     base: list[Audio] = []
     context: list[Audio] = []
     for noise in (None, *noises):
@@ -293,7 +294,9 @@ def examples_of(
         if rule is None or data.reference is None:
             context.append(np.zeros((len(rows), 0), np.float32))
             continue
-        features = dict(zip(quiet.tolist(), data.reference.of(quiet, noise, progress), strict=True))
+        features = dict(zip(rows.tolist(), base[-1], strict=True)) if alike else {}
+        absent = np.array([row for row in quiet.tolist() if row not in features], np.int64)
+        features |= zip(absent.tolist(), data.reference.of(absent, noise, progress), strict=True)
         whole = references(dataset, stream, contact, rule, features)
         context.append(whole[np.searchsorted(stream, rows)])
     design = data.definition.string
