@@ -4,8 +4,8 @@
 
 takes some 60 minutes on two cores and 70 GB of disk. FOLDER receives the sessions of both plans, their
 datasets, and the training run. Existing parts are kept, so an interrupted run continues. Three fifths of the
-builds train the reader's network, a quarter the heads, and the others calibrate them. The network and the
-model replace those of the package.
+builds train the reader's network, these and another quarter the heads, and the others calibrate them. The
+network and the model replace those of the package.
 """
 
 import json
@@ -93,7 +93,7 @@ def train_reader(folder: Path, *, count: int, epochs: int, seed: int, workers: i
 
 
 def heads_split(folder: Path, seed: int) -> Path:
-    """Write the split of the ordinary dataset for the heads, without the builds of the reader's network."""
+    """Write the split of the ordinary dataset for the heads."""
     dataset, known = open_dataset(folder / "ordinary_dataset"), plan_sessions("ordinary", seed)
     share = [share_of(known[part.name][0], seed) for part in dataset.manifest.parts]
     own = np.array(share)[dataset.session]
