@@ -11,6 +11,7 @@ import click
 from monochord.capture.recording.from_files import from_files
 from monochord.capture.recording.settings import of_sensor
 from monochord.capture.sources.base import MAX_RATE, MIN_RATE
+from monochord.cli._label import label
 from monochord.cli._options import radius, refuse_unwritable, sensor_option, set_option
 from monochord.cli._output import echo
 from monochord.cli.figure import SUFFIXES
@@ -295,6 +296,7 @@ def touches(recording: Path, *, out: Path, model: str, sensor: str | None, as_js
     )
 
 
+sessions.add_command(label)
 Result = Callable[[Path], tuple[bool, dict[str, Any], str]]
 
 
