@@ -198,7 +198,7 @@ class _Person:
         return [line.decode(errors="replace") for line in lines]
 
     def _obey(self, line: str) -> None:
-        guide = self._guide
+        guide, before = self._guide, self._guide.refusal
         match line.lower():
             case "q":
                 guide.finish()
@@ -213,7 +213,7 @@ class _Person:
                 done = guide.hold(*guide.proposed)
             case _:
                 done = self._measured(line)
-        if not done and not guide.refusal:
+        if not done and guide.refusal == before:
             echo(f"'{line}' has no effect now. {COMMANDS}" if line else COMMANDS, err=True)
 
     def _measured(self, line: str) -> bool:

@@ -365,7 +365,7 @@ class TouchGuide:
         """Set why `calibrate` would refuse the labels so far, as a sentence; empty where it would not."""
         columns = np.array([(*touch.row[2:4], *touch.estimated) for touch in self._touches]).reshape(-1, 5).T
         wrong = why_impossible(columns[0], columns[1], self._string, Estimated(*columns[2:]))
-        self.doubt = f"Check the labels: {wrong.given}; {wrong.remedy}." if wrong else ""
+        self.doubt = _sentence(f"check the labels, {wrong.given}: {wrong.remedy}") if wrong else ""
 
     def _why_not(self, position: Metres, force: Newtons) -> str:
         """Return why a touch of this position and force is impossible, empty where it is possible."""
@@ -373,7 +373,7 @@ class TouchGuide:
             return "Give a position, a force, or both."
         wrong = why_impossible(np.array([position]), np.array([force]), self._string)
         if wrong is not None:
-            return f"{wrong.given} is impossible: expected {wrong.expected}; {wrong.remedy}."
+            return _sentence(f"{wrong.given} is impossible, expected {wrong.expected}: {wrong.remedy}")
         if not (math.isnan(position) or 0.0 < position < self._length):
             return f"{1e3 * position:g} mm is not on the string, which is {1e3 * self._length:g} mm long."
         return self._outside_range(f"{1e3 * position:g} mm") if self._is_outside(position) else ""
@@ -386,6 +386,10 @@ class TouchGuide:
     def _outside_range(self, what: str) -> str:
         low, high = (f"{1e3 * end:g}" for end in self.range or (0.0, self._length))
         return f"{what} is outside the sensing range, {low} to {high} mm."
+
+
+def _sentence(text: str) -> str:
+    return text[:1].upper() + text[1:] + ("" if text.endswith("?") else ".")
 
 
 def _estimates(update: Update) -> tuple[float, float, float]:

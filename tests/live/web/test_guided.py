@@ -97,10 +97,10 @@ def test_a_touch_outside_the_sensing_range_is_told_and_not_counted(bench: Bench)
     begun(bench)
     script = [
         {"start": 2.3, "position": 0.03, "force": 1.0, "seconds": 2.0},
-        {"start": 4.8, "position": 0.15, "force": 1.0, "seconds": 2.0},  # its very end, as 32 bits have it
+        {"start": 5.6, "position": 0.15, "force": 1.0, "seconds": 2.0},  # its very end, as 32 bits have it
     ]
     source = {"name": "twin", "speed": 0.0, "script": script}
-    tree = {"source": source, "estimator": {"name": "closed_form"}, "sinks": {}, "seconds": 6.6}
+    tree = {"source": source, "estimator": {"name": "closed_form"}, "sinks": {}, "seconds": 7.6}
     says: list[tuple[float, str]] = []
     with opened(LiveRun.read({**tree, "window": {"hop": 0.05}})) as live:
         for update in live:
