@@ -13,7 +13,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Generator
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -28,7 +28,7 @@ from monochord.lab.net_ft_device import NetFtSettings
 from monochord.lab.plan import Plan, assignments
 from monochord.lab.player import PlayerSettings
 from monochord.lab.pose_publisher import PublisherSettings
-from monochord.lab.real_time import _process
+from monochord.lab.real_time import _Device, _process
 from monochord.lab.render import Rendering, render
 from monochord.sessions import read_session
 
@@ -37,7 +37,7 @@ GUIDE = Path(__file__).parents[2] / "docs" / "how-to" / "record.md"
 PLAN = {
     "name": "bench",
     "force_rate": 1000.0,
-    "groups": [{"name": "hold", "grid": [3, 2], "hold": 1.0, "forces": [0.5, 1.5], "object": "plastic"}],
+    "groups": [{"name": "hold", "grid": [3, 2], "hold": 1.0, "forces": [0.5, 1.5], "material": "plastic"}],
 }
 
 
@@ -48,6 +48,15 @@ def guide(title: str) -> list[str]:
     return [line.removeprefix("monochord ") for line in block.replace("\\\n", "").splitlines()]
 
 
+@contextmanager
+def first() -> Generator[None]:
+    """Start what is started here before other programs, where that is permitted."""
+    with ExitStack() as stack:
+        with suppress(InputError):
+            stack.enter_context(before_other_programs())
+        yield
+
+
 @dataclass(frozen=True)
 class Bench:
     """A session to be played, and the addresses of its devices."""
@@ -56,7 +65,7 @@ class Bench:
     rendering: Rendering
     server: str
     addresses: dict[str, dict[str, str]]
-    begin: "list[object]"
+    devices: list[_Device]
 
     def run(self, line: str) -> str:
         """Run a command of the guide, at this bench's addresses."""
@@ -86,11 +95,12 @@ class Bench:
                 "net_ft.silence_seconds=5",
             ]
         with ExitStack() as stack:
-            with suppress(InputError), before_other_programs():
-                process = subprocess.Popen(
-                    command, cwd=self.folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+            with first():
+                process = stack.enter_context(
+                    subprocess.Popen(
+                        command, cwd=self.folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+                    )
                 )
-            stack.enter_context(process)  # pyright: ignore[reportPossiblyUnboundVariable]
             out = self.folder / words[1]
             deadline = time.monotonic() + 60.0
             while not (out.exists() and out.stat().st_size > 50_000):
@@ -98,8 +108,8 @@ class Bench:
                 assert time.monotonic() < deadline
                 time.sleep(0.02)
             begin = time.monotonic() + 1.0
-            for device in self.begin:
-                device.begin_at(begin)  # pyright: ignore[reportAttributeAccessIssue]
+            for device in self.devices:
+                device.begin_at(begin)
             printed, error = process.communicate(timeout=120)
             assert process.returncode == 0, error
             return printed
@@ -130,15 +140,15 @@ def bench(tmp_path: Path) -> Generator[Bench]:
                 ),
             ),
         }
-        with suppress(InputError), before_other_programs():
+        with first():
             devices = [
                 stack.enter_context(_process(name, tmp_path / f"{name}.npz", arrays, settings))
                 for name, (arrays, settings) in scripts.items()
             ]
-        addresses = {device.name: device.address for device in devices}  # pyright: ignore[reportPossiblyUnboundVariable]
+        addresses = {device.name: device.address for device in devices}
         folder = tmp_path / "lab"
         folder.mkdir()
-        yield Bench(folder, rendering, server.name, addresses | {"pose": {"port": str(port)}}, [*devices])
+        yield Bench(folder, rendering, server.name, addresses | {"pose": {"port": str(port)}}, devices)
 
 
 def test_the_papers_bench_labels_its_own_recording(bench: Bench) -> None:

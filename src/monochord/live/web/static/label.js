@@ -21,7 +21,7 @@ export class Labels {
       made("option", { value: "g", textContent: "g" }), made("option", { value: "N", textContent: "N" }));
     force.nextSibling.remove(); // the unit is chosen
     force.after(" ", this.unit);
-    Object.assign(force, { min: 0, max: 5000, step: "any" });
+    Object.assign(force, { min: 0, step: "any" });
     this.unit.value = localStorage.getItem("unit") ?? "N";
     this.unit.addEventListener("change", () => {
       localStorage.setItem("unit", this.unit.value);
