@@ -5,6 +5,7 @@ import math
 import os
 import re
 import select
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -131,7 +132,11 @@ def _record(out: Path, options: dict[str, Any], described: dict[str, Any]) -> No
     if not low < high:
         raise InputError(f"--forces {low:g} {high:g}", "the lower force first")
     name = SOURCES.name_of(setup.source)
-    with interruption() as stop, opened(setup) as live, stop.ending(live.close):
+    with ExitStack() as stack:
+        stop = stack.enter_context(interruption())
+        with stop.at_once():
+            live = stack.enter_context(opened(setup))
+        stack.enter_context(stop.ending(live.close))
         guide = TouchGuide(
             live.signal,
             length_of(live.signal, USUAL_LENGTH),
@@ -152,6 +157,8 @@ def _record(out: Path, options: dict[str, Any], described: dict[str, Any]) -> No
                     break
         finally:
             labelled = not take.recording.failure and take.finish()
+        if stop.requested and not labelled:
+            raise KeyboardInterrupt
     if not labelled:
         raise InputError(f"{name} without a labelled touch", "one or more", "no session is written")
 

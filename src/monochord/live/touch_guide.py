@@ -267,7 +267,7 @@ class TouchGuide:
         }  # fmt: skip
         if self._is_first and self.phase == "rest":
             return state | {"share": 1.0 - self.remaining / self._rest}
-        share = 1.0 - self.remaining / self.hold_seconds if self.phase == "hold" else 0.0
+        share = {"hold": 1.0 - self.remaining / self.hold_seconds, "label": 1.0}.get(self.phase, 0.0)
         return state | {"share": min(share, 1.0), "position": position, "force": force}
 
     def says(self, place: str, force: str) -> str:
