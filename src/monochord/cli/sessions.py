@@ -11,6 +11,7 @@ import click
 from monochord.capture.recording.from_files import from_files
 from monochord.capture.recording.settings import of_sensor
 from monochord.capture.sources.base import MAX_RATE, MIN_RATE
+from monochord.cli._label import label
 from monochord.cli._options import radius, refuse_unwritable, sensor_option, set_option
 from monochord.cli._output import echo
 from monochord.cli.figure import SUFFIXES
@@ -19,7 +20,7 @@ from monochord.core.errors import InputError
 from monochord.core.files import replacing
 from monochord.core.ownership import part_folder
 from monochord.figures import FIGURES
-from monochord.live.touches import touch_spans, touch_table
+from monochord.live.touches import robot_positions, touch_spans, touch_table
 from monochord.physics.strings import load_string
 from monochord.sessions import check as check_session
 from monochord.sessions import read_session
@@ -269,8 +270,9 @@ def touches(recording: Path, *, out: Path, model: str, sensor: str | None, as_js
     """List the touches in a recording as a table to fill in.
 
     Each row is a touch, with its begin and end in s from the beginning of RECORDING. Fill in the position in
-    m from pickup 1 and the force in N, as read from a ruler and a scale. Delete rows that are not your
-    touches. Then make a session of the recording and the table, and calibrate with it.
+    m from pickup 1 and the force in N, as read from a ruler and a scale. If a robot's pose was recorded, the
+    positions are filled in: its x is the position. Delete rows that are not your touches. Then make a session
+    of the recording and the table, and calibrate with it.
 
     \b
     monochord sessions touches take.mcap --out touches.csv
@@ -280,21 +282,24 @@ def touches(recording: Path, *, out: Path, model: str, sensor: str | None, as_js
     if out.exists():
         raise InputError(f"file '{out}' (exists, and may be filled in)", "a new file")
     spans = touch_spans(recording, model, sensor=sensor or "")
+    positions = robot_positions(recording, spans)
     part = out.with_name(f".{out.name}.part")
     try:
-        part.write_text(touch_table(spans), encoding="utf-8")
+        part.write_text(touch_table(spans, positions), encoding="utf-8")
         part.replace(out)
     finally:
         part.unlink(missing_ok=True)
     if as_json:
         echo(json.dumps({"path": str(out), "touches": [{"begin": a, "end": b} for a, b in spans]}))
         return
+    missing = "force (N)" if positions else "position (m from pickup 1) and force (N)"
     echo(
-        f"{out}: {_counted(len(spans), 'touch')}; fill in position (m from pickup 1) and force (N)",
+        f"{out}: {_counted(len(spans), 'touch')}; fill in {missing}",
         f"then: monochord sessions import {recording} {out} --out {out.with_suffix('.mcap')}",
     )
 
 
+sessions.add_command(label)
 Result = Callable[[Path], tuple[bool, dict[str, Any], str]]
 
 

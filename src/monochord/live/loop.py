@@ -72,6 +72,7 @@ def run(setup: LiveRun) -> Summary:
         opened_for = Run(
             signal=live.signal,
             strings={each.name: each.signal for each in live.strings if each.name},
+            sensors=_sensors(setup),
             length=setup.estimator.string_length,
             model=setup.estimator.model,
             controls=stream.controls,
@@ -310,6 +311,12 @@ def _strings(signal: Signal, setup: LiveRun) -> tuple[Signal, tuple[LiveString, 
             )
         )
     return dataclasses.replace(signal, string=strings[0].signal.string), tuple(strings)
+
+
+def _sensors(setup: LiveRun) -> dict[str, str]:
+    """Return the named sensor of each string, of a single one under the empty name."""
+    strings = setup.strings.items()
+    return {name: each.sensor or setup.sensor for name, each in strings} if strings else {"": setup.sensor}
 
 
 def _with_string(signal: Signal, preset: str, sensor: str) -> Signal:

@@ -1,10 +1,13 @@
 """Finds the touches in a recording, for the table that ``monochord sessions touches`` writes."""
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from monochord.core.errors import InputError
-from monochord.core.units import Seconds
+from monochord.core.units import Metres, Seconds
 from monochord.live.events import Event
 from monochord.live.filter import CONTACT
 from monochord.live.listen import source_of
@@ -12,12 +15,17 @@ from monochord.live.loop import opened
 from monochord.live.settings import MODEL, LiveRun, WindowSettings
 from monochord.perception.estimators import ESTIMATORS
 from monochord.perception.model import load
+from monochord.sessions import read_session
 
 SHORTEST: Seconds = 0.2
 """Shortest touch listed, in s: shorter ones are knocks."""
 DECAY: Seconds = 0.1
 """How long the sound still resembles a touch after release, in s; twice the value on the twin."""
 HEADER = "begin,end,position,force"
+POSE = "pose"
+"""Stream of a robot's pose, whose x is the position along the string, from pickup 1."""
+STILL: Metres = 1e-3
+"""Largest motion of a robot during a touch with a position, in m."""
 
 
 def touch_spans(
@@ -67,10 +75,42 @@ def touch_spans(
     return spans
 
 
-def touch_table(spans: Sequence[tuple[Seconds, Seconds]]) -> str:
-    """Return touches as a table with empty cells for measured position and force, in m and N.
+def robot_positions(recording: str | Path, spans: Sequence[tuple[Seconds, Seconds]]) -> list[Metres] | None:
+    """Return the position of each touch by the recorded pose of a robot, in m; None without a pose.
+
+    It is the mean of the pose's x, in metres along the string from pickup 1, over the span; NaN where there
+    is no reading, or the robot moved by more than `STILL`.
+
+    Raises
+    ------
+    InputError
+        If the recording is a session that cannot be read.
+    """
+    if Path(recording).suffix != ".mcap":
+        return None
+    session = read_session(Path(recording))
+    if POSE not in session.streams:
+        return None
+    pose, rate = session.readings(POSE), session.audio.sample_rate
+    along = pose.column("x")
+    positions: list[Metres] = []
+    for span in spans:
+        first, last = np.searchsorted(pose.time, session.audio.time(rate * np.array(span)))
+        part = along[first:last]
+        still = part.size and float(np.ptp(part)) <= STILL
+        positions.append(float(part.mean()) if still else math.nan)
+    return positions
+
+
+def touch_table(spans: Sequence[tuple[Seconds, Seconds]], positions: Sequence[Metres] | None = None) -> str:
+    """Return touches as a table with empty cells for force in N, and for position in m where it is unknown.
 
     >>> touch_table([(4.0, 5.5)]).splitlines()
     ['begin,end,position,force', '4.00,5.50,,']
+    >>> touch_table([(4.0, 5.5)], [0.0621]).splitlines()[1]
+    '4.00,5.50,0.0621,'
     """
-    return "\n".join([HEADER, *(f"{begin:.2f},{end:.2f},," for begin, end in spans)]) + "\n"
+    known = positions or [math.nan] * len(spans)
+    cells = ["" if math.isnan(each) else f"{each:.4f}" for each in known]
+    rows = (f"{first:.2f},{last:.2f},{cell}," for (first, last), cell in zip(spans, cells, strict=True))
+    return "\n".join([HEADER, *rows]) + "\n"

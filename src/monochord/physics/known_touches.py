@@ -3,7 +3,7 @@
 Importing a table, calibrating a model and the page's guided calibration all use `why_impossible`.
 """
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -35,6 +35,18 @@ it is 0.03 to 0.21.
 """
 UNITS = {"grams": 1e3 / 9.80665, "kilograms": 1.0 / 9.80665, "pounds": 1.0 / 4.44822, "millinewtons": 1e3}
 """Number of other units in a newton."""
+
+Unit: TypeAlias = Literal["N", "g"]
+"""Units in which a person may give a force: newtons, or grams as a kitchen scale shows."""
+
+
+def in_newtons(force: float, unit: Unit) -> Newtons:
+    """Return a force given in newtons or grams; a gram weighs 9.80665 mN.
+
+    >>> round(in_newtons(51.0, "g"), 3), in_newtons(0.5, "N")
+    (0.5, 0.5)
+    """
+    return force / UNITS["grams"] if unit == "g" else force
 
 
 class Impossible(NamedTuple):

@@ -25,7 +25,7 @@ from monochord.sessions import read_session
 SENSOR = load_sensor("prototype")
 SIGNAL = with_sensor(Signal(sample_rate=44100, channels=2), SENSOR)
 TOUCHES = [
-    {"start": 2.5 + 2.0 * k, "position": 0.06 + 0.03 * k, "force": 0.5 + 0.4 * k, "seconds": 1.7}
+    {"start": 2.5 + 3.0 * k, "position": 0.06 + 0.03 * k, "force": 0.5 + 0.4 * k, "seconds": 1.7}
     for k in range(3)
 ]
 PATIENCE = 60.0
@@ -49,7 +49,7 @@ def untouched() -> tuple[Update, ...]:
 
 @pytest.fixture(scope="module")
 def updates() -> tuple[Update, ...]:
-    return lived(9.0)
+    return lived(11.0)
 
 
 @contextmanager

@@ -6,20 +6,20 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from monochord.capture.sources import SOURCES
-from monochord.core.types import Signal
 from monochord.live.loop import opened
 from monochord.live.settings import LiveRun
 from monochord.live.sinks.base import Update
 from monochord.live.web.guided import MAX_WAITING, Bench
-from monochord.live.web.steps import Calibration
 from monochord.perception.model import load
-from monochord.physics.sensors import load_sensor, with_sensor
+from monochord.physics.sensors import load_sensor
+from monochord.sessions import read_session
 
 TOUCHES = [
-    {"start": 2.5 + 2.0 * k, "position": 0.05 + 0.03 * k, "force": 0.5 + 0.4 * k, "seconds": 1.7}
+    {"start": 2.5 + 3.5 * k, "position": 0.05 + 0.03 * k, "force": 0.5 + 0.4 * k, "seconds": 2.2}
     for k in range(3)
 ]
 
@@ -82,7 +82,7 @@ def test_a_model_is_adapted_to_touches_that_are_held(bench: Bench, tmp_path: Pat
         assert not bench.hold(0.1, 51.0)  # grams
         return replace(update, truth={})
 
-    state = performed(bench, 9.0, during)
+    state = performed(bench, 13.0, during)
     (folder,) = tmp_path.iterdir()
     assert str(folder) in state["lines"][-1]
     before, after = (load(each).definition.heads["force"].correction for each in ("demo", folder))
@@ -92,33 +92,15 @@ def test_a_model_is_adapted_to_touches_that_are_held(bench: Bench, tmp_path: Pat
     bench.close()
 
 
-def test_touches_are_proposed_within_the_sensing_range(tmp_path: Path) -> None:
-    sensors = {name: load_sensor(name) for name in ("prototype", "long")}
-    signal = Signal(sample_rate=44100, channels=2)
-    for name, sensor in sensors.items():
-        length, (low, high) = sensor.string.length, sensor.range
-        guided = Calibration(with_sensor(signal, sensor), tmp_path, length, "demo", 30)
-        guided.recording.seconds = 10.0
-        places: list[float] = []
-        for _ in range(30):
-            state = guided.state()
-            places.append(state["position"])
-            guided.rows.append((0.0, 1.0, state["position"], state["force"]))
-        assert low < min(places) < max(places) < high, name
-        assert max(places) - min(places) > 0.8 * (high - low)
-        assert not guided.hold(0.5 * low, 1.0)
-        guided.close()
-
-
 def test_a_touch_outside_the_sensing_range_is_told_and_not_counted(bench: Bench) -> None:
     assert bench.calibrate(3)
     begun(bench)
     script = [
         {"start": 2.3, "position": 0.03, "force": 1.0, "seconds": 2.0},
-        {"start": 4.8, "position": 0.15, "force": 1.0, "seconds": 2.0},  # its very end, as 32 bits have it
+        {"start": 5.6, "position": 0.15, "force": 1.0, "seconds": 2.0},  # its very end, as 32 bits have it
     ]
     source = {"name": "twin", "speed": 0.0, "script": script}
-    tree = {"source": source, "estimator": {"name": "closed_form"}, "sinks": {}, "seconds": 6.6}
+    tree = {"source": source, "estimator": {"name": "closed_form"}, "sinks": {}, "seconds": 7.6}
     says: list[tuple[float, str]] = []
     with opened(LiveRun.read({**tree, "window": {"hop": 0.05}})) as live:
         for update in live:
@@ -160,5 +142,41 @@ def test_a_step_is_cancelled(bench: Bench, tmp_path: Path) -> None:
     begun(bench)
     assert bench.cancel()
     assert "guided" not in bench.state()
+    bench.close()
+    assert not [*tmp_path.iterdir()]
+
+
+def test_labelled_touches_become_a_session(bench: Bench, tmp_path: Path) -> None:
+    assert bench.label(3)
+    begun(bench)
+    assert not bench.touch("undo")  # there is none
+
+    def during(update: Update) -> Update:
+        for touch in TOUCHES:
+            if abs(update.prediction.time - touch["start"] - 0.2) < 0.02:
+                assert bench.hold(touch["position"], touch["force"])
+        if abs(update.prediction.time - TOUCHES[2]["start"] - 1.2) < 0.02:
+            assert bench.touch("undo")
+            assert bench.cancel()  # two are enough
+        return replace(update, truth={})
+
+    state = performed(bench, 13.0, during)
+    (session,) = tmp_path.glob("touches_*.mcap")
+    assert str(session) in state["lines"][-1]
+    labels = read_session(session).labels
+    touched = labels.columns["contact"] == 1.0
+    places = sorted({*np.round(labels.columns["position"][touched], 3).tolist()})
+    assert places == [touch["position"] for touch in TOUCHES[:2]]
+    assert np.isnan(labels.columns["position"][~touched]).all()
+    assert (labels.columns["contact"] == 0.0).sum() > 100
+    (table,) = tmp_path.glob("touches_*.csv")
+    assert {*tmp_path.iterdir()} == {session, table}
+    bench.close()
+
+
+def test_a_labelling_without_a_touch_leaves_nothing(bench: Bench, tmp_path: Path) -> None:
+    assert bench.label(3)
+    begun(bench)
+    assert bench.cancel()
     bench.close()
     assert not [*tmp_path.iterdir()]

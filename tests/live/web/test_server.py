@@ -297,7 +297,8 @@ def test_what_a_page_asks_is_done_and_what_is_nonsense_is_counted() -> None:
         '{"do":"touch","position":NaN,"force":1}', '{"do":7}', '{"do":"record","on":false}',
         '{"do":"record","on":true,"path":"/tmp/mine.mcap"}', '{"do":"record","on":"../mine.mcap"}',
         '{"do":"calibrate","touches":6}', '{"do":"calibrate","touches":1e9}', '{"do":"tune","out":"/etc/x"}',
-        '{"do":"hold","position":0.1,"force":1}',
+        '{"do":"hold","position":0.1,"force":1}', '{"do":"hold","position":null,"force":1,"unit":"kg"}',
+        '{"do":"label","touches":0}', '{"do":"step","act":"finish"}', '{"do":"step","act":"undo"}',
     ]  # fmt: skip
     with running(keep) as (server, _), live(server) as client:
         for each in nonsense:

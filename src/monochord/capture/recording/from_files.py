@@ -22,6 +22,7 @@ from monochord.sessions.bounds import json_object
 
 AUDIO_FILES, SESSIONS = "wav", "session"  # the sources that read them
 SESSION_SUFFIX = ".mcap"
+POSES = "pose"
 BLOCK: Seconds = 0.1
 LABEL_RANGES: dict[str, tuple[float, float, str]] = {
     "contact": (0.0, 1.0, "0 or 1"),
@@ -45,7 +46,7 @@ def from_files(
     are stored exactly; wider ones are rounded to 32-bit floats. The session begins at the file's date minus
     its duration; without device times, frame n is at n / rate. In place of the file, a session recorded with
     microphones alone is accepted: its sensor, string and gaps are kept, and estimates that a live run
-    recorded in it are left out.
+    recorded in it are left out, and so are poses: `monochord.live.touches` reads them for the table.
 
     Parameters
     ----------
@@ -109,7 +110,7 @@ def from_files(
 def _known(path: Path) -> tuple[dict[str, Any], int]:
     """Return the description and begin in ns of a recorded session; refuses one with other streams."""
     session = read_session(path)
-    streams = [name for name in session.streams if name != ESTIMATES]
+    streams = [name for name in session.streams if name not in (ESTIMATES, POSES)]
     streams += ["labels"] if session.labels.time.size else []
     if streams:
         given = f"session {path} with {' and '.join(streams)}"

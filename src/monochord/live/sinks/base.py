@@ -37,6 +37,7 @@ NEWEST = 10
 """
 NO_DECISIONS: Mapping[str, bool] = MappingProxyType({})
 NO_STRINGS: Mapping[str, Signal] = MappingProxyType({})
+NO_SENSORS: Mapping[str, str] = MappingProxyType({})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,7 +118,8 @@ class Run:
 
     `signal` is the source's audio format with the string; with several strings, that of the first or of this
     sink's string. `string` is the name of the sink's string; empty for a single string, or for a sink of all
-    `strings`, which holds their signals by name. `length` is the string's length in m, where the estimator
+    `strings`, which holds their signals by name. `sensors` holds the named sensor of each string, of a single
+    one under the empty name. `length` is the string's length in m, where the estimator
     was given one, and `model` the trained model's folder or name, empty for none. `controls` is set where the
     string can be touched. `is_output_taken` is true where another sink writes data to standard output.
 
@@ -131,6 +133,7 @@ class Run:
     signal: Signal
     string: str = ""
     strings: Mapping[str, Signal] = field(default_factory=lambda: NO_STRINGS)
+    sensors: Mapping[str, str] = field(default_factory=lambda: NO_SENSORS)
     length: Metres | None = None
     model: str = ""
     controls: Controls | None = None

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from monochord.capture.address import is_port, resolved
+from monochord.capture.recording.settings import of_sensor
 from monochord.core.errors import InputError
 from monochord.core.units import Metres
 from monochord.live.sinks.base import Run, Sink, Update, Writer
@@ -30,8 +31,9 @@ class Web(Sink):
 
     It shows the string with the touch, estimates with standard errors, both microphones' spectra, levels,
     history, latency and health notes. A simulated string can be touched by mouse or finger, and the truth
-    stands beside the estimates. The page also starts a recording, and guides tuning and calibration. A page
-    gets at most 30 updates a second, always the newest; a slow page gets fewer and delays no other.
+    stands beside the estimates. The page also starts a recording, and guides tuning, calibration and touches
+    with labels. A page gets at most 30 updates a second, always the newest; a slow page gets fewer and delays
+    no other.
 
     Parameters
     ----------
@@ -42,7 +44,8 @@ class Web(Sink):
         Token required in the page's address; if empty, one is generated where other machines can reach the
         page.
     folder
-        Folder for the page's recordings, tunings and calibrations; the current folder by default.
+        Folder for the page's recordings, tunings, calibrations and labelled touches; by default the current
+        folder.
     length
         Length of the drawn string in metres; 0 for the signal's string, else 0.65 m.
     browser
@@ -127,6 +130,7 @@ class _Page(Sink):
                         string=name,
                         folder=Path(options.folder),
                         model=options.model or run.model,
+                        described=of_sensor(sensor) if (sensor := run.sensors.get(name)) else {},
                     )
                 )
                 for name, own in (run.strings or {"": run.signal}).items()

@@ -1,4 +1,4 @@
-"""Recording, guided tuning and guided calibration, started from the page.
+"""Recording, guided tuning, guided calibration and guided touches, started from the page.
 
 Commands from several pages arrive in one thread and take effect in order. A second thread opens and closes
 files, a third computes results, and neither delays the commands.
@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Literal, TypeAlias
 
 from monochord.core.dated import dated_path
@@ -16,15 +17,25 @@ from monochord.core.types import Signal
 from monochord.core.units import Metres, Newtons
 from monochord.live.delivery import reason
 from monochord.live.sinks.base import Update
+from monochord.live.touch_guide import Act, TouchGuide
+from monochord.live.web.labelling import Labelling
 from monochord.live.web.recording import Recording
 from monochord.live.web.steps import Calibration, Guided, Tuning
 
 MAX_WAITING = 16
 """Most files waiting to be opened or closed, as on a slow disk; further commands are refused."""
-Name: TypeAlias = Literal["tuning", "calibration"]
+Name: TypeAlias = Literal["tuning", "calibration", "labelling"]
 Phase: TypeAlias = Literal["opening", "recording", "computing", "saving"]
-VERBS: Mapping[Name, str] = {"tuning": "Tune", "calibration": "Calibrate"}
+VERBS: Mapping[Name, str] = {
+    "tuning": "Tune",
+    "calibration": "Calibrate",
+    "labelling": "Label touches",
+}
 """Button label of each step."""
+
+DURABLE = ("computing", "labelling")
+"""A session that is being completed is not discarded."""
+NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 
 @dataclass(eq=False, slots=True)
@@ -60,9 +71,19 @@ class Bench:
         Folder of the files.
     model
         The model that a calibration adapts; empty for none.
+    described
+        Options of a labelled session's `Description`, such as its sensor.
     """
 
-    def __init__(self, signal: Signal, length: Metres, folder: Path, model: str) -> None:
+    def __init__(
+        self,
+        signal: Signal,
+        length: Metres,
+        folder: Path,
+        model: str,
+        described: Mapping[str, Any] = NOTHING,
+    ) -> None:
+        self._described = described
         self._signal, self._length, self._model = signal, length, model
         self._folder = folder.absolute()
         self._files = ThreadPoolExecutor(1, thread_name_prefix="page-files")
@@ -99,17 +120,34 @@ class Bench:
         make = lambda: Calibration(self._signal, self._folder, length, model, count)  # noqa: E731
         return bool(model) and self._guide("calibration", make)
 
+    def label(self, count: int) -> bool:
+        """Start to record a number of labelled touches."""
+        signal, length, described = self._signal, self._length, self._described
+        make = lambda: Labelling(signal, self._folder, length, count, described)  # noqa: E731
+        return self._guide("labelling", make)
+
     def hold(self, position: Metres, force: Newtons) -> bool:
-        """Record a touch from now on with this position and force."""
+        """Give the present touch's position and force; one that is not heard begins now."""
+        return self._guided(lambda guide: guide.hold(position, force))
+
+    def touch(self, act: Act) -> bool:
+        """Announce, undo or skip a touch."""
+        return self._guided(lambda guide: getattr(guide, act)())
+
+    def _guided(self, act: Callable[[TouchGuide], bool]) -> bool:
         step = self._step
-        guided = step.guided if step is not None and step.phase == "recording" else None
-        return isinstance(guided, Calibration) and guided.hold(position, force)
+        guide = (
+            step.guided.touches if step is not None and step.guided and step.phase == "recording" else None
+        )
+        return guide is not None and act(guide)
 
     def cancel(self) -> bool:
         """End a guided step without a result, or discard its result."""
         with self._lock:
             step, self._lines, self._answer = self._step, [], ""
-            if step is not None and step.phase == "saving":
+            if step is not None and step.phase == "recording" and step.guided and step.guided.finish():
+                return True  # with its next update
+            if step is not None and (step.phase == "saving" or (step.phase, step.name) == DURABLE):
                 self._answer = "Cancel came too late: the result is saved."
             elif step is not None:
                 self._step = None

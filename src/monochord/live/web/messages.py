@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Callable, Mapping
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeAlias
 
 import msgspec
 import numpy as np
@@ -16,8 +16,10 @@ from monochord.core.units import Hertz, Seconds
 from monochord.live.events import Event
 from monochord.live.sinks._view import levels
 from monochord.live.sinks.base import Update
+from monochord.live.touch_guide import Act
 from monochord.live.web.guided import Bench
 from monochord.perception.estimators.base import Condition
+from monochord.physics.known_touches import Unit, in_newtons
 
 TOP: Hertz = 10_000.0
 """Highest frequency of a transmitted spectrum, in Hz."""
@@ -72,18 +74,32 @@ class Calibrate(msgspec.Struct, tag_field="do", tag="calibrate", forbid_unknown_
     touches: Annotated[int, msgspec.Meta(ge=3, le=30)]
 
 
-class Hold(msgspec.Struct, tag_field="do", tag="hold", forbid_unknown_fields=True):
-    """State that the present touch has this position in m and force in N."""
+class Label(msgspec.Struct, tag_field="do", tag="label", forbid_unknown_fields=True):
+    """Record a number of touches with labels."""
 
-    position: float
-    force: float
+    touches: Annotated[int, msgspec.Meta(ge=1, le=100)]
+
+
+class Hold(msgspec.Struct, tag_field="do", tag="hold", forbid_unknown_fields=True):
+    """State the present touch's position in m and force in a unit; null for one that was not measured."""
+
+    position: float | None
+    force: float | None
+    unit: Unit = "N"
+
+
+class Do(msgspec.Struct, tag_field="do", tag="step", forbid_unknown_fields=True):
+    """Announce, undo or skip a touch."""
+
+    act: Act
 
 
 class Cancel(msgspec.Struct, tag_field="do", tag="cancel", forbid_unknown_fields=True):
     """End a guided step."""
 
 
-_decoder = msgspec.json.Decoder(Show | Touch | Release | Change | Record | Tune | Calibrate | Hold | Cancel)
+Task: TypeAlias = Record | Tune | Calibrate | Label | Hold | Do | Cancel
+_decoder = msgspec.json.Decoder(Show | Touch | Release | Change | Task)
 
 
 def carry_out(
@@ -98,7 +114,7 @@ def carry_out(
         request = _decoder.decode(text)
         if isinstance(request, Show):
             return "show" if show(request.string) else None
-        if isinstance(request, Record | Tune | Calibrate | Hold | Cancel):
+        if isinstance(request, Task):
             return "task" if bench is not None and _begun(request, bench) else None
         return None if controls is None else _handled(request, controls)
     except (msgspec.DecodeError, InputError, ValueError, RecursionError):
@@ -117,16 +133,24 @@ def _handled(request: Touch | Release | Change, controls: Controls) -> str:
     return "change"
 
 
-def _begun(request: Record | Tune | Calibrate | Hold | Cancel, bench: Bench) -> bool:
-    if isinstance(request, Record):
-        return bench.record(on=request.on)
-    if isinstance(request, Tune):
-        return bench.tune()
-    if isinstance(request, Calibrate):
-        return bench.calibrate(request.touches)
-    if isinstance(request, Hold):
-        return bench.hold(request.position, request.force)
-    return bench.cancel()
+def _begun(request: Task, bench: Bench) -> bool:
+    match request:
+        case Record(on=on):
+            done = bench.record(on=on)
+        case Tune():
+            done = bench.tune()
+        case Calibrate(touches=touches):
+            done = bench.calibrate(touches)
+        case Label(touches=touches):
+            done = bench.label(touches)
+        case Hold(position=position, force=force, unit=unit):
+            place, press = (math.nan if each is None else each for each in (position, force))
+            done = bench.hold(place, in_newtons(press, unit))
+        case Do(act=act):
+            done = bench.touch(act)
+        case Cancel():
+            done = bench.cancel()
+    return done
 
 
 def waiting() -> str:

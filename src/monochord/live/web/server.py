@@ -39,7 +39,7 @@ from monochord.live.sinks.base import Update, Writer
 from monochord.live.web import messages
 from monochord.live.web.access import Guard, page_name
 from monochord.live.web.connections import Connections, share_of_descriptors
-from monochord.live.web.guided import Bench
+from monochord.live.web.guided import NOTHING, Bench
 
 PORTS = range(8420, 8440)
 """Ports to try where none is given; the first free one is used."""
@@ -73,8 +73,8 @@ PAGE = {
         f"/static/{name}": name
         for name in (
             "page.css", "page.js", "state.js", "string.js", "spectrum.js", "history.js", "numbers.js",
-            "touch.js", "tasks.js", "strings.js", "sections.js", "icon.svg", "uplot/uPlot.iife.min.js",
-            "uplot/uPlot.min.css",
+            "touch.js", "tasks.js", "label.js", "strings.js", "sections.js", "icon.svg",
+            "uplot/uPlot.iife.min.js", "uplot/uPlot.min.css",
         )
     },
 }  # fmt: skip
@@ -187,12 +187,13 @@ class Server:
         string: str = "",
         folder: Path = Path(),
         model: str = "",
+        described: Mapping[str, Any] = NOTHING,
     ) -> Generator[Writer]:
         """Show a run, or one of its strings by name: the writer takes its updates.
 
-        See `Bench` for `folder` and `model`.
+        See `Bench` for `folder`, `model` and `described`.
         """
-        bench = Bench(signal, length, folder, model)
+        bench = Bench(signal, length, folder, model, described)
         self._stage.views[string] = view = _View(signal, length, controls, bench)
         try:
             yield view

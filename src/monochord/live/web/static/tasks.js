@@ -1,5 +1,6 @@
 // A recording, and tuning and calibration step by step. The server says what is to be done; it names all files.
 
+import { Labels } from "./label.js";
 import { brief } from "./sections.js";
 import { span } from "./state.js";
 
@@ -16,8 +17,9 @@ export class Tasks {
     element("cancel").addEventListener("click", () => this.ask({ do: "cancel" }));
     element("typed").addEventListener("submit", (event) => {
       event.preventDefault();
-      this.ask({ do: "hold", position: this.number("known-position") / 1e3, force: this.number("known-force") });
+      this.ask({ do: "hold", ...this.labels.known() });
     });
+    this.labels = new Labels((message) => this.ask(message), (message) => this.begin(message));
   }
 
   // A known touch outside the sensing range teaches nothing: it is refused where it is typed.
@@ -74,6 +76,7 @@ export class Tasks {
     element("tune").disabled = element("calibrate").disabled = element("count").disabled = Boolean(guided);
     element("calibrating").hidden = !calibrates;
     element("guided").hidden = !guided && !done;
+    this.labels.show(guided);
     if (guided) this.step(guided);
     else if (done) this.result(lines);
   }
@@ -81,19 +84,18 @@ export class Tasks {
   step(guided) {
     const { says, share, count, of, typed, position, force, name } = guided;
     const touch = of && count < of ? `Touch ${count + 1} of ${of}. ` : "";
-    put("says", `${name === "tuning" ? "Tune" : "Calibrate"}: ${touch}${says}`);
+    const title = { tuning: "Tune", calibration: "Calibrate", labelling: "Label touches" }[name];
+    put("says", `${title}: ${touch}${says}`);
     element("share").hidden = share === undefined;
     element("share").value = share ?? 0;
-    element("cancel").textContent = "Cancel";
+    element("cancel").textContent = name === "labelling" && count ? "Finish" : "Cancel";
     element("lines").textContent = "";
     const asks = Boolean(typed && position !== undefined);
     if (asks && element("typed").hidden) this.proposed = null;
     element("typed").hidden = !asks;
-    element("typed").lastElementChild.disabled = share > 0; // this touch is being recorded
-    if (asks && this.proposed !== count) { // the values are a proposal; a person types the true ones
-      this.proposed = count;
-      element("known-position").value = (1e3 * position).toFixed(0);
-      element("known-force").value = force.toFixed(1);
+    if (asks && this.proposed !== position) { // the values are a proposal; a person types the true ones
+      this.proposed = position;
+      this.labels.propose(position, force);
       element("known-position").oninput?.();
     }
   }
