@@ -8,7 +8,7 @@ import psutil
 import pytest
 import soundfile
 
-from monochord.bringup import STEPS, Live, Step, Virtual, bring_up
+from monochord.bringup import STEPS, BringUp, Guide, Live, Step, Virtual, bring_up
 from monochord.capture.jack.server import JackServer
 from monochord.capture.sources import SOURCES
 from monochord.physics.sensors import load_sensor
@@ -30,16 +30,22 @@ def test_a_sensor_is_brought_up_through_a_real_server(
         longer = virtual.take(replace(step, seconds=step.seconds + 0.5))
         soundfile.write(tmp_path / f"{step.name}.wav", longer.samples.T, longer.sample_rate)
 
-    def prompt(step: Step) -> None:
-        for player in players:
-            player.terminate()
-            player.wait(10.0)
-        players[:] = [play(tmp_path / f"{step.name}.wav")]
+    seen: list[int] = []
+
+    class Playing(Guide):
+        def choose(self, step: Step | None, result: BringUp | None) -> str:
+            for player in players:
+                player.terminate()
+                player.wait(10.0)
+            players[:] = [play(tmp_path / f"{step.name}.wav")] if step else []
+            return super().choose(step, result)
+
+        def show(self, result: BringUp) -> None:
+            seen.append(len(result.takes))
 
     options = {"ports": "player:out_1,player:out_2", "server": jack_server.name, "client_name": "doctor"}
-    seen: list[int] = []
-    live = Live(source=SOURCES.build("jack", options), name="jack", prompt=prompt)
-    result = bring_up("prototype", live, steps, after=lambda part: seen.append(len(part.takes)))
+    live = Live(source=SOURCES.build("jack", options), name="jack")
+    result = bring_up("prototype", live, steps, Playing())
     assert result.faults == ()
     assert seen == list(range(1, len(steps) + 1))
     assert result.pluck
