@@ -40,7 +40,7 @@ REPORT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none';
 
 
 class Command(msgspec.Struct, forbid_unknown_fields=True):
-    """What a page asks for. `step` is the step that it shows, or the one to repeat."""
+    """What a page asks for. `step` is the step that it shows, or the one to go to."""
 
     do: Literal["record", "skip", "repeat", "end"]
     step: str = ""
@@ -168,10 +168,8 @@ class BringUpPage:
         if self._phase == "recording" or not self._commands.empty():
             return "A step is being recorded. Wait until it ends."
         if command.do == "repeat":
-            taken = {*self._result.takes} if self._result else set[str]()
-            return (
-                "" if command.step in taken | self._skipped else f"Step '{command.step}' is not recorded yet."
-            )
+            names = [each.name for each in self._steps]
+            return "" if command.step in names else f"Step '{command.step}': expected {', '.join(names)}."
         if own is None:
             return "All steps are done."
         return "" if command.do == "end" or command.step == own else "Another page has gone on meanwhile."

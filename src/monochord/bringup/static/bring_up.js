@@ -72,12 +72,14 @@ function show(message) {
   element("share").hidden = !recording;
   refuse(error);
   const own = checks.filter((each) => each.step === before), status = steps.find(({ name }) => name === before)?.status;
-  element("before").hidden = !before || recording || status === "waiting";
+  element("before").hidden = !before || !ready || status === "waiting";
+  element("meters").hidden = phase === "done";
   element("repeat").disabled = recording;
   if (before) put("before-title", `${title(before)}: ${STATUS[status]}`);
   element("advice").replaceChildren(...own.map(checkOf));
   element("result").hidden = phase !== "done";
-  put("verdict", !message.report ? "No step was recorded." : faults.length ? `${faults.length} fault(s): ${faults.join(", ")}.` : "No fault.");
+  const recorded = steps.filter((each) => ["passed", "failed"].includes(each.status)).length;
+  put("verdict", `${faults.length ? `${faults.length} fault(s): ${faults.join(", ")}` : "No fault"} in ${recorded} of ${steps.length} steps.`);
   element("verdict").className = faults.length ? "warns" : "good";
   element("toml").hidden = !message.toml;
   element("report").hidden = !message.report;
@@ -87,10 +89,10 @@ function show(message) {
     row.dataset.status = each.status;
     if (each.name === message.step && phase !== "done") row.setAttribute("aria-current", "step");
     head.append(made("b", title(each.name)), made("span", each.name === message.step && phase !== "done" ? "now" : STATUS[each.status], "status"));
-    if (["passed", "failed", "skipped"].includes(each.status)) {
-      const button = made("button", "Repeat");
+    if (each.name !== message.step || phase === "done") {
+      const verb = ["passed", "failed"].includes(each.status) ? "Repeat" : "Go to", button = made("button", verb);
       button.type = "button";
-      button.setAttribute("aria-label", `Repeat ${title(each.name)}`);
+      button.setAttribute("aria-label", `${verb} ${title(each.name)}`);
       button.disabled = recording;
       button.addEventListener("click", () => send({ do: "repeat", step: each.name }));
       head.append(button);
