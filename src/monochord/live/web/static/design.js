@@ -15,8 +15,8 @@ const STRING = [
 const TASK = [
   ["range", "Sensing range", "mm", 1e3, 10, 600, 1],
   ["most", "Largest press", "N", 1, 0.2, 10, 0.1],
-  ["force_resolution", "Force, to", "N", 1, 0.01, 1, 0.01],
-  ["resolution", "Position, to", "mm", 1e3, 0.05, 5, 0.05],
+  ["force_resolution", "Force wanted to", "N", 1, 0.01, 1, 0.01],
+  ["resolution", "Position wanted to", "mm", 1e3, 0.05, 5, 0.05],
   ["room", "Room for other strings", "mm", 1e3, 100, 700, 1],
 ];
 const OTHERS = [
