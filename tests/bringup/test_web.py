@@ -204,6 +204,33 @@ def test_a_lost_device_is_said_and_the_step_is_asked_again() -> None:
         run.wait(step="pluck", phase="ready", error="")
 
 
+def test_a_device_that_is_missing_between_the_steps_is_said_until_it_is_heard() -> None:
+    class Missing(Hum):
+        plugged_in = False
+
+        def listen(self, ended: threading.Event) -> None:
+            if not self.plugged_in:
+                raise DeviceError("no device 'USB Audio'")
+            super().listen(ended)
+
+    source = Missing()
+    with running(source) as run:
+        run.wait(step="quiet", phase="ready", error="no device 'USB Audio'")
+        source.plugged_in = True
+        run.wait(step="quiet", phase="ready", error="")
+
+
+def test_files_that_cannot_be_written_are_said_and_still_downloaded(tmp_path: Path) -> None:
+    with running(Simulated(), tmp_path / "gone" / "mine.toml") as run:
+        run.wait(step="quiet", phase="ready")
+        run.send("record", "quiet")
+        run.wait(step="pluck", phase="ready")
+        run.send("end", "pluck")
+        state = run.wait(phase="done", paths=[])
+        assert "mine.html" in state["error"]
+        assert get(run.server, "/report.html").status == 200
+
+
 def test_the_meter_shows_what_is_heard_between_the_steps() -> None:
     with running(Hum()) as run:
         while not run.meter.get("levels"):

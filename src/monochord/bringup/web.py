@@ -129,9 +129,13 @@ class BringUpPage:
             self._number += 1
 
     def save(self) -> None:
-        """Write the files of the bring-up so far."""
+        """Write the files of the bring-up so far; a folder that is gone or full is said on the page."""
         if self._write is not None and self._result is not None:
-            paths = self._write(self._result)
+            try:
+                paths = self._write(self._result)
+            except MonochordError as error:
+                self.say(error)
+                return
             with self._lock:
                 self._paths = [str(path) for path in paths if path is not None]
                 self._number += 1
