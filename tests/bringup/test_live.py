@@ -1,14 +1,18 @@
 """A bring-up over a real JACK server: each step is played by another client and captured in real time."""
 
+import threading
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import psutil
 import pytest
 import soundfile
+from tests.waiting import wait_for
 
-from monochord.bringup import STEPS, Live, Step, Virtual, bring_up
+from monochord.bringup import STEPS, BringUp, Guide, Live, Step, Virtual, bring_up
+from monochord.bringup.web import BringUpPage
 from monochord.capture.jack.server import JackServer
 from monochord.capture.sources import SOURCES
 from monochord.physics.sensors import load_sensor
@@ -30,18 +34,52 @@ def test_a_sensor_is_brought_up_through_a_real_server(
         longer = virtual.take(replace(step, seconds=step.seconds + 0.5))
         soundfile.write(tmp_path / f"{step.name}.wav", longer.samples.T, longer.sample_rate)
 
-    def prompt(step: Step) -> None:
-        for player in players:
-            player.terminate()
-            player.wait(10.0)
-        players[:] = [play(tmp_path / f"{step.name}.wav")]
+    seen: list[int] = []
+
+    class Playing(Guide):
+        def choose(self, step: Step | None, result: BringUp | None) -> str:
+            for player in players:
+                player.terminate()
+                player.wait(10.0)
+            players[:] = [play(tmp_path / f"{step.name}.wav")] if step else []
+            return super().choose(step, result)
+
+        def show(self, result: BringUp) -> None:
+            seen.append(len(result.takes))
 
     options = {"ports": "player:out_1,player:out_2", "server": jack_server.name, "client_name": "doctor"}
-    seen: list[int] = []
-    live = Live(source=SOURCES.build("jack", options), name="jack", prompt=prompt)
-    result = bring_up("prototype", live, steps, after=lambda part: seen.append(len(part.takes)))
+    live = Live(source=SOURCES.build("jack", options), name="jack")
+    result = bring_up("prototype", live, steps, Playing())
     assert result.faults == ()
     assert seen == list(range(1, len(steps) + 1))
     assert result.pluck
     assert result.pluck.frequency == pytest.approx(1020.2, rel=2e-3)
     assert all(take.elapsed for take in result.takes.values())
+
+
+@pytest.mark.slow
+@pytest.mark.jack
+@pytest.mark.real_time
+def test_a_page_hears_a_real_server_between_the_steps(
+    jack_server: JackServer, play: Callable[..., psutil.Process], tmp_path: Path
+) -> None:
+    tone = 0.1 * np.sin(2 * np.pi * 1000.0 * np.arange(120 * 44100) / 44100)
+    soundfile.write(tmp_path / "tone.wav", np.stack([tone, 0.1 * tone], axis=1), 44100, subtype="FLOAT")
+    play(tmp_path / "tone.wav")
+    options = {"ports": "player:out_1,player:out_2", "server": jack_server.name, "client_name": "doctor"}
+    page = BringUpPage("prototype", STEPS)
+    live = Live(source=SOURCES.build("jack", options), name="jack", heard=page.heard)
+    for _ in range(2):
+        ended = threading.Event()
+        thread = threading.Thread(target=live.listen, args=(ended,))
+        thread.start()
+        wait_for(lambda: page.meter()["levels"], 60.0)
+        levels = page.meter()["levels"]
+        ended.set()
+        thread.join(30.0)
+        assert not thread.is_alive()
+        assert [rms for rms, _ in levels] == pytest.approx([-23.0, -43.0], abs=1.0)
+        before = page.meter()["seconds"]
+        take = live.take(replace(STEPS[0], seconds=1.0))
+        assert take.samples.shape[1] >= 44100
+        assert page.meter()["seconds"] == pytest.approx(before + 1.0, abs=0.15)

@@ -1,3 +1,4 @@
+import io
 import json
 from pathlib import Path
 
@@ -84,6 +85,26 @@ def test_the_status_is_1_if_a_check_fails(
         soundfile.write(tmp_path / file.name, samples * [1.0, 0.0], rate, subtype="FLOAT")
     assert run(["doctor", "--sensor", "prototype", "--recordings", str(tmp_path)]) == 1
     assert "1 fault(s): microphone 2 dead" in capsys.readouterr().out.splitlines()
+
+
+def test_a_step_is_skipped_and_another_repeated_at_the_terminal(
+    takes: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    answers = [
+        "",
+        "s",
+        "r",
+        "",
+        *"ssssss",
+    ]  # quiet; no pluck; quiet again, before the tap; none of the others
+    monkeypatch.setattr("sys.stdin", io.StringIO("\n".join([*answers, ""])))
+    words = ["--source", "wav", "--set", f"source.path={takes / 'quiet.wav'}"]
+    assert run(["doctor", "--sensor", "prototype", *words]) == 0
+    printed = capsys.readouterr()
+    asked = [line.split(" ")[0] for line in printed.err.splitlines() if " s): " in line]
+    assert asked == ["quiet", "pluck", "tap", "quiet", "tap", *(step.name for step in STEPS[3:])]
+    assert printed.err.count("recording ...") == 2
+    assert printed.out.count("hum of microphone 1") == 1  # what has not changed is not printed again
 
 
 def test_the_virtual_sensor_needs_no_hands(capsys: pytest.CaptureFixture[str]) -> None:

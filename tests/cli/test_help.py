@@ -15,8 +15,10 @@ from tests.cli.conftest import Take
 from monochord import cli
 from monochord.physics.twin.virtual_sensor import VirtualSensor
 
-OTHER_MEANS = ("--instrument", "--device", "tune --sensor", "left=", "weights", "bench", "collect small")
-"""Words of examples that need a device, a download or minutes: these are parsed, not run."""
+OTHER_MEANS = (
+    "--instrument", "--device", "--web", "tune --sensor", "left=", "weights", "bench", "collect small",
+)  # fmt: skip
+"""Words of examples that need a device, a person, a download or minutes: these are parsed, not run."""
 UNENDING = ("monochord demo", "monochord live demo --source twin", "--estimator closed_form")
 """Ends of examples that run until Control-C."""
 

@@ -1,10 +1,11 @@
-"""Take the documentation's pictures of the page and of the live view: ``python -m tests.e2e.pictures``.
+"""Take the documentation's pictures of the pages and of the live view: ``python -m tests.e2e.pictures``.
 
 A quiet machine skips no windows, and shows none skipped.
 """
 
 import base64
 import re
+import subprocess
 import sys
 import tempfile
 import time
@@ -18,7 +19,10 @@ from rich.text import Text
 from tests.e2e.browser import Page, opened
 from tests.e2e.test_web import READY, String, demonstration, on_a_terminal
 
+from monochord.live.web.server import Server
+
 FIGURES = Path(__file__).parents[2] / "docs" / "figures"
+PATIENCE = 240.0  # seconds; for a sweep, and for kernels that are compiled first
 SETTLED = 8.0  # seconds; the history is to show something
 COLUMNS, ROWS = 84, 26
 INTO_A_SLIDE = 3  # pictures in a row in which truth and estimate both say that the touch slides
@@ -67,6 +71,62 @@ def of_the_page(address: str) -> None:
         page.wait("monochord.moment.truth.contact === 0")
         slide(page)
         page.picture(FIGURES / "page_phone.png")
+
+
+def of_the_design() -> None:
+    """Take a picture of the design's sliders and figures in light, and of its charts in dark."""
+    with Server(home="design") as server, opened(f"{server.address}design#tension=40&gap=2") as page:
+        page.size(1200, 900)
+        page.scheme("light")
+        page.wait("window.monochord?.own && monochord.advice && !monochord.busy ? 1 : 0", PATIENCE)
+        bottom = "document.querySelector('[aria-labelledby=advice-title]').getBoundingClientRect().bottom"
+        page.size(1200, round(page.ask(bottom)) + 16)
+        page.picture(FIGURES / "design_light.png")
+        page.scheme("dark")
+        page.size(1200, 900)
+        page.ask("document.getElementById('charts-title').scrollIntoView()")
+        time.sleep(0.5)
+        page.picture(FIGURES / "design_dark.png")
+
+
+def of_the_bring_up() -> None:
+    """Take a picture of the bring-up of a simulated sensor in the middle in light, and of its end in dark."""
+    words = [
+        "doctor",
+        "--sensor",
+        "prototype",
+        "--source",
+        "twin",
+        "--web",
+        "--no-browser",
+        "--out",
+        "mine.toml",
+    ]
+    command = [sys.executable, "-m", "monochord", *words]
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, text=True) as process,
+    ):
+        assert process.stdout is not None
+        with opened(process.stdout.readline().split()[1]) as page:
+            page.size(1200, 880)
+            page.scheme("light")
+            for name in ("quiet", "pluck", "tap", "driver_1", "driver_2", "both", "press", "damped"):
+                page.wait(
+                    f"window.monochord?.state?.step === '{name}' && monochord.state.phase === 'ready'",
+                    PATIENCE,
+                )
+                page.ask("document.getElementById('record').click()")
+                page.wait("monochord.state.phase === 'recording'", PATIENCE)
+                if name == "driver_1":
+                    time.sleep(3.0)
+                    page.picture(FIGURES / "bring_up_light.png")
+            page.wait("monochord.state.phase === 'done' && monochord.state.paths.length", PATIENCE)
+            page.scheme("dark")
+            page.size(1200, 760)
+            time.sleep(0.5)
+            page.picture(FIGURES / "bring_up_dark.png")
+        process.kill()
 
 
 def pictures_in(printed: str) -> Iterator[list[str]]:
@@ -122,8 +182,12 @@ def of_the_terminal() -> None:
 
 
 def main() -> None:
-    """Take all pictures, or those that are named: page, terminal."""
-    which = sys.argv[1:] or ["page", "terminal"]
+    """Take all pictures, or those that are named: page, terminal, design, bring-up."""
+    which = sys.argv[1:] or ["page", "terminal", "design", "bring-up"]
+    if "design" in which:
+        of_the_design()
+    if "bring-up" in which:
+        of_the_bring_up()
     if "terminal" in which:
         of_the_terminal()
     if "page" in which:

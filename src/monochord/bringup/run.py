@@ -1,6 +1,6 @@
 """Carries out a bring-up step by step, and writes what came of it."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Protocol
@@ -9,9 +9,12 @@ from monochord.bringup.check import Take
 from monochord.bringup.examine import BringUp, examine
 from monochord.bringup.page import page
 from monochord.bringup.steps import Step
-from monochord.core.errors import InputError
+from monochord.core.errors import InputError, MonochordError
 from monochord.core.files import replacing
 from monochord.physics.sensors import load_sensor, sensor_design
+
+RECORD, SKIP, END = "record", "skip", "end"
+"""What can be chosen before a step; the name of a step repeats that one first."""
 
 
 class Taking(Protocol):
@@ -22,14 +25,23 @@ class Taking(Protocol):
         ...
 
 
-def bring_up(
-    sensor: str,
-    source: Taking,
-    steps: Sequence[Step],
-    *,
-    after: Callable[[BringUp], None] = lambda _: None,
-) -> BringUp:
-    """Return the bring-up of a sensor, each step recorded from a source in turn.
+class Guide:
+    """Leads through the steps of a bring-up: this one records each in turn, others ask a person."""
+
+    def choose(self, step: Step | None, result: BringUp | None) -> str:  # noqa: ARG002
+        """Return `RECORD`, `SKIP`, `END` or a step's name; `step` is the next one, None after the last."""
+        return RECORD if step else END
+
+    def show(self, result: BringUp) -> None:
+        """Take the bring-up of the steps so far, after each."""
+
+    def failed(self, step: Step, error: MonochordError) -> None:  # noqa: ARG002
+        """Take the error of a step; the step is asked again if this returns."""
+        raise error
+
+
+def bring_up(sensor: str, source: Taking, steps: Sequence[Step], guide: Guide | None = None) -> BringUp:
+    """Return the bring-up of a sensor, its steps recorded from a source as a guide chooses.
 
     Parameters
     ----------
@@ -39,22 +51,37 @@ def bring_up(
         Where the sound comes from.
     steps
         What to do, in order.
-    after
-        Called after each step with the bring-up of the steps so far.
+    guide
+        What leads through the steps; by default each is recorded in turn.
 
     Raises
     ------
     InputError
-        If the sensor is unknown, or the source is not of two channels.
+        If the sensor is unknown, the source is not of two channels, or no step was recorded.
     DeviceError
         If a device is missing or lost.
     """
-    design = sensor_design(sensor)
+    design, guide = sensor_design(sensor), guide or Guide()
     loaded, takes, result = load_sensor(design), dict[str, Take](), None
-    for step in steps:
-        takes[step.name] = source.take(step)
-        result = examine(design, loaded, dict(takes), time=_now())
-        after(result)
+    named, waiting = {step.name: step for step in steps}, list(steps)
+    while True:
+        step = waiting[0] if waiting else None
+        choice = guide.choose(step, result)
+        if choice in named:
+            waiting = [named[choice], *(each for each in waiting if each.name != choice)]
+            continue
+        if step is None or choice == END:
+            break
+        if choice == RECORD:
+            try:
+                own = takes | {step.name: source.take(step)}
+                result = examine(design, loaded, own, time=_now())
+            except MonochordError as error:
+                guide.failed(step, error)
+                continue
+            takes = own
+            guide.show(result)
+        waiting.pop(0)
     if result is None:
         raise InputError("no step", "one or more")
     return result

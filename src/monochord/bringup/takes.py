@@ -2,8 +2,10 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
+from threading import Event, Thread
+from typing import TypeAlias
 
 import numpy as np
 
@@ -13,9 +15,15 @@ from monochord.bringup.steps import LOOPBACK, Step
 from monochord.capture.sources import SOURCES
 from monochord.capture.sources.base import Source
 from monochord.core.errors import InputError
+from monochord.core.types import Audio
+from monochord.core.units import Seconds
 from monochord.physics.twin import Sensor
 
 SUFFIXES = ".wav", ".flac"
+PLAYED: Seconds = 0.05
+"""Length in s of the pieces in which a simulated step is heard."""
+Heard: TypeAlias = Callable[[Audio, int], None]
+"""Gets sound as it comes, (2, n), with its sample rate."""
 
 
 def recordings(folder: Path, steps: tuple[Step, ...]) -> dict[str, Take]:
@@ -40,8 +48,12 @@ def recordings(folder: Path, steps: tuple[Step, ...]) -> dict[str, Take]:
     return takes
 
 
-def record(source: Source, seconds: float, name: str, *, started: Callable[[], None] = lambda: None) -> Take:
-    """Return the sound of a source over some seconds, or until it ends; `started` is called once it is open.
+def unheard(samples: Audio, sample_rate: int) -> None:
+    """Pass over sound."""
+
+
+def record(source: Source, seconds: float, name: str, *, heard: Heard = unheard) -> Take:
+    """Return the sound of a source over some seconds, or until it ends; `heard` gets each block as it comes.
 
     Raises
     ------
@@ -55,7 +67,6 @@ def record(source: Source, seconds: float, name: str, *, started: Callable[[], N
         signal = stream.signal
         if signal.channels != 2:
             raise InputError(f"{name} with {signal.channels} channel(s)", "2: one for each microphone")
-        started()
         wanted, frames, dropped = seconds * signal.sample_rate, 0, 0
         begin = end = time.monotonic()
         for block in stream:
@@ -65,6 +76,7 @@ def record(source: Source, seconds: float, name: str, *, started: Callable[[], N
             else:
                 dropped += block.dropped
             blocks.append(block.samples)
+            heard(block.samples, signal.sample_rate)
             frames += block.samples.shape[1]
             if frames + dropped >= wanted:
                 break
@@ -80,28 +92,47 @@ def record(source: Source, seconds: float, name: str, *, started: Callable[[], N
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Live:
-    """A live source, opened anew for each step; `prompt` is called before, `started` once it records."""
+    """A live source, opened anew for each step; `heard` gets its sound as it comes."""
 
     source: Source
     name: str
-    prompt: Callable[[Step], None] = lambda _: None
-    started: Callable[[], None] = field(default=lambda: None)
+    heard: Heard = unheard
 
     def take(self, step: Step) -> Take:
         """Record one step."""
-        self.prompt(step)
-        return record(self.source, step.seconds, self.name, started=self.started)
+        return record(self.source, step.seconds, self.name, heard=self.heard)
+
+    def listen(self, ended: Event) -> None:
+        """Pass on what is heard until an event; raises `DeviceError` for a device that is missing or lost."""
+        with self.source.open() as stream:
+            Thread(target=lambda: (ended.wait(), stream.close()), daemon=True).start()
+            for block in stream:
+                if ended.is_set():
+                    return
+                self.heard(block.samples, stream.signal.sample_rate)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Virtual:
-    """The virtual sensor, on which every step carries itself out."""
+    """The virtual sensor, on which every step carries itself out.
+
+    `heard` gets the sound of a step at its own pace, as from a live source; without it a step takes no time.
+    """
 
     sensor: Sensor
     seed: int = 0
     sample_rate: int = 44100
+    heard: Heard | None = None
 
     def take(self, step: Step) -> Take:
         """Simulate one step."""
         samples = rehearse(self.sensor, step.name, step.seconds, seed=self.seed, sample_rate=self.sample_rate)
+        if self.heard:
+            size = round(PLAYED * self.sample_rate)
+            for start in range(0, samples.shape[1], size):
+                self.heard(samples[:, start : start + size], self.sample_rate)
+                time.sleep(PLAYED)
         return Take(samples=samples, sample_rate=self.sample_rate, source="twin")
+
+    def listen(self, ended: Event) -> None:
+        """Return at once: nothing is heard between the steps."""

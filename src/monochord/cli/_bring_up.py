@@ -2,13 +2,16 @@
 
 import json
 import time
-from collections.abc import Callable
 from typing import Any
 
 import click
 
 from monochord.bringup import (
+    END,
+    RECORD,
+    SKIP,
     BringUp,
+    Guide,
     Live,
     Step,
     Virtual,
@@ -20,6 +23,7 @@ from monochord.bringup import (
     write,
 )
 from monochord.bringup.page import rows
+from monochord.bringup.takes import Heard, unheard
 from monochord.capture.sources import SOURCES
 from monochord.cli._options import first_field, put_source, refuse_unwritable, refuse_without
 from monochord.cli._output import echo
@@ -63,52 +67,87 @@ def bring_up_sensor(options: dict[str, Any], *, as_json: bool) -> int:
 def _brought_up(options: dict[str, Any], *, quiet: bool) -> BringUp:
     """Carry out the steps on the recordings or the source in the options; print each check unless `quiet`."""
     sensor, folder = options["sensor"], options["folder"]
-    show = (lambda _: None) if quiet else _shower()
-    todo = steps(options["drift"] or 0.0)
+    todo, guide = steps(options["drift"] or 0.0), _Terminal(waits=not options["yes"], quiet=quiet)
     if folder is not None:
         refuse_without(
             "--source, --device or --rate with --recordings", "only one", "source", "device", "rate"
         )
         result = from_recordings(sensor, recordings(folder, todo))
-        show(result)
+        guide.show(result)
         return result
+    if options["web"]:
+        return _on_the_page(options, todo)
+    source = _source_of(options)
+    return bring_up(sensor, source, todo, guide if isinstance(source, Live) else _Unasked(quiet=quiet))
+
+
+def _source_of(options: dict[str, Any], heard: Heard | None = None) -> Live | Virtual:
+    """Return the source in the options; `heard` gets its sound as it comes."""
     tree: Tree = {"sinks": {}}
     put_source(tree, options)
     source = LiveRun.read(override(tree, options["assignments"])).source
     if (name := SOURCES.name_of(source)) == "twin":
         built: Any = source
-        virtual = sensor_of(load_sensor(sensor), built.world, build=built.build, day=built.day)
-        taking: Any = Virtual(sensor=virtual, seed=built.seed, sample_rate=built.sample_rate)
-    else:
-        opened = getattr(source, first_field(SOURCES, name)) or "first two inputs"
-        taking = Live(
-            source=source,
-            name=f"{name} {opened}",
-            prompt=lambda step: _prompt(step, waits=not options["yes"]),
-        )
-    return bring_up(sensor, taking, todo, after=show)
+        world = sensor_of(load_sensor(options["sensor"]), built.world, build=built.build, day=built.day)
+        return Virtual(sensor=world, seed=built.seed, sample_rate=built.sample_rate, heard=heard)
+    opened = getattr(source, first_field(SOURCES, name)) or "first two inputs"
+    return Live(source=source, name=f"{name} {opened}", heard=heard or unheard)
 
 
-def _prompt(step: Step, *, waits: bool) -> None:
-    """Say on standard error what to do, and wait for Enter or a while."""
-    echo("", f"{step.name} ({step.seconds:g} s): {step.instruction}", err=True)
-    if waits:
-        click.prompt("Enter to record", default="", show_default=False, prompt_suffix=" ", err=True)
-    else:
-        time.sleep(PAUSE)
-    echo("recording ...", err=True)
+def _on_the_page(options: dict[str, Any], todo: tuple[Step, ...]) -> BringUp:
+    """Carry out the steps as people choose on a page, and serve it until Control-C."""
+    from monochord.bringup.web import BringUpPage  # noqa: PLC0415  (loads a web server)
+    from monochord.live.web.serving import served  # noqa: PLC0415  (likewise)
+
+    out = options["out"]
+    page = BringUpPage(
+        options["sensor"], todo, write=None if out is None else lambda result: write(result, out)
+    )
+    source = _source_of(options, page.heard)
+    names, browser = options["allow_host"], not options["no_browser"]
+    with served(str(options["port"]), names=names, browser=browser, home=page.part.path, parts=(page.part,)):
+        return bring_up(options["sensor"], source, todo, page.guide(source))
 
 
-def _shower() -> Callable[[BringUp], None]:
-    """Return a function that prints the checks that are new or have changed since its last call."""
-    printed: dict[tuple[str, str], str] = {}
+class _Unasked(Guide):
+    """Prints the checks that are new or have changed since the last step."""
 
-    def show(result: BringUp) -> None:
+    def __init__(self, *, quiet: bool) -> None:
+        self._printed: dict[tuple[str, str], str] = {}
+        self._quiet = quiet
+
+    def show(self, result: BringUp) -> None:
+        """Print the checks."""
         for check in result.checks:
             text = f"{PASSED[check.passed]}  {check.name:<42}  {shown(check)}"
             known = check.step in result.takes or check.step == "loopback"
-            if known and printed.get((check.step, check.name)) != text:
-                printed[check.step, check.name] = text
+            if not self._quiet and known and self._printed.get((check.step, check.name)) != text:
+                self._printed[check.step, check.name] = text
                 echo(text)
 
-    return show
+
+class _Terminal(_Unasked):
+    """Says on standard error what to do, and waits for a key or a while."""
+
+    def __init__(self, *, waits: bool, quiet: bool) -> None:
+        super().__init__(quiet=quiet)
+        self._waits, self._last = waits, ""
+
+    def choose(self, step: Step | None, result: BringUp | None) -> str:  # noqa: ARG002
+        """Ask for the step."""
+        if step is None:
+            return END
+        echo("", f"{step.name} ({step.seconds:g} s): {step.instruction}", err=True)
+        choice = RECORD
+        if self._waits:
+            before = self._last if self._last != step.name else ""
+            others = {"s": SKIP} | ({"r": before} if before else {})
+            text = "Enter to record, s to skip" + (f", r to repeat {before}" if before else "")
+            given = click.prompt(text, default="", show_default=False, prompt_suffix=" ", err=True)
+            choice = others.get(given.strip().lower(), RECORD)
+        else:
+            time.sleep(PAUSE)
+        if choice == RECORD:
+            self._last = step.name
+            echo("recording ...", err=True)
+        return choice

@@ -96,6 +96,32 @@ def allow_host_option(command: F) -> F:
     )(command)
 
 
+PAGE_OPTIONS = "port", "allow_host", "no_browser"
+"""Parameters of `page_options` beside ``web``."""
+
+
+def page_options(text: str) -> Callable[[F], F]:
+    """Add ``--web``, with its help, and the options of the page's address."""
+
+    def add(command: F) -> F:
+        for option in (
+            click.option("--no-browser", is_flag=True, help="With --web: do not open a browser."),
+            allow_host_option,
+            click.option(
+                "--port",
+                type=click.IntRange(0, 65535),
+                default=0,
+                metavar="PORT",
+                help="With --web: port of the page; 0 picks a free one.",
+            ),
+            click.option("--web", is_flag=True, help=text),
+        ):
+            command = option(command)
+        return command
+
+    return add
+
+
 def source_options(command: F) -> F:
     """Add the options that name and configure a source."""
     for option in (

@@ -6,7 +6,14 @@ from typing import Any
 
 import click
 
-from monochord.cli._options import amount, completes, refuse_unwritable
+from monochord.cli._options import (
+    PAGE_OPTIONS,
+    amount,
+    completes,
+    page_options,
+    refuse_unwritable,
+    refuse_without,
+)
 from monochord.cli._output import echo
 from monochord.cli.figure import SUFFIXES
 from monochord.core.errors import InputError
@@ -77,8 +84,11 @@ def _wish(name: str, unit: str, text: str, **options: Any) -> Any:
 )
 @click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help="Sensor file to write.")
 @click.option("--force", is_flag=True, help="Overwrite the files if they exist.")
+@page_options("Open a page with sliders instead; wishes are set there.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
-def design(*, figure: Path | None, out: Path | None, force: bool, as_json: bool, **wishes: Any) -> None:
+def design(
+    *, figure: Path | None, out: Path | None, force: bool, as_json: bool, web: bool, **wishes: Any
+) -> None:
     """Design a sensor: its string, its tension, and what it can tell.
 
     Sweeps gauge, tension and length, computes for each the Cramer-Rao bounds of position and force, drift,
@@ -88,7 +98,22 @@ def design(*, figure: Path | None, out: Path | None, force: bool, as_json: bool,
     \b
     monochord design --range 0.1 --force-resolution 0.1 --figure design.png
     monochord design --gauge 0.254e-3 --tension 40 --gap 2e-3 --out sensor.toml
+    monochord design --web
     """  # noqa: D301
+    page = {name: wishes.pop(name) for name in PAGE_OPTIONS}
+    if web:
+        refuse_without(
+            "--web with wishes or files",
+            "a page alone; both are there",
+            *wishes,
+            "figure",
+            "out",
+            "force",
+            "as_json",
+        )
+        _serve(page)
+        return
+    refuse_without("an option of the page", "it has an effect with --web", *page)
     for path, suffixes in ((figure, SUFFIXES), (out, (".toml",))):
         if path is None:
             continue
@@ -110,3 +135,12 @@ def design(*, figure: Path | None, out: Path | None, force: bool, as_json: bool,
         echo(json.dumps({**result.tree(), **written}))
         return
     echo(*result.lines(), *(f"written to {path}" for path in written.values()))
+
+
+def _serve(page: dict[str, Any]) -> None:
+    """Serve the page of the design until Control-C."""
+    from monochord.live.web.serving import served, until_interrupted  # noqa: PLC0415  (loads a web server)
+
+    names, browser = page["allow_host"], not page["no_browser"]
+    with served(str(page["port"]), names=names, browser=browser, home="design"):
+        until_interrupted()

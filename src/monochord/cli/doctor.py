@@ -10,7 +10,15 @@ import click
 from monochord.capture.jack.machine import MISSING, OK, Check, checks
 from monochord.cli._bring_up import PAUSE, bring_up_sensor
 from monochord.cli._compile import compile_kernels
-from monochord.cli._options import amount, refuse_without, sensor_option, set_option, source_options
+from monochord.cli._options import (
+    PAGE_OPTIONS,
+    amount,
+    page_options,
+    refuse_without,
+    sensor_option,
+    set_option,
+    source_options,
+)
 from monochord.cli._output import echo
 from monochord.evaluation import recordings
 
@@ -46,6 +54,7 @@ MARKS = {"ok": "ok     ", "warn": "warn   ", "missing": "missing"}
     help="With --sensor: sensor file to write, with a report.",
 )
 @click.option("--force", is_flag=True, help="Overwrite the file if it exists.")
+@page_options("With --sensor: lead through the steps on a page instead of the terminal.")
 @set_option("monochord list settings live")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def doctor(*, compiles: bool, as_json: bool, **options: Any) -> int:
@@ -61,8 +70,15 @@ def doctor(*, compiles: bool, as_json: bool, **options: Any) -> int:
     \b
     monochord doctor
     monochord doctor --sensor prototype --source twin --out mine.toml
+    monochord doctor --sensor prototype --source jack --web --out mine.toml
     """  # noqa: D301
+    if not (options["sensor"] and options["web"]):
+        refuse_without(
+            "an option of the page", "it has an effect with --sensor and --web", "web", *PAGE_OPTIONS
+        )
     if options["sensor"]:
+        if options["web"]:
+            refuse_without("--recordings, --yes or --json with --web", "only one", "folder", "yes", "as_json")
         return bring_up_sensor(options, as_json=as_json)
     refuse_without(
         "an option of a sensor's bring-up", "it has an effect with --sensor",

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from monochord.core.config import from_tree
+from monochord.core.errors import InputError
 from monochord.core.types import Contact
 from monochord.front.design_figure import drawn
 from monochord.physics.design import (
@@ -92,6 +93,12 @@ class StringDesign:
         return tuple(front)
 
     @property
+    def squeal(self) -> str:
+        """Whether the string squeals at the wished gap, as the words that follow "it"."""
+        near = self.chosen.clearance / self.wishes.gap
+        return "squeals" if near > 1.0 else "is close to squealing" if near > 0.9 else "does not squeal"
+
+    @property
     def frames(self) -> dict[str, tuple[float, float]]:
         """By frame: drift in cents a kelvin, and the force in N that a kelvin reads as at 1 N."""
         string, wire = self.chosen.string, WIRES[self.wishes.wire]
@@ -124,8 +131,6 @@ class StringDesign:
             if able
             else f"No string of the {count} in the sweep meets every wish; this one lacks {lacks}."
         )
-        near = one.clearance / wishes.gap
-        squeal = "squeals" if near > 1.0 else "is close to squealing" if near > 0.9 else "does not squeal"
         build = (
             f"{gauge:.3f} mm {wire}, {1e3 * string.length:.0f} mm between the ends, {string.tension:.0f} N"
         )
@@ -141,7 +146,7 @@ class StringDesign:
             *(_at(each, wishes) for each in self.compared),
             self._drifts(),
             f"The string swings by {swing}. {most} at an end of the range bring it {sag} nearer to a pole.",
-            f"At a gap of {gap} it {squeal}. The swing raises the pitch by {glide:.1f} cents.",
+            f"At a gap of {gap} it {self.squeal}. The swing raises the pitch by {glide:.1f} cents.",
             f"Under {most} the wire bears {stress:.0f} MPa, {one.stress_share:.0%} of its strength.",
         ]
 
@@ -258,6 +263,28 @@ def design(**wishes: Any) -> StringDesign:
         candidate(wanted, chosen.string.core_diameter, tension, chosen.string.length) for tension in COMPARED
     )
     return StringDesign(wishes=wanted, chosen=chosen, candidates=tuple(candidates), compared=compared)
+
+
+def design_string(wishes: Wishes) -> StringDesign:
+    """Return the design of one string: the gauge, tension and whole length of the wishes, without a sweep.
+
+    Raises
+    ------
+    InputError
+        If gauge or tension is missing, or the wire breaks.
+
+    Examples
+    --------
+    >>> made = design_string(Wishes(gauge=0.254e-3, tension=40.0))
+    >>> round(made.chosen.frequency), made.squeal
+    (793, 'squeals')
+    """
+    gauge, tension = wishes.gauge, wishes.tension
+    if gauge is None or tension is None:
+        raise InputError("a string without gauge or tension", "both")
+    holds = tension / (np.pi * gauge**2 / 4.0) < WIRES[wishes.wire].strength
+    chosen = recommended(wishes, [candidate(wishes, gauge, tension, wishes.length)] if holds else [])
+    return StringDesign(wishes=wishes, chosen=chosen, candidates=(chosen,), compared=())
 
 
 def _unsafe(one: Candidate) -> bool:

@@ -122,9 +122,9 @@ class Wishes(Checked):
             given = f"a range of {self.range:g} m on a string of {self.length:g} m"
             expected = f"{max(self.length - 2.0 * COIL_ROOM, 0.0):.3g} m or less"
             raise InputError(given, expected, "coils need 45 mm at either end: make the string longer")
-        if not 0.0 < self.forces[0] < self.forces[1] <= 10.0:
+        if not 1e-4 <= self.forces[0] < self.forces[1] <= 10.0:
             raise InputError(
-                f"forces {self.forces[0]:g} to {self.forces[1]:g} N", "0 < least < largest <= 10"
+                f"forces {self.forces[0]:g} to {self.forces[1]:g} N", "1e-4 <= least < largest <= 10"
             )
         for kind, name, known in (("wire", self.wire, WIRES), ("frame", self.frame, FRAMES)):
             if name not in known:

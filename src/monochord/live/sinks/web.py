@@ -1,28 +1,18 @@
 """A browser page of the run, in which a simulated string can be touched."""
 
-import os
-import secrets
-import sys
-import webbrowser
 from collections.abc import Generator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from monochord.capture.address import is_port, resolved
 from monochord.capture.recording.settings import of_sensor
-from monochord.core.errors import InputError
 from monochord.core.units import Metres
 from monochord.live.sinks.base import Run, Sink, Update, Writer
 from monochord.live.sinks.terminal import DEFAULT_LENGTH
-from monochord.live.web.access import is_loopback
 
 if TYPE_CHECKING:
     from monochord.live.web.server import Server
-
-RESOLVING = 5.0
-"""Timeout for resolving a local address, in s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,25 +76,17 @@ class Web(Sink):
     @contextmanager
     def served(self, *, to_stderr: bool) -> Generator["Server"]:
         """Run the server and print its address."""
-        with self._server() as server:
-            opened = self.browser and _has_display() and webbrowser.open(server.address)
-            hint = "" if opened or not self.browser else "  (open it in a browser)"
-            file = sys.stderr if to_stderr else sys.stdout
-            file.write(f"page: {server.address}{hint}\n")
-            file.flush()
+        from monochord.live.web.serving import served  # noqa: PLC0415  (loads a web server)
+
+        with served(
+            self.at,
+            token=self.token,
+            names=self.allow_host,
+            browser=self.browser,
+            to_stderr=to_stderr,
+            first=self.string,
+        ) as server:
             yield server
-
-    def _server(self) -> "Server":
-        from monochord.live.web.server import Server  # noqa: PLC0415  (loads a web server)
-
-        host, _, port = self.at.rpartition(":")
-        if not is_port(port, lowest=0):
-            raise InputError(f"address '{self.at}'", "HOST:PORT, or PORT of this machine")
-        host = host.strip("[]") or "127.0.0.1"
-        address = host if ":" in host else resolved(host, RESOLVING)
-        is_alone = is_loopback(address) and not self.allow_host
-        token = self.token or ("" if is_alone else secrets.token_urlsafe(16))
-        return Server(address, int(port), token, first=self.string, names=self.allow_host)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,9 +128,3 @@ class _Views(Writer):
 
     def write(self, update: Update) -> None:
         self._views[update.string].write(update)
-
-
-def _has_display() -> bool:
-    """Return whether a browser opened here is visible to the user at the terminal."""
-    remote = any(name in os.environ for name in ("SSH_CONNECTION", "SSH_TTY"))
-    return sys.stdout.isatty() and not remote and any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY")))

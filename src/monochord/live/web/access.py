@@ -302,7 +302,9 @@ def _network(address: str) -> str:
 def _with_headers(send: Send, more: Headers) -> Send:
     async def sending(message: MutableMapping[str, Any]) -> None:
         if message["type"] in ("http.response.start", "websocket.accept"):
-            message = {**message, "headers": [*message.get("headers", []), *more]}
+            own = message.get("headers", [])
+            names = {name for name, _ in own}  # a report has its own policy
+            message = {**message, "headers": [*own, *(each for each in more if each[0] not in names)]}
         await send(message)
 
     return sending

@@ -14,9 +14,10 @@ import threading
 import time
 from bisect import bisect_right
 from collections import deque
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from functools import partial
 from importlib.resources import files
 from pathlib import Path
 from types import TracebackType
@@ -26,8 +27,8 @@ from urllib.parse import quote
 import uvicorn
 from starlette.applications import Starlette
 from starlette.requests import Request
-from starlette.responses import Response
-from starlette.routing import Route, WebSocketRoute
+from starlette.responses import RedirectResponse, Response
+from starlette.routing import BaseRoute, Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from monochord.capture.sources.base import Controls
@@ -39,6 +40,7 @@ from monochord.live.sinks.base import Update, Writer
 from monochord.live.web import messages
 from monochord.live.web.access import Guard, page_name
 from monochord.live.web.connections import Connections, share_of_descriptors
+from monochord.live.web.design import Designer
 from monochord.live.web.guided import NOTHING, Bench
 
 PORTS = range(8420, 8440)
@@ -74,11 +76,26 @@ PAGE = {
         for name in (
             "page.css", "page.js", "state.js", "string.js", "spectrum.js", "history.js", "numbers.js",
             "touch.js", "tasks.js", "label.js", "strings.js", "sections.js", "icon.svg",
-            "uplot/uPlot.iife.min.js", "uplot/uPlot.min.css",
+            "uplot/uPlot.iife.min.js", "uplot/uPlot.min.css", "theme.js", "plot.js", "design.js",
         )
     },
+    "/design": "design.html",
 }  # fmt: skip
 """Files of the page by path; no other file is served."""
+TABS = b"<!--tabs-->"
+"""Where a page's file has the links to the server's pages."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Part:
+    """A further page of the server: its path, the label of its tab, and its routes.
+
+    `routes` gets a function that adds the tabs to the page's file.
+    """
+
+    path: str
+    title: str
+    routes: Callable[[Callable[[bytes], bytes]], Sequence[BaseRoute]]
 
 
 class Server:
@@ -94,6 +111,10 @@ class Server:
         With several strings, the string a page shows at first; empty for the first string.
     names
         Further host names of the page, each NAME or NAME:PORT.
+    home
+        Path of the page that opens where no run is shown, such as ``design``; empty for a run.
+    parts
+        Further pages.
 
     Raises
     ------
@@ -111,6 +132,8 @@ class Server:
         *,
         first: str = "",
         names: Sequence[str] = (),
+        home: str = "",
+        parts: Sequence[Part] = (),
     ) -> None:
         names = tuple(map(page_name, names))
         self._host, self._socket = host, _bound(host, port)
@@ -121,11 +144,22 @@ class Server:
         self._max_clients = share_of_descriptors(4, MAX_CLIENTS)
         self._everywhere = ipaddress.ip_address(bound).is_unspecified
         self._stage = _Stage(first=first)
-        files_ = {path: _file(name) for path, name in PAGE.items()}
+        self._designer = Designer()
+        tabs = {} if home else {"": "Live"}
+        self._tabs = tabs | {part.path: part.title for part in parts} | {"design": "Design"}
+        self._home = home
+        routes = [route for part in parts for route in part.routes(partial(self._tabbed, part.path))]
+        files_ = {path: _file(name) for path, name in PAGE.items() if path != "/" or not home}
         app = Starlette(
             routes=[
-                *(Route(path, _serving(*file)) for path, file in files_.items()),
+                *(
+                    Route(path, _serving(self._tabbed(path[1:], each), kind))
+                    for path, (each, kind) in files_.items()
+                ),
+                Route("/", lambda _: RedirectResponse(home, 303)),
+                Route("/design", self._designer.respond, methods=["POST"]),
                 WebSocketRoute("/live", self._live),
+                *routes,
             ]
         )
         config = uvicorn.Config(
@@ -177,6 +211,15 @@ class Server:
             "errors": connections.errors,
         }
 
+    def _tabbed(self, path: str, content: bytes) -> bytes:
+        """Return a page's file with the links to all pages."""
+        current = {path: ' aria-current="page"'}
+        links = (
+            f'<a href="{each or "./"}"{current.get(each, "")}>{title}</a>'
+            for each, title in self._tabs.items()
+        )
+        return content.replace(TABS, "".join(links).encode())
+
     @contextmanager
     def show(
         self,
@@ -214,6 +257,7 @@ class Server:
             for task in (pace, taking):
                 task.cancel()
             await asyncio.gather(pace, taking, return_exceptions=True)
+            await self._designer.close()
 
     def _protocol(self, state: dict[str, Any]) -> asyncio.Protocol:
         """Return uvicorn's protocol for a connection."""

@@ -3,11 +3,12 @@
 import { History } from "./history.js";
 import { facts, showEvents, showNotes, showNumbers, showPitch, showStream, speak } from "./numbers.js";
 import { Spectra } from "./spectrum.js";
-import { brief, explain, explainRun, foldSections, keep, kept } from "./sections.js";
+import { brief, explain, explainRun, foldSections } from "./sections.js";
 import { Connection, span } from "./state.js";
 import { StringView } from "./string.js";
 import { Strings } from "./strings.js";
 import { Tasks } from "./tasks.js";
+import { colours, themed } from "./theme.js";
 import { Hand, showSettings } from "./touch.js";
 
 const element = (id) => document.getElementById(id);
@@ -156,28 +157,11 @@ function latency(latencies) {
   canvas.setAttribute("aria-label", `Histogram of ${latencies.count} latencies: median ${ms(latencies.p50)}, 99 % below ${ms(latencies.p99)}`);
 }
 
-function colours() {
-  const style = getComputedStyle(document.documentElement);
-  const names = ["ink", "muted", "line", "estimate", "spread", "truth", "hand", "string", "swing", "mark", "surface", "range"];
-  return Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
-}
-
 function recolour() {
   colour = colours();
   if (run) history_.build(colour);
 }
-
-const dark = matchMedia("(prefers-color-scheme: dark)");
-const root = document.documentElement;
-if (kept("theme")) root.dataset.theme = kept("theme");
-recolour();
-dark.addEventListener("change", recolour);
-element("theme").addEventListener("click", () => {
-  const now = root.dataset.theme ?? (dark.matches ? "dark" : "light");
-  root.dataset.theme = now === "dark" ? "light" : "dark";
-  keep("theme", root.dataset.theme);
-  recolour();
-});
+themed(recolour);
 
 // What a test or a curious person may ask of the page in the console.
 window.monochord = { get moment() { return moment; }, get run() { return run; }, counts, view, spectra, history: history_, send };

@@ -1,0 +1,336 @@
+"""The page of a bring-up: what to do, what is heard, and the checks, in any number of browsers."""
+
+import asyncio
+import threading
+from collections.abc import Callable, Generator, Sequence
+from contextlib import contextmanager, suppress
+from importlib.resources import files
+from pathlib import Path
+from queue import SimpleQueue
+from typing import Any, Literal, Protocol
+
+import msgspec
+import numpy as np
+from starlette.requests import Request
+from starlette.responses import PlainTextResponse, Response
+from starlette.routing import BaseRoute, Route, WebSocketRoute
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from monochord.bringup.examine import BringUp, number
+from monochord.bringup.page import page
+from monochord.bringup.run import END, RECORD, SKIP, Guide, Taking
+from monochord.bringup.steps import Step
+from monochord.core.errors import MonochordError
+from monochord.core.types import Audio
+from monochord.core.units import Seconds
+from monochord.live.sinks._view import levels
+from monochord.live.web.messages import number as finite
+from monochord.live.web.messages import packed
+from monochord.live.web.server import Part
+
+METERED: Seconds = 0.05
+"""Length of sound behind each level of the meter, in s."""
+PACE: Seconds = 0.05
+"""Time between two messages to a page, in s."""
+RETRY: Seconds = 1.0
+"""Pause before a device that cannot be opened is tried again, in s."""
+MAX_PAGES = 32
+REPORT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
+"""What a report may do: it has its own styles, and no script."""
+
+
+class Command(msgspec.Struct, forbid_unknown_fields=True):
+    """What a page asks for. `step` is the step that it shows, or the one to go to."""
+
+    do: Literal["record", "skip", "repeat", "end"]
+    step: str = ""
+
+
+class Listening(Taking, Protocol):
+    """A source that is heard between the steps, too."""
+
+    def listen(self, ended: threading.Event) -> None:
+        """Pass on what is heard until an event; return at once where nothing is."""
+        ...
+
+
+class BringUpPage:
+    """The state that all pages of a bring-up show; its methods may be called from any thread.
+
+    Parameters
+    ----------
+    sensor
+        The sensor's name.
+    steps
+        The steps, in order.
+    write
+        Writes the files once the last step is done, and returns their paths; None for no files.
+    """
+
+    def __init__(
+        self,
+        sensor: str,
+        steps: Sequence[Step],
+        *,
+        write: Callable[[BringUp], Sequence[Path | None]] | None = None,
+    ) -> None:
+        self._steps, self._sensor, self._write = tuple(steps), sensor, write
+        self._commands: SimpleQueue[str] = SimpleQueue()
+        self._lock = threading.Lock()
+        self._phase: Literal["ready", "recording", "done"] = "ready"
+        self._step: Step | None = None
+        self._result: BringUp | None = None
+        self._skipped: set[str] = set()
+        self._error = self._silence = ""
+        self._paths = list[str]()
+        self._number = self._pages = 0
+        self._sound, self._heard, self._levels = list[Audio](), 0.0, list[list[float | None]]()
+        self.part = Part(path="bring-up", title="Bring-up", routes=self._routes)
+
+    def guide(self, source: Listening) -> Guide:
+        """Return the guide that asks this page; the source is heard while it waits."""
+        return _Asking(self, source)
+
+    def heard(self, samples: Audio, sample_rate: int) -> None:
+        """Take sound for the meter."""
+        if self._silence:
+            self.say_silent("")
+        self._sound.append(samples)
+        if sum(each.shape[1] for each in self._sound) < METERED * sample_rate:
+            return
+        sound = np.concatenate(self._sound, axis=1)
+        self._sound.clear()
+        self._levels = [[finite(each, 1) for each in levels(row)] for row in sound]
+        self._heard += sound.shape[1] / sample_rate
+
+    def ask(self, step: Step | None, result: BringUp | None) -> str:
+        """Show the next step, and return what a page chooses."""
+        with self._lock:
+            self._phase, self._step = "ready" if step else "done", step
+            self._number += 1
+        try:
+            choice = self._commands.get()
+        except KeyboardInterrupt:
+            if step is None and result is not None:  # all is done, and Control-C ends the page
+                return END
+            raise
+        with self._lock:
+            self._error, self._heard = "", 0.0
+            self._phase = "recording" if choice == RECORD else self._phase
+            if step and choice in (RECORD, SKIP):
+                (self._skipped.add if choice == SKIP else self._skipped.discard)(step.name)
+            self._number += 1
+        return choice
+
+    def show(self, result: BringUp) -> None:
+        """Show the bring-up of the steps so far."""
+        with self._lock:
+            self._result = result
+            self._number += 1
+
+    def save(self) -> None:
+        """Write the files of the bring-up so far; a folder that is gone or full is said on the page."""
+        if self._write is not None and self._result is not None:
+            try:
+                paths = self._write(self._result)
+            except MonochordError as error:
+                self.say(error)
+                return
+            with self._lock:
+                self._paths = [str(path) for path in paths if path is not None]
+                self._number += 1
+
+    def say(self, error: MonochordError) -> None:
+        """Show an error, until the next choice."""
+        with self._lock:
+            self._error = " ".join(str(error).split())
+            self._number += 1
+
+    def say_silent(self, why: str) -> None:
+        """Show why nothing is heard, until something is."""
+        with self._lock:
+            if why != self._silence:
+                self._silence = " ".join(why.split())
+                self._number += 1
+
+    def choose(self, text: str | bytes) -> str:
+        """Carry out a page's request; return why not as one line, empty where it is done."""
+        try:
+            command = msgspec.json.decode(text, type=Command)
+        except (msgspec.DecodeError, RecursionError, UnicodeError) as error:
+            return f"request: expected a JSON object with do and step ({error})"
+        with self._lock:
+            why = self._refusal(command)
+            if not why:
+                choices = {"record": RECORD, "skip": SKIP, "end": END, "repeat": command.step}
+                self._commands.put(choices[command.do])
+            return why
+
+    def _refusal(self, command: Command) -> str:
+        """Return why a command is not carried out now; empty where it is."""
+        own = self._step.name if self._step else None
+        if self._phase == "recording" or not self._commands.empty():
+            return "A step is being recorded. Wait until it ends."
+        if command.do == "repeat":
+            names = [each.name for each in self._steps]
+            return "" if command.step in names else f"Step '{command.step}': expected {', '.join(names)}."
+        if own is None:
+            return "All steps are done."
+        return "" if command.do == "end" or command.step == own else "Another page has gone on meanwhile."
+
+    def state(self) -> tuple[int, dict[str, Any]]:
+        """Return everything but the meter, and a number that changes with it."""
+        with self._lock:
+            result, step = self._result, self._step
+            known = {*result.takes, "loopback"} if result else set[str]()
+            checks = [check for check in result.checks if check.step in known] if result else []
+            failed = {check.step for check in checks if check.passed is False}
+            taken = set(result.takes) if result else set[str]()
+            status = {
+                each.name: "failed" if each.name in failed & taken
+                else "passed" if each.name in taken
+                else "skipped" if each.name in self._skipped
+                else "waiting"
+                for each in self._steps
+            }  # fmt: skip
+            return self._number, {
+                "type": "state",
+                "sensor": self._sensor,
+                "phase": self._phase,
+                "step": step.name if step else None,
+                "steps": [
+                    {
+                        "name": each.name,
+                        "instruction": each.instruction,
+                        "seconds": each.seconds,
+                        "status": status[each.name],
+                    }
+                    for each in self._steps
+                ],
+                "checks": [
+                    {
+                        "step": check.step,
+                        "name": check.name,
+                        "value": number(check),
+                        "passed": check.passed,
+                        "fault": check.fault,
+                        "advice": check.advice,
+                    }
+                    for check in checks
+                ],
+                "faults": list(result.faults) if result else [],
+                "error": self._error or self._silence,
+                "toml": bool(result and result.toml()),
+                "report": result is not None,
+                "paths": self._paths,
+            }
+
+    def meter(self) -> dict[str, Any]:
+        """Return the newest levels in dBFS, root mean square and peak, and the time recorded in s."""
+        return {"type": "meter", "levels": self._levels, "seconds": round(self._heard, 2)}
+
+    def _routes(self, tabbed: Callable[[bytes], bytes]) -> Sequence[BaseRoute]:
+        static = files("monochord.bringup").joinpath("static")
+        html = tabbed(static.joinpath("bring_up.html").read_bytes())
+        script = static.joinpath("bring_up.js").read_bytes()
+        return (
+            Route("/bring-up", lambda _: Response(html, media_type="text/html")),
+            Route("/static/bring_up.js", lambda _: Response(script, media_type="text/javascript")),
+            Route("/sensor.toml", self._toml),
+            Route("/report.html", self._report),
+            WebSocketRoute("/bring-up-live", self._live),
+        )
+
+    async def _toml(self, _: Request) -> Response:
+        text = self._result.toml() if self._result else None
+        if text is None:
+            return PlainTextResponse("There is no sensor file: the pitch is not measured.\n", 404)
+        headers = {"content-disposition": 'attachment; filename="mine.toml"'}
+        return Response(text, media_type="application/toml", headers=headers)
+
+    async def _report(self, _: Request) -> Response:
+        result = self._result
+        if result is None:
+            return PlainTextResponse("There is no report: no step is recorded.\n", 404)
+        html = await asyncio.to_thread(page, result)
+        return Response(html, media_type="text/html", headers={"content-security-policy": REPORT_POLICY})
+
+    async def _live(self, socket: WebSocket) -> None:
+        if self._pages >= MAX_PAGES:
+            await socket.close(1013, "too many pages are open")
+            return
+        await socket.accept()
+        self._pages += 1
+        sending = asyncio.create_task(self._send(socket))
+        try:
+            while (message := await socket.receive())["type"] != "websocket.disconnect":
+                if line := self.choose(message.get("text") or message.get("bytes") or b""):
+                    await socket.send_text(packed({"type": "refused", "line": line}))
+                await asyncio.sleep(PACE)
+        except (WebSocketDisconnect, RuntimeError):
+            pass  # it went away
+        finally:
+            self._pages -= 1
+            sending.cancel()
+            with suppress(asyncio.CancelledError):
+                await sending
+
+    async def _send(self, socket: WebSocket) -> None:
+        shown, metered = -1, dict[str, Any]()
+        with suppress(WebSocketDisconnect, RuntimeError, OSError):
+            while True:
+                current, state = self.state() if shown != self._number else (shown, {})
+                if state:
+                    shown = current
+                    await socket.send_text(packed(state))
+                if (meter := self.meter()) != metered:
+                    metered = meter
+                    await socket.send_text(packed(meter))
+                await asyncio.sleep(PACE)
+
+
+class _Asking(Guide):
+    """Asks a page, and passes on what the source hears meanwhile."""
+
+    def __init__(self, page_: BringUpPage, source: Listening) -> None:
+        self._page, self._source = page_, source
+
+    def choose(self, step: Step | None, result: BringUp | None) -> str:
+        """Ask the page."""
+        if step is None:
+            self._page.save()
+        while True:
+            with self._listening():
+                choice = self._page.ask(step, result)
+            if not (choice == END and step is not None):
+                return choice
+            self._page.save()
+            step = None  # an early end: what is there is shown, and steps can still be repeated
+
+    def show(self, result: BringUp) -> None:
+        """Show the checks."""
+        self._page.show(result)
+
+    def failed(self, step: Step, error: MonochordError) -> None:  # noqa: ARG002
+        """Show the error; the step is asked again."""
+        self._page.say(error)
+
+    @contextmanager
+    def _listening(self) -> Generator[None]:
+        ended = threading.Event()
+
+        def listen() -> None:
+            while not ended.is_set():
+                try:
+                    self._source.listen(ended)
+                except MonochordError as error:
+                    self._page.say_silent(str(error))
+                ended.wait(RETRY)
+
+        thread = threading.Thread(target=listen, name="meter", daemon=True)
+        thread.start()
+        try:
+            yield
+        finally:
+            ended.set()
+            thread.join()

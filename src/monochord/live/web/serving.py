@@ -1,0 +1,83 @@
+"""Runs the page's server at an address as users write it, prints its link, and opens a browser."""
+
+import os
+import secrets
+import sys
+import threading
+import webbrowser
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
+
+from monochord.capture.address import is_port, resolved
+from monochord.core.errors import InputError
+from monochord.core.interruption import interruption
+from monochord.live.web.access import is_loopback
+from monochord.live.web.server import Part, Server
+
+RESOLVING = 5.0
+"""Timeout for resolving a local address, in s."""
+
+
+@contextmanager
+def served(
+    at: str,
+    *,
+    token: str = "",  # nosec B107
+    names: Sequence[str] = (),
+    browser: bool = False,
+    to_stderr: bool = False,
+    first: str = "",
+    home: str = "",
+    parts: Sequence[Part] = (),
+) -> Generator[Server]:
+    """Run a server and print its address; other machines, and other names, need a token.
+
+    Parameters
+    ----------
+    at
+        Port, or ``HOST:PORT``, of this machine; port 0 is the first free one from 8420 on.
+    token
+        Required token; empty to generate one where other machines can reach the page.
+    names
+        Further host names of the page.
+    browser
+        Whether to open it in a browser, if there is a display.
+    to_stderr
+        Whether to print the address on standard error.
+    first, home, parts
+        As for `Server`.
+
+    Raises
+    ------
+    InputError
+        If the address or a name is not valid.
+    DeviceError
+        If the address is taken.
+    """
+    host, _, port = at.rpartition(":")
+    if not is_port(port, lowest=0):
+        raise InputError(f"address '{at}'", "HOST:PORT, or PORT of this machine")
+    host = host.strip("[]") or "127.0.0.1"
+    address = host if ":" in host else resolved(host, RESOLVING)
+    is_alone = is_loopback(address) and not names
+    token = token or ("" if is_alone else secrets.token_urlsafe(16))
+    with Server(address, int(port), token, first=first, names=names, home=home, parts=parts) as server:
+        opened = browser and _has_display() and webbrowser.open(server.address)
+        hint = "" if opened or not browser else "  (open it in a browser)"
+        file = sys.stderr if to_stderr else sys.stdout
+        file.write(f"page: {server.address}{hint}\n")
+        file.flush()
+        yield server
+
+
+def until_interrupted() -> None:
+    """Wait for Control-C, or a signal to end."""
+    ended = threading.Event()
+    with interruption() as stop, stop.ending(ended.set):
+        ended.wait()
+
+
+def _has_display() -> bool:
+    """Return whether a browser opened here is visible to the user at the terminal."""
+    remote = any(name in os.environ for name in ("SSH_CONNECTION", "SSH_TTY"))
+    return sys.stdout.isatty() and not remote and any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY")))

@@ -1,0 +1,134 @@
+"""The bring-up's page in a real Chromium, from the command with the virtual sensor to its files."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from tests.e2e.browser import Page, chromium, opened
+from tests.e2e.test_page import SIZES, TEXTS, outside, overlaps, sized
+from tests.waiting import wait_for
+
+import monochord as mc
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.timeout(600),
+    pytest.mark.skipif(chromium() is None, reason="Chromium is not installed (Debian: apt install chromium)"),
+]
+PATIENCE = 240.0
+"""The virtual sensor is compiled at first."""
+STATE = "window.monochord?.state"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("bring_up")
+
+
+@pytest.fixture(scope="module")
+def page(folder: Path) -> Iterator[Page]:
+    words = [
+        "doctor",
+        "--sensor",
+        "prototype",
+        "--source",
+        "twin",
+        "--web",
+        "--no-browser",
+        "--out",
+        "mine.toml",
+    ]
+    command, pipe = [sys.executable, "-m", "monochord", *words], subprocess.PIPE
+    with subprocess.Popen(command, cwd=folder, stdout=pipe, stderr=pipe, text=True) as process:
+        assert process.stdout is not None
+        line = process.stdout.readline()
+        assert line.startswith("page: http://127.0.0.1:"), line
+        try:
+            with opened(line.split()[1]) as page:
+                page.size(1280, 800)
+                page.wait(f"{STATE} ? 1 : 0", PATIENCE)
+                yield page
+                assert page.complaints == []
+            process.send_signal(signal.SIGINT)  # all steps are done: it ends with the result
+            out, errors = process.communicate(timeout=60)
+            assert process.returncode == 0, errors
+            assert out.splitlines()[0] == "No fault."
+            assert "written to mine.toml" in out
+        finally:
+            process.kill()
+
+
+def click(page: Page, name: str) -> None:
+    page.ask(f"document.getElementById({json.dumps(name)}).click()")
+
+
+def at(page: Page, step: str | None, phase: str = "ready") -> None:
+    page.wait(f"{STATE}.step === {json.dumps(step)} && {STATE}.phase === '{phase}'", PATIENCE)
+
+
+def status(page: Page) -> dict[str, str]:
+    return {each["name"]: each["status"] for each in page.ask(f"{STATE}.steps")}
+
+
+def words(page: Page, name: str) -> str:
+    return page.ask(f"document.getElementById({json.dumps(name)}).innerText")
+
+
+def lines_fit(page: Page) -> None:
+    for size in SIZES:
+        sized(page, size)
+        texts: list[dict[str, Any]] = page.ask(TEXTS)
+        assert len(texts) > 15
+        assert overlaps(texts) == []
+        assert outside(texts) == []
+        assert page.ask("document.documentElement.scrollWidth") == size[0]
+    page.size(1280, 800)
+
+
+def test_a_sensor_is_brought_up_step_by_step(page: Page, folder: Path) -> None:
+    at(page, "quiet")
+    assert "Switch both drivers off" in words(page, "instruction")
+    click(page, "record")
+    at(page, "quiet", "recording")
+    page.wait("document.querySelectorAll('[role=meter]').length === 2", PATIENCE)
+    at(page, "pluck")
+    click(page, "record")
+    at(page, "pluck", "recording")
+    page.wait("Number(document.querySelector('[role=meter]').getAttribute('aria-valuenow')) > -60", 30.0)
+    at(page, "tap")
+    assert "open pitch" in words(page, "advice")
+    assert status(page) == {"quiet": "passed", "pluck": "passed"} | dict.fromkeys(
+        ("tap", "driver_1", "driver_2", "both", "press", "damped"), "waiting"
+    )
+    click(page, "skip")
+    at(page, "driver_1")
+    click(page, "repeat")
+    at(page, "pluck")
+    click(page, "record")
+    at(page, "driver_1")
+    lines_fit(page)
+    click(page, "end")
+    at(page, None, "done")
+    assert words(page, "verdict") == "No fault in 2 of 8 steps."
+    lines_fit(page)
+    assert "Written to mine.toml and mine.html" in words(page, "paths")
+    assert mc.load_sensor(str(folder / "mine.toml")).string.tension == pytest.approx(65.0, rel=0.01)
+
+
+def test_the_links_give_the_files(page: Page, folder: Path, tmp_path: Path) -> None:
+    page.call("Page.setDownloadBehavior", behavior="allow", downloadPath=str(tmp_path))
+    click(page, "toml")
+    wait_for((tmp_path / "mine.toml").exists, 30.0)
+    assert (tmp_path / "mine.toml").read_text(encoding="utf-8") == (folder / "mine.toml").read_text(
+        encoding="utf-8"
+    )
+    page.call("Page.navigate", url=page.ask("document.getElementById('report').href"))
+    time.sleep(0.5)
+    page.wait("document.querySelectorAll('svg').length === 4", PATIENCE)
+    assert page.ask("getComputedStyle(document.body).maxWidth") == "1170px"  # its own styles are let in
