@@ -134,7 +134,7 @@ def test_a_process_that_dies_is_started_again_and_none_is_left() -> None:
         ask(server, "about")
         (worker,) = [each for each in workers() if each.pid not in before]
         worker.send_signal(signal.SIGKILL)
-        worker.wait(10.0)
+        wait_for(lambda: not psutil.pid_exists(worker.pid))  # the server waits for its child
         assert ask(server, "string", **STRING)["frequency"] > 0.0
     assert {each.pid for each in workers()} == before
 
