@@ -3,8 +3,9 @@
     python -m studies.recordings ORIGINALS OUT
 
 ORIGINALS has a folder for each source, named as its repository or package (docs/reference/recordings.md).
-OUT receives FLAC files and `manifest.csv`, as MONOCHORD_REALSTRINGS expects it, in a minute. Each file is trimmed
-and stored as `studies/recordings.csv` says, without a change of gain or rate, and compared with its checksum.
+OUT receives FLAC files and `manifest.csv`, as MONOCHORD_REALSTRINGS expects it, in a minute. Each file is
+trimmed and stored as `studies/recordings.csv` says, without a change of gain or rate, and compared with its
+checksum.
 """
 
 import csv
