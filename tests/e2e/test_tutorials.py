@@ -69,7 +69,7 @@ def test_the_bring_up_guide_is_followed_with_the_virtual_sensor(tmp_path: Path) 
     assert verbs == ["doctor", "tune", "live", "record", "touches", "import", "calibrate", "live"]
     for words in guide:
         line = ["twin" if word == "jack" else word for word in words]
-        line = ["terminal" if word == "web" else word for word in line]
+        line = ["jsonl=live.jsonl" if word == "web" else word for word in line]
         line += ["--yes"] if "doctor" in line else []
         if "--seconds" in line:
             line[line.index("--seconds") + 1] = "30" if "record" in line else "3"

@@ -1,6 +1,7 @@
 """The set of real recordings is built again from its originals, bit for bit."""
 
 import csv
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -24,13 +25,15 @@ def test_every_row_has_its_source_licence_and_checksum() -> None:
     rows = listed()
     assert len({row["file"] for row in rows}) == len(rows) == 146
     page = (ROOT / "docs" / "reference" / "recordings.md").read_text(encoding="utf-8")
+    table = re.findall(r"^\| (\d+) \| (.*?) \| (?:.*) \| (.*?) \|$", page, re.MULTILINE)
     for row in rows:
         assert row["licence"].startswith("CC"), row["file"]
         assert len(row["sha256"]) == 16
-        origin = row["source"].removeprefix("github ").split(" ")[0]
-        assert origin in page
-    for origin in {row["source"] for row in rows}:
-        assert str(sum(row["source"] == origin for row in rows)) in page
+    for source in {row["source"] for row in rows}:
+        origin, version = source.removeprefix("github ").rsplit(maxsplit=1)
+        name = f"`{origin.removeprefix('Debian ')}` {version.removeprefix('@')}"
+        counts = [int(count) for count, where, _ in table if name in where]
+        assert sum(counts) == sum(row["source"] == source for row in rows), name
 
 
 def test_stand_ins_of_the_originals_give_the_set_again(tmp_path: Path) -> None:
