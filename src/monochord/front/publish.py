@@ -161,7 +161,7 @@ def _copied(file: Path, target: Path) -> str:
 def _rendered(*, template: str, **about: Any) -> str:
     import jinja2  # noqa: PLC0415
 
-    environment = jinja2.Environment(  # noqa: S701  # nosec B701  (Markdown, not HTML)
+    environment = jinja2.Environment(  # noqa: S701  # nosec B701
         trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined, keep_trailing_newline=True
     )
     environment.filters["quoted"] = lambda value: json.dumps(value, ensure_ascii=False)  # as YAML reads it
