@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-import jupytext
+import jupytext  # pyright: ignore[reportMissingImports]
 import nbformat
 
 KERNEL = {"display_name": "Python 3", "language": "python", "name": "python3"}

@@ -12,6 +12,7 @@ import csv
 import hashlib
 from pathlib import Path
 from shutil import copyfile
+from typing import Any
 
 import click
 import numpy as np
@@ -67,7 +68,7 @@ def built(originals: Path, row: dict[str, str], file: Path) -> str:
     """Write a file of the set, and return the first 16 digits of its SHA-256."""
     rate = int(row["sample_rate"])
     begin, frames = round(float(row["trim_start_s"]) * rate), int(row["frames"])
-    tracks: list[NDArray[np.float64]] = []
+    tracks: list[NDArray[Any]] = []
     for path in sources(originals, row):
         samples, found = soundfile.read(path, dtype="float64", always_2d=True)
         if found != rate:

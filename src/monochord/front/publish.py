@@ -119,7 +119,7 @@ def _model(source: Path, title: str, scores: str | Path | None) -> tuple[dict[st
     if (source / METRICS).is_file():
         contents[METRICS] = source / METRICS
         run = load_json(source / METRICS)
-    card: dict[str, Any] = {}
+    card: Any = {}
     if scores is not None:
         file = Path(scores) / SCORES if Path(scores).is_dir() else Path(scores)
         card = load_json(file)
