@@ -24,7 +24,7 @@ SPELLED := src docs examples hardware ros studies README.md ARCHITECTURE.md CONT
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help system browser install constraints check types rules format test test-all fuzz bench ros docs demo clean
+.PHONY: help system browser install constraints check types rules format test test-all fuzz bench ros docs cards demo clean
 
 help: ## List the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -152,6 +152,13 @@ export RELOCATE_ROS
 docs: system $(DOCS_INSTALLED) ## The documentation, into docs/_build/html
 	$(BIN)/sphinx-build -W --keep-going -q -b html docs docs/_build/html
 	@echo "docs/_build/html/index.html"
+
+cards: $(DEMO_INSTALLED) ## Folders for the Hugging Face Hub, into hub/: the bundled model with its scores, and the sessions of these scores
+	$(BIN)/monochord collect studies/plans/unseen.toml --out hub/sessions
+	$(BIN)/monochord build hub/sessions --split build --force --out hub/dataset
+	$(BIN)/monochord evaluate demo --sessions 'hub/sessions/*.mcap' --no-baselines --out hub/report
+	$(BIN)/monochord publish demo --scores hub/report --licence apache-2.0 --out hub/monochord-demo
+	$(BIN)/monochord publish hub/dataset --licence apache-2.0 --out hub/monochord-unseen --title "Eight simulated builds"
 
 demo: $(DEMO_INSTALLED) ## A simulated sensor to touch: contact, position, force and slip estimated live; no hardware
 	$(BIN)/monochord demo

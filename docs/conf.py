@@ -7,6 +7,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parent))
 
 import folders
+import notebook
 from docutils import nodes
 from docutils.utils.math.latex2mathml import tex2mathml
 
@@ -17,7 +18,13 @@ author = "The Monochord developers"
 copyright = author  # noqa: A001
 release = version = __version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "sphinx_copybutton",
+    "sphinx_design",
+]
 exclude_patterns = ["_build"]
 myst_enable_extensions = ["dollarmath", "colon_fence", "deflist"]
 myst_heading_anchors = 3
@@ -39,11 +46,14 @@ MADE_BY_SCIKIT_LEARN = {"set_fit_request", "set_score_request", "set_predict_req
 """Members of its estimators' subclasses, whose docstrings link to its own documentation."""
 
 html_theme = "furo"
+html_static_path = ["static"]
+html_css_files = ["site.css"]
 html_title = f"Monochord {release}"
 html_show_sphinx = False
 html_math_renderer = "mathml"
 
 folders.write(Path(__file__).parent / "reference")
+notebook.write(Path(__file__).parent / "tutorial" / "own-model.md")
 
 
 def mathml(translator: Any, node: nodes.math | nodes.math_block) -> None:

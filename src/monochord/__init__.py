@@ -13,7 +13,8 @@ What a program needs first stands here and is loaded when it is used, so that th
 Estimates from a source
     `listen`, `listen_async`, `Update`, `Prediction`, `Estimate`
 Models
-    `load`, `train`, `evaluate`, `calibrate`, `tune`, `identify`, `features`, `Model`, `PredictionTable`
+    `load`, `train`, `evaluate`, `calibrate`, `tune`, `identify`, `features`, `Model`, `PredictionTable`,
+    `publish`
 Recordings and datasets
     `record`, `collect`, `build`, `audit`, `read_session`, `load_dataset`, `split_dataset`, `windows`,
     `Augmentation`, `SessionReader`, `SessionWriter`, `Description`
@@ -64,6 +65,7 @@ if TYPE_CHECKING:
     from monochord.front.design import design
     from monochord.front.evaluate import evaluate
     from monochord.front.identify import identify
+    from monochord.front.publish import publish
     from monochord.front.record import record
     from monochord.front.train import train
     from monochord.live.listen import listen, listen_async
@@ -151,6 +153,7 @@ __all__ = [
     "locate_from_segments",
     "mean_absolute_error",
     "open_frequency",
+    "publish",
     "read_session",
     "record",
     "regression_score",
@@ -181,6 +184,7 @@ _NAMES = {
     "monochord.front.design": "design",
     "monochord.front.evaluate": "evaluate",
     "monochord.front.identify": "identify",
+    "monochord.front.publish": "publish",
     "monochord.front.record": "record",
     "monochord.front.train": "train",
     "monochord.live.listen": "listen listen_async",

@@ -5,7 +5,9 @@ import re
 import shlex
 import subprocess
 import sys
+from html import unescape
 from pathlib import Path
+from urllib.parse import unquote
 
 import click
 import pytest
@@ -88,6 +90,24 @@ def test_the_readmes_touch_is_simulated_and_found_again(
     assert last["live"]["force"] == pytest.approx(force, abs=0.15)
 
 
+SELF_CONTAINED = (
+    "index", "how-to/design", "how-to/identify", "how-to/publish", "how-to/robot", "how-to/tune",
+    "reference/physics", "reference/twin",
+)  # fmt: skip
+"""Pages whose programs need nothing but Monochord; those of the tutorials run in `tests/e2e`."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SELF_CONTAINED)
+def test_the_programs_of_a_page_run(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    programs = blocks(PAGES[ROOT / "docs" / f"{name}.md"], "python")
+    assert programs
+    space: dict[str, object] = {}  # a page is read from its top
+    for program in programs:
+        exec(program, space)  # noqa: S102
+
+
 @pytest.mark.slow
 def test_the_documentation_builds_without_a_warning(tmp_path: Path) -> None:
     pytest.importorskip("furo", reason="the docs extra is not installed: make docs")
@@ -96,8 +116,50 @@ def test_the_documentation_builds_without_a_warning(tmp_path: Path) -> None:
     made = subprocess.run(build, cwd=ROOT, capture_output=True, text=True, check=False)
     assert made.returncode == 0, made.stderr
     assert (tmp_path / "index.html").is_file()
-    pages = {page.name: page.read_text(encoding="utf-8") for page in tmp_path.rglob("*.html")}
-    assert "<math" in pages["first-sound.html"]
-    assert not {
-        name for name, text in pages.items() if re.search(r'<(script|link)[^>]*(src|href)="https?:', text)
-    }
+    pages = {page: page.read_text(encoding="utf-8") for page in tmp_path.rglob("*.html")}
+    for name in ("tutorial/first-sound", "reference/physics"):
+        assert "<math" in pages[tmp_path / f"{name}.html"]
+    physics = pages[tmp_path / "reference" / "physics.html"]
+    functions = re.findall(r'href="[^"]*#(monochord\.[\w.]+)"', physics)
+    assert len(functions) == PAGES[ROOT / "docs" / "reference" / "physics.md"].count("{py:func}")
+    assert "copybtn" in (tmp_path / "_static" / "copybutton.js").read_text(encoding="utf-8")
+    assert (tmp_path / "index.html").read_text(encoding="utf-8").count("sd-card-title") == 3
+    assert not [page.name for page, text in pages.items() if FETCHED.search(text)]
+    styles = [sheet for sheet in tmp_path.rglob("*.css") if FETCHED.search(sheet.read_text(encoding="utf-8"))]
+    assert not styles
+    assert not dead_links(pages)
+
+
+FETCHED = re.compile(
+    r"""<(?:script|link|img|iframe|source|video|object)\b[^>]*\b(?:src|href|data)=["'](?:https?:)?//"""
+    r"""|(?:@import|url\()\s*["']?(?:https?:)?//"""
+)
+"""What a browser would load from another host as it shows a page."""
+
+
+def dead_links(pages: dict[Path, str]) -> list[str]:
+    """Return the links of built pages that lead to no file of the site, or to no place in a page."""
+    places = {page: set(re.findall(r'\bid="([^"]+)"', text)) for page, text in pages.items()}
+    dead: list[str] = []
+    for page, text in pages.items():
+        for link in re.findall(r'<a\b[^>]*\bhref="([^":]*)"', text):
+            path, _, anchor = unquote(unescape(link)).partition("#")
+            target = (page.parent / path).resolve() if path else page
+            if not target.exists() or (anchor and target in places and anchor not in places[target]):
+                dead.append(f"{page.name}: {link}")
+    return dead
+
+
+def test_a_dead_link_and_a_fetched_file_are_found(tmp_path: Path) -> None:
+    page, other = tmp_path / "page.html", tmp_path / "other.html"
+    other.touch()
+    links = "".join(f'<a href="{each}">' for each in ("other.html#a%20b", "other.html#no", "#no", "no.html"))
+    found = dead_links({page: links, other: '<p id="a b">'})
+    assert found == ["page.html: other.html#no", "page.html: #no", "page.html: no.html"]
+    for text in (
+        '<script src="https://a/b.js">',
+        '<link rel="x" href="//a/b.css">',
+        "url(https://a/font.woff2)",
+    ):
+        assert FETCHED.search(text)
+    assert not FETCHED.search('<a href="https://a">a</a><script src="b.js"></script>')

@@ -35,7 +35,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
     "Try it": ("demo", "simulate", "design"),
     "Use a sensor": ("tune", "identify", "live", "locate", "calibrate"),
     "Record and collect": ("record", "collect", "sessions"),
-    "Train and test": ("build", "audit", "train", "evaluate", "weights"),
+    "Train and test": ("build", "audit", "train", "evaluate", "publish", "weights"),
     "Look and check": ("list", "doctor", "figure", "bench"),
 }
 """Command groups in the help; a command in no group comes last."""

@@ -60,7 +60,7 @@ MIN_EVIDENCE = 0.0
 """Least log evidence of the string, touched or not, over lines anywhere; of 1,400 windows of three simulators
 none has less than 6, but two lines alone have 1."""
 MIN_CONTACT, MIN_UNTOUCHED, MIN_LEAD = 1.5, 4.0, 2.0
-"""Least log odds of contact, of none, and of a place over all others: 4, 55 and 7 to 1. A touch at a node
+"""Least log odds of contact, of none, and of a place over all others (4, 55 and 7 to 1). A touch at a node
 may look untouched by 3; untouched windows of three simulators do by 4.6 and more."""
 SAME_PLACE = 0.01
 """Share of the length within which explanations are of one place."""

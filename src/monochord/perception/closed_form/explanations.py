@@ -35,8 +35,9 @@ MIN_DENSITY = -14.0
 PITCH_STD = 3.0e-3
 """Standard deviation of r: of a measured pitch 2e-3, and drivers pull what they sustain by 2e-3."""
 SOFTEST, HARDEST = 1.0e4, 1.0e7
-"""Stiffness in N/m of contact, object and mount, one after the other, drawn evenly in its logarithm: light
-mounts with rubber, and steel bolted to steel. The softest matters: 3e4 makes 3 to 10 % fewer places right."""
+"""Stiffness in N/m of contact, object and mount, one after the other, drawn evenly in its logarithm. They are
+light mounts with rubber, and steel bolted to steel. The softest matters: 3e4 makes 3 to 10 % fewer places
+right."""
 MODEL_STD = 2.0e-3
 """Standard deviation of a partial about its model as a share: contact, mount and ends shift each."""
 MAX_MODE = 8

@@ -37,7 +37,7 @@ def measure_gaps(transform: NDArray[np.complex128], power: Floats, spacing: Hert
     """Return log10 of both microphones' power densities between the lines, and their likeness, (3, `BANDS`).
 
     Density: the median power of a band's bins, as the mean density of noise in full scale^2 / Hz. Likeness:
-    sum 2 Re(A B*) / sum (|A|^2 + |B|^2) over those of its bins whose power at both is at most the sum of
+    ``sum 2 Re(A B*) / sum (|A|^2 + |B|^2)`` over those of its bins whose power at both is at most the sum of
     both medians; 1 where the microphones are equal, -1 where one is the other upside down, 0 where they are
     independent. Both are the same in windows of any length. A band above half the sample rate is silent.
 

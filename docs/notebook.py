@@ -1,0 +1,29 @@
+"""The notebook of a tutorial, made from its page: text, commands and programs become its cells."""
+
+from pathlib import Path
+
+import jupytext  # pyright: ignore[reportMissingImports]
+import nbformat
+
+KERNEL = {"display_name": "Python 3", "language": "python", "name": "python3"}
+HEAD = (
+    "---\njupyter:\n  kernelspec:\n"
+    + "".join(f"    {key}: {value}\n" for key, value in KERNEL.items())
+    + "---\n"
+)
+"""What tells jupytext that programs are Python's, and commands are the shell's."""
+
+
+def write(page: Path) -> None:
+    """Write the notebook of a page beside it; one that would not change is left alone.
+
+    A command becomes a cell of the shell, a program one of Python. Identifiers are the cells' numbers, so
+    that equal pages give equal notebooks.
+    """
+    notebook = jupytext.reads(HEAD + page.read_text(encoding="utf-8"), fmt="md")
+    for number, cell in enumerate(notebook.cells):
+        cell.id = str(number)
+    notebook.metadata = nbformat.from_dict({"kernelspec": KERNEL})
+    path, text = page.with_suffix(".ipynb"), nbformat.writes(notebook) + "\n"
+    if not path.exists() or path.read_text(encoding="utf-8") != text:
+        path.write_text(text, encoding="utf-8")
