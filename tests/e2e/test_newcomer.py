@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.contract.test_documents import command_lines
 
 from monochord.capture.jack.client import JackClient
 from monochord.core.errors import DeviceError, InputError
@@ -29,7 +30,7 @@ from monochord.physics.known_touches import in_newtons
 from monochord.sessions import read_session
 
 pytestmark = [pytest.mark.jack, pytest.mark.slow, pytest.mark.real_time, pytest.mark.timeout(1800)]
-GUIDE = Path(__file__).parents[2] / "docs" / "how-to" / "build-a-sensor.md"
+GUIDE = Path(__file__).parents[2] / "docs" / "how-to" / "bring-up.md"
 BUILD, DAY = 1003, 5
 HAND = 1.5, 0.15
 """Standard deviations of a hand: place in mm, force as a share."""
@@ -39,11 +40,8 @@ PATIENCE = 120.0
 
 
 def steps_of_the_guide() -> list[list[str]]:
-    """Return the commands of the guide, in order, without the program's name."""
-    text = GUIDE.read_text(encoding="utf-8").partition("## In one sitting")[2]
-    block = re.search(r"```sh\n(.*?)```", text, re.DOTALL)
-    assert block
-    return [shlex.split(line)[1:] for line in block[1].splitlines()]
+    """Return the commands of the guide in order, without the check of the computer."""
+    return [words for words in command_lines(GUIDE.read_text(encoding="utf-8")) if words != ["doctor"]]
 
 
 class Process:
@@ -230,7 +228,7 @@ def empty_server(name: str) -> Generator[str]:
 
 
 def test_a_newcomer_follows_the_guide(tmp_path: Path) -> None:
-    doctor, tune, label, calibrate, live = steps_of_the_guide()
+    doctor, tune, uncalibrated, label, calibrate, live = steps_of_the_guide()
     with ExitStack() as stack:
         server = stack.enter_context(empty_server(f"newcomer-{os.getpid()}"))
         person = Newcomer(tmp_path, server, BUILD, stack)
@@ -241,7 +239,7 @@ def test_a_newcomer_follows_the_guide(tmp_path: Path) -> None:
         person.label(label)
         printed = person.monochord(calibrate).end()
         person.say(printed.strip().replace("\n", "\n            "))
-        before = person.live(["live", "demo", *live[2:]])
+        before = person.live(uncalibrated)
         after = person.live(live)
         for name, scale, unit in (("position", 1e3, "mm"), ("force", 1.0, "N")):
             person.say(
