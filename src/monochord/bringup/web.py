@@ -229,9 +229,9 @@ class BringUpPage:
         """Return the newest levels in dBFS, root mean square and peak, and the time recorded in s."""
         return {"type": "meter", "levels": self._levels, "seconds": round(self._heard, 2)}
 
-    def _routes(self, tabbed: Callable[[bytes], bytes]) -> Sequence[BaseRoute]:
+    def _routes(self, with_tabs: Callable[[bytes], bytes]) -> Sequence[BaseRoute]:
         static = files("monochord.bringup").joinpath("static")
-        html = tabbed(static.joinpath("bring_up.html").read_bytes())
+        html = with_tabs(static.joinpath("bring_up.html").read_bytes())
         script = static.joinpath("bring_up.js").read_bytes()
         return (
             Route("/bring-up", lambda _: Response(html, media_type="text/html")),

@@ -39,7 +39,7 @@ from monochord.sessions.facts import facts_lines, facts_of
 USUAL_LENGTH: Metres = 0.65
 """Length of a string that nobody states, in m."""
 COMMANDS = "Enter: held now, or let go, where it is not heard. u: undo. s: skip this place. q: finish."
-STDIN = 0
+STANDARD_INPUT = 0
 NUMBER = re.compile(r"(?P<value>[-+]?[0-9]*[.]?[0-9]+)\s*(?P<unit>mm|N|g)?", re.IGNORECASE)
 
 
@@ -148,7 +148,7 @@ def _record(out: Path, options: dict[str, Any], described: dict[str, Any]) -> No
         person = _Person(guide, options["unit"])
         try:
             for update in live:
-                person.attend()
+                person.listen()
                 take.take(update)
                 if take.recording.failure:
                     kept = " and ".join(map(str, beside(out)))
@@ -174,7 +174,7 @@ class _Person:
         self._counted, self._left = 0, 0
         echo(COMMANDS, err=True)
 
-    def attend(self) -> None:
+    def listen(self) -> None:
         """Carry out what was typed, and say what to do if that has changed."""
         for line in self._lines():
             self._obey(line.strip())
@@ -195,8 +195,8 @@ class _Person:
 
     def _lines(self) -> list[str]:
         """Return the lines typed since the last call, without waiting."""
-        while not self._ended and select.select([STDIN], [], [], 0.0)[0]:
-            typed = os.read(STDIN, 4096)
+        while not self._ended and select.select([STANDARD_INPUT], [], [], 0.0)[0]:
+            typed = os.read(STANDARD_INPUT, 4096)
             self._typed += typed
             self._ended = not typed
         if self._ended and self._guide.phase == "label":

@@ -148,12 +148,12 @@ class Server:
         tabs = {} if home else {"": "Live"}
         self._tabs = tabs | {part.path: part.title for part in parts} | {"design": "Design"}
         self._home = home
-        routes = [route for part in parts for route in part.routes(partial(self._tabbed, part.path))]
+        routes = [route for part in parts for route in part.routes(partial(self._with_tabs, part.path))]
         files_ = {path: _file(name) for path, name in PAGE.items() if path != "/" or not home}
         app = Starlette(
             routes=[
                 *(
-                    Route(path, _serving(self._tabbed(path[1:], each), kind))
+                    Route(path, _serving(self._with_tabs(path[1:], each), kind))
                     for path, (each, kind) in files_.items()
                 ),
                 Route("/", lambda _: RedirectResponse(home, 303)),
@@ -211,7 +211,7 @@ class Server:
             "errors": connections.errors,
         }
 
-    def _tabbed(self, path: str, content: bytes) -> bytes:
+    def _with_tabs(self, path: str, content: bytes) -> bytes:
         """Return a page's file with the links to all pages."""
         current = {path: ' aria-current="page"'}
         links = (
