@@ -92,7 +92,7 @@ WHO_CHECKS = {
     "dsp.levels": {"measure_levels": "itself"},
     "dsp.pitch_steadiness": {"measure": "Analyser.powers"},
     "dsp.series": dict.fromkeys(("fit_series", "series_evidence", "search"), "itself"),
-    "dsp.spectrum": dict.fromkeys(("power_spectrum", "find_peaks", "noise_floor"), "itself"),
+    "dsp.spectrum": {"power_spectrum": "itself", "find_peaks": "itself", "block_floors": "spectrum_of"},
     "perception.usable": {"unusable_reason": "Window"},
     "perception.spectrum": {"spectrum_of": "itself", "relisted": "spectrum_of"},
     "perception.closed_form.lines": {"window_lines": "itself"},

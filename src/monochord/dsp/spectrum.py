@@ -191,14 +191,13 @@ def noise_floor(power: Floats, block: int, share: float = FLOOR_SHARE) -> Floats
     """
     if power.ndim != 1 or not power.size or block < 1:
         raise InputError(f"a power spectrum of shape {power.shape} in blocks of {block}", "one bin or more")
-    mean = block_floors(np.ascontiguousarray(power[np.newaxis], np.float64), block, share)[0]
+    mean = block_floors(power[np.newaxis], block, share)[0]
     centres = (np.arange(mean.size) + 0.5) * min(block, power.size)
     smooth = np.exp(np.interp(np.arange(power.size), centres, np.log(mean)))
     return np.maximum(smooth, MIN_FLOOR * power.max())
 
 
-@kernel()
-def block_floors(power: Floats, block: int, share: float) -> Floats:
+def block_floors(power: Floats, block: int, share: float = FLOOR_SHARE) -> Floats:
     """Return the mean noise power in each block of bins, (channels, blocks), as `noise_floor` takes it.
 
     The quantile of a block is interpolated linearly between ranks.
@@ -210,6 +209,11 @@ def block_floors(power: Floats, block: int, share: float) -> Floats:
     block, share
         As in `noise_floor`.
     """
+    return _block_floors(np.ascontiguousarray(power, np.float64), block, share)
+
+
+@kernel()
+def _block_floors(power: Floats, block: int, share: float) -> Floats:
     channels, bins = power.shape
     blocks, block = max(bins // block, 1), min(block, bins)
     rank = share * (block - 1)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from monochord.core.kernels import kernel, part
 from monochord.core.types import Floats, Indices
 from monochord.core.units import Hertz
-from monochord.dsp.spectrum import BLUR, FLOOR_SHARE, FLOOR_WIDTH, MIN_FLOOR, block_floors
+from monochord.dsp.spectrum import BLUR, FLOOR_WIDTH, MIN_FLOOR, block_floors
 from monochord.perception.spectrum import LINES, Spectrum
 
 MIN_SALIENCE = 5.0
@@ -44,7 +44,7 @@ def window_lines(spectrum: Spectrum, spacing: Hertz) -> Floats:
     """
     _, transform, power, frequency, height = spectrum
     block = max(int(FLOOR_WIDTH / spacing), 8)
-    floors = block_floors(power, block, FLOOR_SHARE)
+    floors = block_floors(power, block)
     return _merged(transform, power, floors, block, frequency, height, spacing)
 
 
@@ -64,12 +64,13 @@ def _merged(
     strength = np.zeros(channels * LINES)
     count = 0
     for c in range(channels):
+        least = MIN_FLOOR * power[c].max()
         for i in range(LINES):
             f, h = frequency[c, i], height[c, i]
             k = int(np.rint(f / spacing))
             if f <= 0.0 or h < MIN_POWER:
                 continue
-            salience = np.log1p(power[c, k] / max(_floor(floors[c], block, k), MIN_FLOOR * power[c].max()))
+            salience = np.log1p(power[c, k] / max(_floor(floors[c], block, k), least))
             if salience < MIN_SALIENCE:
                 continue
             row = count
@@ -165,7 +166,7 @@ def _groups(lines: Floats, ends: Indices, reach: Hertz) -> tuple[Indices, int]:
             window += 1
         for g in range(count):
             distance = abs(newest[g] - f)
-            if last[g] != window and distance < least:
+            if distance < least and last[g] != window:
                 best, least = g, distance
         if best < 0:
             best, count = count, count + 1

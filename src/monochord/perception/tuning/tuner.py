@@ -274,7 +274,8 @@ class Tuner:
             frequency_std=hypot(reading.frequency_std, COMMON_STD * reading.frequency, apart),
             inharmonicity=reading.inharmonicity,
             inharmonicity_std=reading.inharmonicity_std,
-            decay=reading.decay if reading.decay > 0.0 else nan,  # one object, so that equal tunings are equal
+            # One object stands for no decay, so that equal tunings are equal.
+            decay=reading.decay if reading.decay > 0.0 else nan,
             decay_std=reading.decay_std if reading.decay > 0.0 else nan,
             partials=tuple(numbers),
             windows=len(windows),
