@@ -51,7 +51,8 @@ def test_it_shows_a_build_and_objects_that_the_model_was_not_trained_on(result: 
     files = sorted((Path(__file__).parents[2] / "studies" / "plans").glob("*.toml"))
     plans = {file.stem: load_plan(str(file)) for file in files}
     trained = [group for group in plans["builds_2"].groups if not group.design]
-    builds = [range(group.first_build, group.first_build + group.total) for group in trained]
+    firsts = [group.first_build or 0 for group in trained]
+    builds = [range(first, first + group.total) for first, group in zip(firsts, trained, strict=True)]
     assert {*chain(*builds)} == {*TRAINED_BUILDS}
     every = [group for each in plans.values() for group in each.groups]
     assert result["build"] not in {build for group in every for build in group.builds}
