@@ -45,3 +45,4 @@ def test_a_window_of_the_bundled_model_is_counted() -> None:
     typical, most = table["touched median"], table["touched max"]
     assert all(0 < typical[name] <= most[name] for name in ("files", "functions", "calls", "moves"))
     assert typical["files"] <= typical["functions"] + typical["kernels"]
+    assert all(table[f"{kind} max"]["files"] <= 20 for kind in ("touched", "untouched"))

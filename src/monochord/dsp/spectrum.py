@@ -1,6 +1,5 @@
 """Spectra of short windows: power, noise floor, and the peaks above it."""
 
-import math
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -15,6 +14,8 @@ from monochord.core.units import Hertz, Samples, Seconds
 
 FLOOR_WIDTH: Hertz = 500.0
 """Block width of the noise floor in Hz; several partials wide."""
+FLOOR_SHARE, MIN_FLOOR = 0.15, 1e-7
+"""Quantile of a block that its noise floor is taken from; least floor over the largest power."""
 BEAT = 0.01
 """Standard deviation of a strong peak's frequency, relative to the resolution: partials beat and glide."""
 BLUR = 0.55
@@ -162,7 +163,7 @@ def _levelled(samples: Floats | Audio, taper: Floats) -> Floats:
     return levelled
 
 
-def noise_floor(power: Floats, block: int, share: float = 0.15) -> Floats:
+def noise_floor(power: Floats, block: int, share: float = FLOOR_SHARE) -> Floats:
     """Return a smooth estimate of the mean noise power at every bin, insensitive to peaks.
 
     In each block of bins it takes the `share` quantile, which partials do not affect as long as they fill
@@ -190,21 +191,49 @@ def noise_floor(power: Floats, block: int, share: float = 0.15) -> Floats:
     """
     if power.ndim != 1 or not power.size or block < 1:
         raise InputError(f"a power spectrum of shape {power.shape} in blocks of {block}", "one bin or more")
-    blocks = max(power.size // block, 1)
-    block = min(block, power.size)
-    low = _quantile(power[: blocks * block].reshape(blocks, block), share)
-    mean = low / -np.log1p(-share) + 1e-30
-    centres = (np.arange(blocks) + 0.5) * block
+    mean = block_floors(power[np.newaxis], block, share)[0]
+    centres = (np.arange(mean.size) + 0.5) * min(block, power.size)
     smooth = np.exp(np.interp(np.arange(power.size), centres, np.log(mean)))
-    return np.maximum(smooth, 1e-7 * power.max())
+    return np.maximum(smooth, MIN_FLOOR * power.max())
 
 
-def _quantile(rows: Floats, share: float) -> Floats:
-    """Return a quantile of each row, interpolated linearly between ranks."""
-    rank = share * (rows.shape[1] - 1)
-    below, above = math.floor(rank), math.ceil(rank)
-    ranked = np.partition(rows, (below, above), axis=1)
-    return ranked[:, above] - (ranked[:, above] - ranked[:, below]) * (above - rank)
+def block_floors(power: Floats, block: int, share: float = FLOOR_SHARE) -> Floats:
+    """Return the mean noise power in each block of bins, (channels, blocks), as `noise_floor` takes it.
+
+    The quantile of a block is interpolated linearly between ranks.
+
+    Parameters
+    ----------
+    power
+        Power spectra (channels, bins).
+    block, share
+        As in `noise_floor`.
+    """
+    return _block_floors(np.ascontiguousarray(power, np.float64), block, share)
+
+
+@kernel()
+def _block_floors(power: Floats, block: int, share: float) -> Floats:
+    channels, bins = power.shape
+    blocks, block = max(bins // block, 1), min(block, bins)
+    rank = share * (block - 1)
+    below, above = int(np.floor(rank)), int(np.ceil(rank))
+    floors = np.empty((channels, blocks))
+    least = np.empty(above + 1)  # the least powers of a block, ascending
+    for c in range(channels):
+        for b in range(blocks):
+            least[:] = np.inf
+            for k in range(b * block, (b + 1) * block):
+                at = above
+                if not power[c, k] < least[at]:
+                    continue
+                while at > 0 and power[c, k] < least[at - 1]:
+                    least[at] = least[at - 1]
+                    at -= 1
+                least[at] = power[c, k]
+            low = least[above] - (least[above] - least[below]) * (above - rank)
+            floors[c, b] = low / -np.log1p(-share) + 1e-30
+    return floors
 
 
 def find_peaks(

@@ -242,8 +242,7 @@ def audited(dataset: Dataset, split: Split, *, learned: bool = True) -> tuple[st
 
     Raises `InputError` if the split leaks or belongs to another dataset.
 
-    For an estimator that learned nothing from the dataset, sounds are not compared. The networks that select
-    the closed form's modes were trained on the plans `modes` and `modes_2`, which is not checked.
+    For an estimator that learned nothing from the dataset, sounds are not compared.
 
     Raises
     ------

@@ -27,8 +27,8 @@ from monochord.perception.tuning.lines import (
     PRESENCE,
     lasting_lines,
 )
-from monochord.perception.tuning.reading import SUSTAINED_DECADES, read_tuning
-from monochord.perception.tuning.tuner import MIN_DECAY, MIN_SHARE, NOT_DRIVEN, STIFFNESS_STD
+from monochord.perception.tuning.reading import MIN_DECAY, SUSTAINED_DECADES, read_tuning
+from monochord.perception.tuning.tuner import MIN_SHARE, NOT_DRIVEN, STIFFNESS_STD
 from monochord.physics.identification import (
     DRIVEN_STD,
     FREE_STD,

@@ -17,8 +17,8 @@ BUNDLED = "demo"
 """Name of the bundled model in the demonstration."""
 JACK_PERIOD = 256
 """JACK period of a server started here, in frames."""
-TRAINED_SENSOR, TRAINED_BUILDS = "prototype", range(1, 73)
-"""The sensor, and its builds, that this model was trained on (plan builds)."""
+TRAINED_SENSOR, TRAINED_BUILDS = "prototype", range(6001, 6301)
+"""The sensor, and its builds, that this model was trained on (plan builds_2)."""
 UNSEEN: Mapping[str, Any] = {
     "world": "plausible_1",
     "build": 131,

@@ -10,7 +10,7 @@ Auger and Flandrin (1995), Improving the readability of time-frequency and time-
 reassignment method, IEEE Trans. Signal Process. 43, 1068.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -127,9 +127,13 @@ class SpectrumAnalyser:
         window = sound(window, 2, self.size)
         return spectrum_of(window, self.bin_spacing, LOWEST_LINE * self.nominal, HIGHEST_LINE)
 
-    def tuned(self, string: StringParams) -> "SpectrumAnalyser":
-        """Return the analyser of the same wire under another tension."""
-        return replace(self, string=string)
+    def relisted(self, spectrum: Spectrum) -> Spectrum:
+        """Return a spectrum of the same window with the lines of this analyser's string."""
+        lowest = LOWEST_LINE * self.nominal
+        frequency, height = strongest_lines(
+            spectrum.transform, spectrum.power, self.bin_spacing, lowest, HIGHEST_LINE
+        )
+        return spectrum._replace(frequency=frequency, height=height)
 
 
 def spectrum_of(window: Audio, spacing: Hertz, lowest: Hertz, highest: Hertz) -> Spectrum:

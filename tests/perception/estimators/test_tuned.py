@@ -170,7 +170,7 @@ def test_force_goes_as_the_tension() -> None:
     pressed = next(w for w in windows(sound) if labels["contact"][w.start : w.start + SIZE].min() == 1.0)
     _, estimates = model.step(ModelState(), pressed)
     _, outputs = model.outputs(ModelState(), pressed)
-    as_trained = estimates_of(model.definition, outputs, model.corrections)
+    as_trained = estimates_of(model.definition.heads, model.definition.gate, outputs, model.corrections)
     assert estimates["force"].value == pytest.approx(0.94**3 * as_trained["force"].value)
     assert estimates["force"].std == pytest.approx(0.94**3 * as_trained["force"].std)
     assert estimates["position"].value == as_trained["position"].value

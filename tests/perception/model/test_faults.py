@@ -18,8 +18,8 @@ from monochord.perception.model.faults import (
     fault_reason,
     step,
 )
-from monochord.perception.model.model import WindowReading
 from monochord.perception.model.network import Output
+from monochord.perception.model.stepping import WindowReading
 from monochord.perception.reader import KINDS
 
 COUNT = len(NAMES)

@@ -247,7 +247,9 @@ def calibrated(definition: Definition, name: str, factor: float) -> Definition:
 
 def test_quantities_are_in_the_unit_of_their_label(drawn: Model) -> None:
     position = Output(value=2.0, log_spread=math.log(3.0))
-    estimate = estimates_of(drawn.definition, outputs(position=position))["position"]
+    estimate = estimates_of(drawn.definition.heads, drawn.definition.gate, outputs(position=position))[
+        "position"
+    ]
     assert (estimate.value, estimate.unit, estimate.valid) == (pytest.approx(0.102), "m", True)
     assert estimate.std == pytest.approx(3e-3 * math.sqrt(2.0))
 
@@ -261,7 +263,7 @@ def test_calibration_scales_the_uncertainty_alone(drawn: Model) -> None:
 
 
 def test_without_contact_the_other_heads_abstain(drawn: Model) -> None:
-    estimates = estimates_of(drawn.definition, outputs(contact=-0.1))
+    estimates = estimates_of(drawn.definition.heads, drawn.definition.gate, outputs(contact=-0.1))
     abstained = {name for name, each in estimates.items() if each.reason == "no contact"}
     assert abstained == {"slip", "position", "force"}
     assert estimates["contact"].valid
@@ -273,15 +275,15 @@ def test_contact_that_is_uncertain_is_not_denied(drawn: Model, contact: float) -
     record = drawn.definition.heads["contact"]
     careful = dataclasses.replace(record, task=dataclasses.replace(record.task, limit=0.3))
     definition = dataclasses.replace(drawn.definition, heads={**drawn.definition.heads, "contact": careful})
-    estimates = estimates_of(definition, outputs(contact=contact))
+    estimates = estimates_of(definition.heads, definition.gate, outputs(contact=contact))
     assert estimates["contact"].reason == "too uncertain"
     assert {each.reason for each in estimates.values()} == {"too uncertain"}
-    assert estimates_of(definition, outputs(contact=9.0 * contact))["contact"].valid
+    assert estimates_of(definition.heads, definition.gate, outputs(contact=9.0 * contact))["contact"].valid
 
 
 def test_too_large_an_uncertainty_is_an_abstention(drawn: Model) -> None:
     position = Output(value=0.0, log_spread=math.log(50.0))
-    estimates = estimates_of(drawn.definition, outputs(position=position))
+    estimates = estimates_of(drawn.definition.heads, drawn.definition.gate, outputs(position=position))
     assert estimates["position"].reason == "too uncertain"
     assert estimates["contact"].valid
 

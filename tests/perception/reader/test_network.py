@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from monochord.core.types import Audio, Floats, StringParams
-from monochord.perception.reader.cells import CELLS, CHANNELS, LOWEST, STEP, cells_of
+from monochord.perception.reader.cells import CELLS, CHANNELS, LOWEST, STEP, cells_of, spectrum_cells
 from monochord.perception.reader.measures import MASS, PLACE
 from monochord.perception.reader.network import (
     DILATIONS,
@@ -17,7 +17,7 @@ from monochord.perception.reader.network import (
     bundled_network,
     logits,
 )
-from monochord.perception.reader.reader import Reader, spectrum_cells
+from monochord.perception.reader.reader import Reader
 from monochord.perception.spectrum import SpectrumAnalyser
 from monochord.physics.strings import load_string
 from monochord.physics.theory import inharmonicity, open_frequency, stiff_partials

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from monochord.core.types import Floats
-from monochord.perception.reader.prominence import FLOOR_BINS, FLOOR_DECADES, MAX_DECADES, prominences
+from monochord.perception.reader.cells import FLOOR_BINS, FLOOR_DECADES, MAX_DECADES, prominences
 
 
 def plain(power: Floats, strongest: float) -> Floats:

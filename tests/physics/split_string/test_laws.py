@@ -17,8 +17,8 @@ from monochord.physics.split_string import (
 )
 from monochord.physics.split_string.grid import SegmentGrid, lay_out, time_step
 from monochord.physics.split_string.kernels import leapfrog
+from monochord.physics.split_string.rendering import step_grid
 from monochord.physics.split_string.segments import split
-from monochord.physics.split_string.simulate import step_grid
 from monochord.physics.strings import load_string
 from monochord.physics.theory import segment_frequencies
 

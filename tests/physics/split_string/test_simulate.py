@@ -21,8 +21,8 @@ from monochord.physics.split_string import (
 )
 from monochord.physics.split_string.grid import time_step
 from monochord.physics.split_string.modes import free_motion
+from monochord.physics.split_string.rendering import _resample
 from monochord.physics.split_string.setup import Damping
-from monochord.physics.split_string.simulate import _resample
 from monochord.physics.strings import load_string
 from monochord.physics.theory import mixing_matrix, segment_frequencies
 

@@ -8,10 +8,7 @@ from monochord.core.errors import InputError
 from monochord.core.presets import Presets
 from monochord.lab.plan import Plan
 
-MOVED = (
-    "builds", "designs", "everywhere", "hardware", "modes", "modes_2", "modes_3", "odd", "sealed_6",
-    "sealed_7", "touches", "unseen",
-)  # fmt: skip
+MOVED = ("hardware", "odd", "sealed_6", "sealed_7", "touches", "unseen")
 """Former presets, which are files of the repository now, in `studies/plans`."""
 
 

@@ -18,7 +18,7 @@ from monochord.perception.closed_form.far_segment import FarReader, FarSegment
 from monochord.perception.closed_form.one_note import NO_SIDES, SidesReader
 from monochord.perception.estimators.base import Condition, Estimator, Watching
 from monochord.perception.tuning import Tuner, TunerState
-from monochord.perception.tuning.string_follower import detuned
+from monochord.perception.tuning.tuner import detuned
 from monochord.perception.usable import unusable_reason
 from monochord.physics.theory import TensionLaw, open_frequency
 

@@ -7,7 +7,8 @@ from pathlib import Path
 from monochord.core.types import Estimates, Prepared, Signal, Window
 from monochord.core.units import Samples
 from monochord.perception.estimators.base import Estimator
-from monochord.perception.model import Model, load
+from monochord.perception.model import load
+from monochord.perception.model.stepping import step_all
 from monochord.perception.model.stream import ModelStream
 
 
@@ -42,6 +43,5 @@ class ModelEstimator(Estimator):
         streams = [each for each in prepared if isinstance(each, ModelStream)]
         if len(streams) != len(prepared) or len(streams) < 2:
             return Estimator.estimate_all(self, prepared, windows)
-        before = [stream.before(window) for stream, window in zip(streams, windows, strict=True)]
-        predicted = zip(streams, Model.step_all(before, windows), strict=True)
-        return [stream.after(*each) for stream, each in predicted]
+        entries = [stream.before(window) for stream, window in zip(streams, windows, strict=True)]
+        return [stream.after(*each) for stream, each in zip(streams, step_all(entries), strict=True)]

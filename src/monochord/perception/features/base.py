@@ -2,9 +2,13 @@
 
 from abc import ABC, abstractmethod
 
+import numpy as np
+
 from monochord.core.ranges import Checked
+from monochord.core.shapes import batch
 from monochord.core.types import Audio, Signal
 from monochord.core.units import Samples
+from monochord.perception.spectrum import Spectrum, SpectrumAnalyser
 
 
 class Extractor(ABC):
@@ -36,6 +40,27 @@ class Extractor(ABC):
     @abstractmethod
     def __call__(self, windows: Audio) -> Audio:
         """Return the features (n, columns) float32 of windows (n, channels, samples) float32."""
+
+
+class SpectrumExtractor(Extractor):
+    """An extractor that sees a window's spectrum alone, which others may use, too."""
+
+    @property
+    @abstractmethod
+    def analyser(self) -> SpectrumAnalyser:
+        """The analyser that makes the spectra."""
+
+    @abstractmethod
+    def row(self, spectrum: Spectrum) -> Audio:
+        """Return the features (columns,) float32 of a window's spectrum."""
+
+    def __call__(self, windows: Audio) -> Audio:
+        """Return the features (n, columns) of windows (n, 2, samples)."""
+        windows = batch(windows, 2, self.analyser.size)
+        rows = np.empty((len(windows), len(self.columns)), np.float32)
+        for window, row in zip(windows, rows, strict=True):
+            row[:] = self.row(self.analyser.analyse(window))
+        return rows
 
 
 class Feature(Checked, ABC):

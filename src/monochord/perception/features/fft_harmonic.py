@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from monochord.core.shapes import batch
-from monochord.core.types import Audio, Floats, Signal
+from monochord.core.types import Audio, Signal
 from monochord.core.units import Samples
 from monochord.perception.features._harmonics import (
     HARMONICS,
@@ -14,7 +13,7 @@ from monochord.perception.features._harmonics import (
     measure_harmonics,
     of_microphones,
 )
-from monochord.perception.features.base import Extractor, Feature
+from monochord.perception.features.base import Extractor, Feature, SpectrumExtractor
 from monochord.perception.reader.measures import COLUMNS as MEASURES
 from monochord.perception.reader.measures import LINES, POSITION, UNTOUCHED
 from monochord.perception.reader.reader import Reader
@@ -119,7 +118,7 @@ class FftHarmonic(Feature):
         return extractor
 
 
-class _Extractor(Extractor):
+class _Extractor(SpectrumExtractor):
     def __init__(self, reader: Reader) -> None:
         self._reader = reader
         self._columns = tuple(_columns())
@@ -128,14 +127,11 @@ class _Extractor(Extractor):
     def columns(self) -> tuple[str, ...]:
         return self._columns
 
-    def __call__(self, windows: Audio) -> Audio:
-        windows = batch(windows, 2, self._reader.analyser.size)
-        rows = np.empty((len(windows), len(self._columns)), np.float32)
-        for window, row in zip(windows, rows, strict=True):
-            row[:] = self._row(self._reader.analyser.analyse(window))
-        return rows
+    @property
+    def analyser(self) -> SpectrumAnalyser:
+        return self._reader.analyser
 
-    def _row(self, spectrum: Spectrum) -> Floats:
+    def row(self, spectrum: Spectrum) -> Audio:
         spacing = self._reader.analyser.bin_spacing
         measures = self._reader.read(spectrum).measures
         touched = measures[UNTOUCHED] < LOG_HALF
@@ -152,7 +148,8 @@ class _Extractor(Extractor):
         # Of each line, its power at microphone 1 over that at both.
         shares = 1.0 / (1.0 + 10.0 ** (measures[LEVELS[1::2]] - measures[LEVELS[::2]]))
         reading = (place, *measures[READ], *shares)
-        return np.concatenate((columns, timbre.ravel(), near, reading))
+        whole_row = (columns, timbre.ravel(), near, reading)
+        return np.concatenate(whole_row, dtype=np.float32, casting="same_kind")
 
 
 def _columns() -> list[str]:

@@ -4,16 +4,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from monochord.core.shapes import batch
 from monochord.core.types import Audio, Signal
 from monochord.core.units import Samples
-from monochord.perception.features.base import Extractor, Feature
+from monochord.perception.features.base import Extractor, Feature, SpectrumExtractor
 from monochord.perception.reader.gaps import COLUMNS as GAPS
 from monochord.perception.reader.gaps import measure_gaps
 from monochord.perception.reader.measures import COLUMNS as MEASURES
 from monochord.perception.reader.network import KINDS
 from monochord.perception.reader.reader import Reader
-from monochord.perception.spectrum import SpectrumAnalyser
+from monochord.perception.spectrum import Spectrum, SpectrumAnalyser
 
 COLUMNS = (*MEASURES, *(f"kind {kind}" for kind in KINDS), *GAPS)
 
@@ -43,22 +42,19 @@ class Reading(Feature):
         return extractor
 
 
-class _Extractor(Extractor):
+class _Extractor(SpectrumExtractor):
     def __init__(self, reader: Reader) -> None:
         self._reader = reader
+
+    @property
+    def analyser(self) -> SpectrumAnalyser:
+        return self._reader.analyser
 
     @property
     def columns(self) -> tuple[str, ...]:
         return COLUMNS
 
-    def __call__(self, windows: Audio) -> Audio:
-        analyser = self._reader.analyser
-        windows = batch(windows, 2, analyser.size)
-        rows = np.empty((len(windows), len(COLUMNS)), np.float32)
-        for window, row in zip(windows, rows, strict=True):
-            spectrum = analyser.analyse(window)
-            measures, kinds = self._reader.read(spectrum)
-            gaps = measure_gaps(spectrum.transform, spectrum.power, analyser.bin_spacing)
-            row[: len(MEASURES)], row[len(MEASURES) : -gaps.size] = measures, kinds
-            row[-gaps.size :] = gaps.ravel()
-        return rows
+    def row(self, spectrum: Spectrum) -> Audio:
+        measures, kinds = self._reader.read(spectrum)
+        gaps = measure_gaps(spectrum.transform, spectrum.power, self._reader.analyser.bin_spacing)
+        return np.concatenate((measures, kinds, gaps.ravel()), dtype=np.float32, casting="same_kind")

@@ -85,7 +85,8 @@ def step(
     if not entering:
         return state._replace(pending=pending, accepted=accepted)
     rows = (*state.rows, *(each for _, each in entering))[-rule.keep :]
-    median = np.median(np.stack(rows), axis=0).astype(np.float32)
+    ranked = np.sort(np.stack(rows), axis=0)
+    median = np.float32(0.5) * (ranked[(len(rows) - 1) // 2] + ranked[len(rows) // 2])
     return state._replace(rows=rows, median=median, pending=pending, accepted=accepted)
 
 

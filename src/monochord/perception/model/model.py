@@ -3,9 +3,8 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import hypot, isfinite
+from math import isfinite
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,58 +15,38 @@ from monochord.core.notebook import html_table, lines
 from monochord.core.shapes import refuse_other_channels
 from monochord.core.shapes import sound as checked
 from monochord.core.types import (
-    OUTSIDE_RANGE,
     Audio,
     Block,
     Estimate,
     Estimates,
     Floats,
-    Indices,
     Signal,
     StringParams,
     Window,
 )
 from monochord.core.units import Metres, Samples, Seconds
 from monochord.core.windows import windows
-from monochord.metrics import DECISION, hit_rate
+from monochord.metrics import hit_rate
 from monochord.perception.features import FEATURES
 from monochord.perception.features.base import Extractor
-from monochord.perception.model import faults
-from monochord.perception.model.context import ModelState, context_row, step
+from monochord.perception.model import stepping
+from monochord.perception.model.context import ModelState
 from monochord.perception.model.correction import Correction
 from monochord.perception.model.definition import Definition, FeatureRecord
-from monochord.perception.model.faults import OF_REASON, fault_reason
-from monochord.perception.model.network import Network, Output, estimates_of, probability, quantity
+from monochord.perception.model.network import Network, Output
 from monochord.perception.model.probe import probed, refuse_another
 from monochord.perception.model.saving import save
+from monochord.perception.model.stepping import Stepper, WindowReading
 from monochord.perception.model.stream import Fixed, Followed, ModelStream
 from monochord.perception.model.summary import facts
 from monochord.perception.model.table import PredictionTable
-from monochord.perception.tuning.sessions import at_length_of, force_scale, refuse_foreign
-from monochord.perception.usable import unusable_reason
+from monochord.perception.tuning.sessions import at_length_of, refuse_foreign
 from monochord.physics.sensors import Sensor, load_sensor, retuned, with_length, with_sensor
 from monochord.physics.strings import load_string
 from monochord.physics.theory import open_frequency
 
 MAX_RETUNING = 0.12
 """Largest relative deviation of a string's pitch from the training's, if that is known."""
-EDGE_DEVIATIONS, MAX_EDGE = 2.0, 1e-3
-"""Number of standard errors, and largest distance in m, by which the estimate of a touch at an end of the
-sensing range may lie outside."""
-UNUSABLE = ("gap", "silence", "samples that are not numbers")
-"""Reasons that make a window unusable for a model. Clipped windows are usable: training includes them."""
-
-
-class WindowReading(NamedTuple):
-    """A model's reading of a window, before it states estimates.
-
-    `state` is the state after the window. `outputs` are the heads' outputs; empty for an unusable window.
-    `reason` is the reason to abstain; empty for none.
-    """
-
-    state: ModelState
-    outputs: Mapping[str, Output]
-    reason: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -381,7 +360,7 @@ class Model:
         InputError
             If the window has another length.
         """
-        return Model.step_all([(self, state)], [window])[0]
+        return stepping.step_all([self.stepper.entry(state, window)])[0]
 
     def outputs(self, state: ModelState, window: Window) -> tuple[ModelState, Mapping[str, Output]]:
         """Return the state after a window, and the output of each head before calibration and correction.
@@ -389,7 +368,7 @@ class Model:
         The window is compared with the reference from earlier windows. An unusable window has no outputs and
         does not change the reference. A window with an anomaly counts as touched in the reference.
         """
-        (reading,) = Model._read([(self, state)], [window])
+        (reading,) = stepping.read_all([self.stepper.entry(state, window)])
         return reading.state, reading.outputs
 
     @staticmethod
@@ -408,150 +387,28 @@ class Model:
         windows
             The window of each stream, of the training's length.
         """
-        readings = Model._read(streams, windows)
-        return [
-            (reading.state, model.estimates(reading))
-            for (model, _), reading in zip(streams, readings, strict=True)
-        ]
+        return stepping.step_all(
+            [
+                model.stepper.entry(state, window)
+                for (model, state), window in zip(streams, windows, strict=True)
+            ]
+        )
 
     def estimates(self, reading: WindowReading) -> dict[str, Estimate]:
-        """Return the estimates of a window.
-
-        Outside the sensing range, every head that requires a touch abstains. Where the position is not
-        certain, force is not either. With a fault, every head abstains, except contact where it stays
-        reliable.
-        """
-        heads, gate, reason = self.definition.heads, self.definition.gate, reading.reason
-        if not reading.outputs:
-            return {name: Estimate.abstain(record.task.unit, reason) for name, record in heads.items()}
-        estimates = estimates_of(self.definition, reading.outputs, self.corrections)
-        estimates = self.with_length_error(self.at_string_tension(estimates))
-        contact, fault = estimates[gate], OF_REASON.get(reason)
-        touched, kept = contact.valid and contact.value >= DECISION, set[str]()
-        place = self._no_place_reason(reading, estimates) if touched else ""
-        if place == OUTSIDE_RANGE and (not reason or (fault and (fault.brief or fault.of_touch))):
-            # Outside the sensing range one touch may sound soft, like two, or as if its driver were silent.
-            reason, kept = place, {name for name, record in heads.items() if not record.task.touched}
-        elif place and not reason:
-            reason, kept = place, {name for name, record in heads.items() if record.task.is_probability}
-        elif not reason:
-            return estimates
-        elif fault and (fault.contact_reliable or (fault.brief and touched)):
-            kept = {gate}
-        return {
-            name: each if name in kept else Estimate.abstain(each.unit, reason)
-            for name, each in estimates.items()
-        }
+        """Return the estimates of a window; see `monochord.perception.model.stepping.Stepper.estimates`."""
+        return self.stepper.estimates(reading)
 
     def with_length_error(self, estimates: dict[str, Estimate]) -> dict[str, Estimate]:
         """Return estimates with positions on the string's own length, and its error in their standard error.
 
-        A string that is longer than the training's by a share has its touches further from pickup 1 by the
-        same share, and no sound tells. Its error is that of the measured length, or `Definition.length_std`
-        where none was measured. A correction that has learned touches knows the length from them.
+        See `monochord.perception.model.stepping.Stepper.with_length_error`.
         """
-        share, scale, name = self.definition.length_std, self.length_scale, self.definition.place
-        correction = self.definition.heads[name].correction if name else None
-        if correction is not None and correction.touches:
-            share = 0.0
-        elif self.length_std is not None and self.definition.string is not None:
-            share = self.length_std / (scale * self.definition.string.length)
-        if (not share and scale == 1.0) or name is None or not estimates[name].valid:
-            return estimates
-        value, std = scale * estimates[name].value, scale * estimates[name].std
-        position = replace(estimates[name], value=value, std=hypot(std, share * value))
-        return {**estimates, name: position}
+        return self.stepper.with_length_error(estimates)
 
-    def _no_place_reason(self, reading: WindowReading, estimates: Estimates) -> str:
-        """Return why the position of a touch cannot be stated; empty if it can."""
-        name, places = self.definition.place, self.places
-        if name is None:
-            return ""
-        # By its own standard error: how far a string's length is off its design moves the range's end, too.
-        output, record = reading.outputs[name], self.definition.heads[name]
-        place, std = quantity(output, record, self.corrections.get(name))
-        edge = min(EDGE_DEVIATIONS * std, MAX_EDGE)
-        if places is not None and not places[0] - edge <= place <= places[1] + edge:
-            return OUTSIDE_RANGE
-        return "" if estimates[name].valid else estimates[name].reason
-
-    @staticmethod
-    def _read(
-        streams: Sequence[tuple["Model", ModelState]], windows: Sequence[Window]
-    ) -> list[WindowReading]:
-        """Return the reading of each stream's window."""
-        results: list[WindowReading] = []
-        for (model, before), window in zip(streams, windows, strict=True):
-            model.check_size(window.samples.shape[1])
-            checked(window.samples, model.definition.channels)
-            state = (before if window.start > before.start else ModelState())._replace(start=window.start)
-            results.append(WindowReading(state, {}, model.unusable_reason(window)))
-        usable = [k for k, reading in enumerate(results) if not reading.reason]
-        if not usable:
-            return results
-        first = streams[usable[0]][0]
-        trained, network = first.definition, first.network
-        rows = np.stack([streams[k][0].extractors[0](windows[k].samples[np.newaxis])[0] for k in usable])
-        known = np.stack([context_row(results[k].state, trained.widths[1]) for k in usable])
-        for at, (k, own) in enumerate(zip(usable, network.outputs(rows, known), strict=True)):
-            results[k] = streams[k][0].after(results[k].state, windows[k], own, rows[at], known[at])
-        return results
-
-    def after(
-        self, state: ModelState, window: Window, outputs: dict[str, Output], row: Audio, known: Audio
-    ) -> WindowReading:
-        """Return the reading of a window: its state, outputs with variables, and reason to abstain.
-
-        `row` is the window's features, and `known` the reference.
-        """
-        trained = self.definition
-        for name, (column, unit) in self._refined.items():
-            outputs[name] = outputs[name]._replace(value=outputs[name].value + unit * float(row[column]))
-        for name, pairs in self._variables.items():
-            columns = np.concatenate([row, known[:-1], np.zeros(1, np.float32)])  # the last one is for -1
-            values = tuple(float(columns[of]) - float(columns[less]) for of, less in pairs)
-            outputs[name] = outputs[name]._replace(variables=values)
-        time, reason = window.start / window.sample_rate, ""
-        contact = probability(outputs[trained.gate], trained.heads[trained.gate])
-        if trained.faults is not None:
-            kinds = row[self._fault_columns].astype(np.float64)
-            odds = kinds[1:] - kinds[0]
-            state = state._replace(faults=faults.step(state.faults, odds, time, touched=contact > DECISION))
-            reason = fault_reason(state.faults.odds, self._fault_limits)
-        if trained.reference is not None:
-            # A faulty window is no untouched string, whatever the contact head says.
-            contact = 1.0 if reason else contact
-            state = step(state, trained.reference, time, contact, lambda: self._reference_row(window, row))
-        return WindowReading(state, outputs, reason)
-
-    def _reference_row(self, window: Window, row: Audio) -> Audio:
-        """Return a window's features for the reference; `row` is its features for the heads."""
-        reference = self.extractors[1]
-        return row if reference is None else reference(window.samples[np.newaxis])[0]
-
-    def unusable_reason(self, window: Window) -> str:
-        """Return why a window cannot be used; empty if it can."""
-        reason = unusable_reason(window)
-        if reason in UNUSABLE:
-            return reason
-        samples = window.samples
-        power = float(np.vdot(samples, samples)) / samples.size
-        return "silence" if power < self.definition.quietest**2 else ""
-
-    def at_string_tension(self, estimates: dict[str, Estimate]) -> dict[str, Estimate]:
-        """Return estimates with forces converted from the design's tension to the string's own.
-
-        At another tension, the same relative change of the sound corresponds to another force. Training
-        converts the labels in the opposite direction.
-        """
-        trained = self.definition.string
-        if self.string is None or trained is None:
-            return estimates
-        scale = force_scale(self.string, trained)
-        return {
-            name: replace(each, value=scale * each.value, std=scale * each.std) if each.unit == "N" else each
-            for name, each in estimates.items()
-        }
+    @cached_property
+    def stepper(self) -> Stepper:
+        """The model made ready for windows."""
+        return Stepper(self)
 
     def check_size(self, size: Samples) -> None:
         """Raise `InputError` if a window size in frames differs from the training's."""
@@ -584,29 +441,6 @@ class Model:
             noise=record.noise,
             residual=len(centre) - 1 - len(record.variables),
         )
-
-    @cached_property
-    def _variables(self) -> dict[str, tuple[tuple[int, int], ...]]:
-        heads = self.definition.heads.items()
-        return {name: self.definition.variables_of(name) for name, record in heads if record.correction}
-
-    @cached_property
-    def _refined(self) -> dict[str, tuple[int, float]]:
-        """The column that each head refines, and the string's length in units of the head's scale."""
-        refined: dict[str, tuple[int, float]] = {}
-        for name, record in self.definition.heads.items():
-            column, string = self.definition.refined(name), self.definition.string
-            if column is not None and string is not None:
-                refined[name] = column, string.length / record.scale
-        return refined
-
-    @cached_property
-    def _fault_limits(self) -> Floats:
-        return np.array(self.definition.faults.limits if self.definition.faults else ())
-
-    @cached_property
-    def _fault_columns(self) -> Indices:
-        return np.array(self.definition.fault_columns, np.int64)
 
     @cached_property
     def network(self) -> Network:

@@ -260,20 +260,21 @@ def spread(output: Output, record: HeadRecord) -> float:
 
 
 def estimates_of(
-    definition: Definition,
+    heads: Mapping[str, HeadRecord],
+    gate: str,
     outputs: Mapping[str, Output],
     corrections: Mapping[str, Correction] = NO_CORRECTIONS,
 ) -> dict[str, Estimate]:
     """Return the estimates of all heads; heads that require a touch abstain without contact.
 
-    `corrections` holds the corrections by head. The standard error of a probability p is sqrt(p (1 - p)).
+    `gate` is the head that estimates contact; see `Definition.gate`. `corrections` holds the corrections by
+    head. The standard error of a probability p is sqrt(p (1 - p)).
     """
-    gate = definition.heads[definition.gate]
-    contact = probability(outputs[definition.gate], gate)
+    contact = probability(outputs[gate], heads[gate])
     contact_std = math.sqrt(contact * (1.0 - contact))
-    is_certain = contact_std <= gate.task.limit * (1.0 if contact < DECISION else CONTACT_LIMIT_SHARE)
+    is_certain = contact_std <= heads[gate].task.limit * (1.0 if contact < DECISION else CONTACT_LIMIT_SHARE)
     estimates: dict[str, Estimate] = {}
-    for name, record in definition.heads.items():
+    for name, record in heads.items():
         task = record.task
         if task.touched and not (is_certain and contact >= DECISION):
             estimates[name] = Estimate.abstain(task.unit, NO_CONTACT if is_certain else UNCERTAIN)

@@ -8,8 +8,11 @@ from monochord.core.types import Estimate, Estimates, Signal, StringParams, Wind
 from monochord.core.units import Samples
 from monochord.perception.estimators.base import Condition, Watching
 from monochord.perception.model.context import ModelState
-from monochord.perception.tuning import StringFollower, TunerState, Tuning
+from monochord.perception.model.stepping import Entry, step_all
+from monochord.perception.tuning import Tuner, TunerState, Tuning
 from monochord.perception.tuning.sessions import HIGHEST, LOWEST
+from monochord.perception.tuning.tuner import detuned
+from monochord.physics.theory import open_frequency
 
 if TYPE_CHECKING:
     from monochord.perception.model.model import Model
@@ -22,12 +25,11 @@ class ModelStream(ABC):
 
     def __call__(self, window: Window) -> Estimates:
         """Return the estimates of the next window."""
-        model, state = self.before(window)
-        return self.after(*model.step(state, window))
+        return self.after(*step_all([self.before(window)])[0])
 
     @abstractmethod
-    def before(self, window: Window) -> "tuple[Model, ModelState]":
-        """Return the model to apply to a window, and its state before the window."""
+    def before(self, window: Window) -> Entry:
+        """Return the entry of a window into the model that is applied to it."""
 
     @abstractmethod
     def after(self, state: ModelState, estimates: Estimates) -> Estimates:
@@ -38,11 +40,11 @@ class Fixed(ModelStream):
     """A model that does not follow the pitch."""
 
     def __init__(self, model: "Model") -> None:
-        self._model, self._state = model, ModelState()
+        self._stepper, self._state = model.stepper, ModelState()
 
-    def before(self, window: Window) -> "tuple[Model, ModelState]":  # noqa: ARG002
-        """Return the model and its state."""
-        return self._model, self._state
+    def before(self, window: Window) -> Entry:
+        """Return the window's entry into the model."""
+        return self._stepper.entry(self._state, window)
 
     def after(self, state: ModelState, estimates: Estimates) -> Estimates:
         """Store the state, and return the estimates unchanged."""
@@ -54,21 +56,23 @@ class Followed(ModelStream, Watching):
     """A model that follows the pitch of untouched windows."""
 
     def __init__(self, model: "Model", signal: Signal, size: Samples) -> None:
-        self._follower = StringFollower.of(signal, size, lowest=LOWEST, highest=HIGHEST)
-        self._trained = self._model = model
-        self._string = self._follower.string
-        self._state, self._tuner = ModelState(), TunerState()
+        self._tuner = Tuner.of(signal, size)
+        self._trained, self._string = model, self._tuner.string
+        self._stepper, self._pitch = model.stepper, self._tuner.nominal
+        self._state, self._tuned = ModelState(), TunerState()
         self._reason = ""
 
-    def before(self, window: Window) -> "tuple[Model, ModelState]":
-        """Update the pitch from the window, and return the model for this pitch with its state."""
+    def before(self, window: Window) -> Entry:
+        """Update the pitch from the window, and return its entry into the model for this pitch."""
         if window.start <= self._state.start:
-            self._use(self._trained, self._follower.string)
-        before, self._tuner = self._tuner.tuning, self._follower.step(self._tuner, window)
-        tuning = self._tuner.tuning
-        if tuning is not before and tuning is not None:
-            self._follow(tuning)
-        return self._model, self._state
+            self._use(self._trained, self._string)
+        entry = self._stepper.entry(self._state, window)
+        before, self._tuned = self._tuned.tuning, self._tuner.step(self._tuned, window, entry.spectrum)
+        tuning = self._tuned.tuning
+        if tuning is before or tuning is None or LOWEST <= tuning.frequency / self._pitch - 1.0 <= HIGHEST:
+            return entry
+        self._follow(tuning)
+        return self._stepper.entry(self._state, window, entry.spectrum)
 
     def after(self, state: ModelState, estimates: Estimates) -> Estimates:
         """Store the state, and return the estimates; abstentions if the pitch cannot be followed."""
@@ -80,24 +84,23 @@ class Followed(ModelStream, Watching):
     @property
     def condition(self) -> Condition:
         """The pitch of the string, and its deviation from the expected pitch."""
-        tuning = self._tuner.tuning
+        tuning = self._tuned.tuning
         if tuning is None:
             return Condition(follows=not self._reason)
-        deviation = tuning.deviation(self._follower.string)
+        deviation = tuning.deviation(self._string)
         return Condition(open_frequency=tuning.open_frequency, deviation=deviation, follows=not self._reason)
 
     def _use(self, model: "Model", string: StringParams) -> None:
         """Read the windows to come by the model for a string."""
         start = self._state.start
-        self._model, self._string, self._reason = model, string, ""
+        self._stepper, self._pitch, self._reason = model.stepper, open_frequency(string), ""
         self._state = ModelState(start=start)  # the reference was relative to the string of before
 
     def _follow(self, tuning: Tuning) -> None:
-        """Change to the model for a tuning where it lies too far off that in use."""
-        if LOWEST <= tuning.deviation(self._string) <= HIGHEST:
-            return
-        string = tuning.tuned(self._follower.string)
+        """Change to the model for a tuning that lies too far off that in use."""
+        string = tuning.tuned(self._string)
         try:
             self._use(self._trained.tuned(string), string)
         except InputError:  # further off the training's string than a tuning can be estimated
-            self._reason = self._follower.detuned_reason(tuning, EXPECTED_PITCH)
+            deviation = tuning.deviation(self._string)
+            self._reason = "" if LOWEST <= deviation <= HIGHEST else detuned(deviation, EXPECTED_PITCH)

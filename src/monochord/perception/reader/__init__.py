@@ -1,8 +1,8 @@
 """Reads a window's spectrum: where along the string something touches, and what is odd."""
 
-from monochord.perception.reader.cells import CELLS, CHANNELS
+from monochord.perception.reader.cells import CELLS, CHANNELS, spectrum_cells
 from monochord.perception.reader.network import DILATIONS, FILE, KINDS, POSITIONS, STRIDES, Network
-from monochord.perception.reader.reader import Reader, Reading, spectrum_cells
+from monochord.perception.reader.reader import Reader, Reading
 from monochord.perception.spectrum import SpectrumAnalyser
 
 __all__ = [

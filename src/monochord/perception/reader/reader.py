@@ -3,11 +3,10 @@
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from monochord.core.types import Audio, Floats
-from monochord.perception.reader.cells import cells_of
+from monochord.core.types import Floats
+from monochord.perception.reader.cells import spectrum_cells
 from monochord.perception.reader.measures import measure
 from monochord.perception.reader.network import KINDS, POSITIONS, Network, bundled_network, logits
-from monochord.perception.reader.prominence import prominences
 from monochord.perception.spectrum import Spectrum, SpectrumAnalyser
 
 
@@ -16,13 +15,6 @@ class Reading(NamedTuple):
 
     measures: Floats
     kinds: Floats
-
-
-def spectrum_cells(analyser: SpectrumAnalyser, spectrum: Spectrum) -> Audio:
-    """Return the network's input for the spectrum of a window, (`cells.CHANNELS`, `cells.CELLS`)."""
-    above = prominences(spectrum.power, spectrum.height)
-    bins_per_pitch = analyser.nominal / analyser.bin_spacing
-    return cells_of(spectrum.power, spectrum.height, above, bins_per_pitch, analyser.bending)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

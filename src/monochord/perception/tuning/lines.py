@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monochord.core.kernels import kernel, part
-from monochord.core.types import Audio, Floats, Indices
+from monochord.core.types import Floats, Indices
 from monochord.core.units import Hertz
-from monochord.dsp.spectrum import BLUR, FLOOR_WIDTH, noise_floor
-from monochord.perception.spectrum import HIGHEST_LINE, LINES, spectrum_of
+from monochord.dsp.spectrum import BLUR, FLOOR_WIDTH, MIN_FLOOR, block_floors
+from monochord.perception.spectrum import LINES, Spectrum
 
 MIN_SALIENCE = 5.0
 """Smallest height of a line above the noise floor, in nepers of power."""
@@ -30,48 +30,48 @@ BALANCE, BALANCE_STD = 7, 8
 natural logarithm of the ratio of its power at microphone 2 to its power at microphone 1."""
 
 
-def window_lines(samples: Audio, lowest: Hertz, sample_rate: int) -> Floats:
+def window_lines(spectrum: Spectrum, spacing: Hertz) -> Floats:
     """Return the lines (n, 5) of a window, the strongest first; at most 8 from each channel.
 
     The columns are `FREQUENCY` to `BLURRED`. With a single channel, the power at microphone 2 is 0.
 
     Parameters
     ----------
-    samples
-        The window (channels, size), 1 or 2 channels.
-    lowest
-        Lowest frequency of a line in Hz.
-    sample_rate
-        In Hz.
+    spectrum
+        Of the window, with 1 or 2 channels.
+    spacing
+        Distance of two bins in Hz.
     """
-    spacing = sample_rate / samples.shape[1]
-    highest = min(HIGHEST_LINE, 0.45 * sample_rate)
-    _, transform, power, frequency, height = spectrum_of(samples, spacing, lowest, highest)
+    _, transform, power, frequency, height = spectrum
     block = max(int(FLOOR_WIDTH / spacing), 8)
-    salience = np.stack([np.log1p(channel / noise_floor(channel, block)) for channel in power])
-    lines, strength = _merged(transform, power, salience, frequency, height, spacing)
-    return lines[np.argsort(-strength, kind="stable")]
+    floors = block_floors(power, block)
+    return _merged(transform, power, floors, block, frequency, height, spacing)
 
 
 @kernel()
 def _merged(
     transform: NDArray[np.complex128],
     power: Floats,
-    salience: Floats,
+    floors: Floats,
+    block: int,
     frequency: Floats,
     height: Floats,
     spacing: Hertz,
-) -> tuple[Floats, Floats]:
-    """Return the lines of all channels and their powers; of two records of one the louder counts."""
+) -> Floats:
+    """Return the lines of all channels, the strongest first; of two records of one the louder counts."""
     channels = power.shape[0]
     lines = np.zeros((channels * LINES, 5))
     strength = np.zeros(channels * LINES)
     count = 0
     for c in range(channels):
+        least = MIN_FLOOR * power[c].max()
         for i in range(LINES):
             f, h = frequency[c, i], height[c, i]
             k = int(np.rint(f / spacing))
-            if f <= 0.0 or h < MIN_POWER or salience[c, k] < MIN_SALIENCE:
+            if f <= 0.0 or h < MIN_POWER:
+                continue
+            salience = np.log1p(power[c, k] / max(_floor(floors[c], block, k), least))
+            if salience < MIN_SALIENCE:
                 continue
             row = count
             for other in range(count):
@@ -87,8 +87,17 @@ def _merged(
             lines[row, POWER_1] = power[0, k]
             lines[row, POWER_2] = power[1, k] if channels > 1 else 0.0
             lines[row, GROWTH] = -0.5 * np.pi * spacing * ratio.imag
-            lines[row, BLURRED] = BLUR * spacing * np.exp(-0.5 * salience[c, k])
-    return lines[:count], strength[:count]
+            lines[row, BLURRED] = BLUR * spacing * np.exp(-0.5 * salience)
+    return lines[:count][np.argsort(-strength[:count], kind="mergesort")]
+
+
+@part()
+def _floor(floors: Floats, block: int, k: int) -> float:
+    """Return the noise floor at a bin, between the middles of blocks by linear interpolation of decades."""
+    at = min(max((k + 0.0) / block - 0.5, 0.0), floors.size - 1.0)
+    b = min(int(at), max(floors.size - 2, 0))
+    low, high = np.log(floors[b]), np.log(floors[min(b + 1, floors.size - 1)])
+    return np.exp(low + (at - b) * (high - low))
 
 
 def lasting_lines(windows: tuple[Floats, ...], spacing: Hertz) -> Floats:
@@ -106,15 +115,15 @@ def lasting_lines(windows: tuple[Floats, ...], spacing: Hertz) -> Floats:
     """
     if not windows:
         return np.zeros((0, 9))
-    number = np.repeat(np.arange(len(windows)), [len(lines) for lines in windows])
-    lasting = _lasting(np.concatenate(windows), number, len(windows), SAME_LINE_BINS * spacing)
-    return lasting[np.argsort(-lasting[:, LAST_POWER_1] - lasting[:, LAST_POWER_2], kind="stable")]
+    ends = np.cumsum([len(lines) for lines in windows])
+    return _lasting(np.concatenate(windows), ends, SAME_LINE_BINS * spacing)
 
 
 @kernel()
-def _lasting(lines: Floats, window: Indices, windows: int, reach: Hertz) -> Floats:
-    group, groups = _groups(lines, window, reach)
-    lasting = np.zeros((groups, 9))
+def _lasting(lines: Floats, ends: Indices, reach: Hertz) -> Floats:
+    """Return the lasting lines of windows, each of which has the lines up to its one of `ends`."""
+    group, groups = _groups(lines, ends, reach)
+    windows, lasting = ends.size, np.zeros((groups, 9))
     for g in range(groups):
         members = lines[group == g].T.copy()  # of rows in one piece a median is compiled once
         count = members.shape[1]
@@ -130,7 +139,7 @@ def _lasting(lines: Floats, window: Indices, windows: int, reach: Hertz) -> Floa
             np.log((members[POWER_2] + BALANCE_FLOOR) / (members[POWER_1] + BALANCE_FLOOR))
         )
         lasting[g, BALANCE], lasting[g, BALANCE_STD] = balance, balance_std
-    return lasting
+    return lasting[np.argsort(-lasting[:, LAST_POWER_1] - lasting[:, LAST_POWER_2], kind="mergesort")]
 
 
 @part()
@@ -141,7 +150,7 @@ def _median(values: Floats) -> tuple[float, float]:
 
 
 @part()
-def _groups(lines: Floats, window: Indices, reach: Hertz) -> tuple[Indices, int]:
+def _groups(lines: Floats, ends: Indices, reach: Hertz) -> tuple[Indices, int]:
     """Return the group (n,) of each line, and their count.
 
     A group has one line of a window at most; the strongest begin one.
@@ -150,14 +159,16 @@ def _groups(lines: Floats, window: Indices, reach: Hertz) -> tuple[Indices, int]
     """
     group = np.full(lines.shape[0], -1)
     newest, last = np.zeros(lines.shape[0]), np.full(lines.shape[0], -1)
-    count = 0
+    count = window = 0
     for i in range(lines.shape[0]):
         f, best, least = lines[i, FREQUENCY], -1, reach
+        while i >= ends[window]:
+            window += 1
         for g in range(count):
             distance = abs(newest[g] - f)
-            if last[g] != window[i] and distance < least:
+            if distance < least and last[g] != window:
                 best, least = g, distance
         if best < 0:
             best, count = count, count + 1
-        group[i], newest[best], last[best] = best, f, window[i]
+        group[i], newest[best], last[best] = best, f, window
     return group, count

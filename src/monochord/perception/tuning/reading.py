@@ -18,7 +18,9 @@ from monochord.core.kernels import kernel, part
 from monochord.core.types import Flags, Floats
 from monochord.core.units import Hertz
 from monochord.perception.tuning.lines import (
+    GROWTH_STD,
     LAST_FREQUENCY,
+    LAST_GROWTH,
     LAST_POWER_1,
     LAST_POWER_2,
     LAST_STD,
@@ -48,6 +50,8 @@ SAME_TUNING = 0.006
 SUSTAINED_STD, FREE_STD = 2.0e-3, 1.0e-3
 """Relative standard deviation of a sustained partial and of a free partial from the stiff string's
 formula."""
+MIN_DECAY = 2.0
+"""Smallest decay rate in 1/s of a free partial."""
 MAINS: tuple[Hertz, Hertz] = (50.0, 60.0)
 MAINS_TOLERANCE: Hertz = 0.4
 """Largest distance of a hum line from a multiple of the mains frequency."""
@@ -60,7 +64,8 @@ class TuningReading(NamedTuple):
     `rival_score` and `rival_frequency` (Hz) belong to the best reading at another open frequency; they are -1
     and 0 without a rival. `explained` is the share of the lines' weight, without hum, that the reading
     explains. `numbers` (lines,) are partial numbers: 0 for a line that is not a partial, negative for a
-    distortion product. `humming` says that every explained line may be hum.
+    distortion product. `humming` says that every explained line may be hum. `decay` is the rate in 1/s at
+    which free partials die away, with its standard error; NaN without one.
     """
 
     frequency: Hertz
@@ -73,6 +78,8 @@ class TuningReading(NamedTuple):
     explained: float
     numbers: Floats
     humming: bool
+    decay: float
+    decay_std: float
 
 
 @kernel()
@@ -84,7 +91,7 @@ def read_tuning(
     Parameters
     ----------
     lines
-        Lasting lines (n, 7), the strongest first.
+        Lasting lines (n, 9), the strongest first.
     nominal
         Nominal open frequency in Hz.
     stiffness
@@ -114,14 +121,17 @@ def read_tuning(
     if best <= -1.0:
         numbers = np.zeros(lines.shape[0])
         return TuningReading(
-            0.0, np.inf, stiffness[0], stiffness[1], -1.0, second, rival, 0.0, numbers, False
+            0.0, np.inf, stiffness[0], stiffness[1], -1.0, second, rival, 0.0, numbers, False, np.nan, np.nan
         )
     numbers = _numbers(lines, weight, alike, own, stiffness)
     explained = weight[numbers != 0.0].sum() / weight[(numbers != 0.0) | ~hum].sum()
     humming = weight[hum & (numbers == 0.0)].sum() > weight[numbers != 0.0].sum()
     humming = humming and not ((numbers != 0.0) & (~hum)).any()
     f0, std, bend, bend_std = _fitted(lines, numbers, own, nominal, stiffness)
-    return TuningReading(f0, std, bend, bend_std, best, second, rival, explained, numbers, humming)
+    decay, decay_std = _decay(lines, numbers)
+    return TuningReading(
+        f0, std, bend, bend_std, best, second, rival, explained, numbers, humming, decay, decay_std
+    )
 
 
 @part(inline="always")
@@ -267,3 +277,18 @@ def _fitted(
         excess = np.sqrt(max(1.0, chi2 / max(used - 1.0, 1.0)))
         std, bend_std = np.sqrt(a22 / det) * excess, np.sqrt(a11 / det) * excess
     return f0, std, bend, bend_std
+
+
+@part()
+def _decay(lines: Floats, numbers: Floats) -> tuple[float, float]:
+    """Return the rate in 1/s at which free partials die away, and its standard error; NaN for none."""
+    power = lines[:, LAST_POWER_1] + lines[:, LAST_POWER_2]
+    growth, std = lines[:, LAST_GROWTH], lines[:, GROWTH_STD]
+    free = (numbers > 0.0) & (power < power[0] * 10.0**-SUSTAINED_DECADES)
+    free &= (growth < -MIN_DECAY) & (growth < -3.0 * std)
+    if not free.any():
+        return np.nan, np.nan
+    weight = free / (std**2 + (0.1 * growth) ** 2)
+    mean = (weight * growth).sum() / weight.sum()
+    spread = (weight * (growth - mean) ** 2).sum() / weight.sum() / free.sum()
+    return -mean, np.hypot(weight.sum() ** -0.5, spread**0.5)

@@ -1,6 +1,7 @@
 """The tuner: a fold over windows of untouched sound that measures the string's tuning."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import gcd, hypot, inf, nan
 
 import numpy as np
@@ -9,15 +10,11 @@ from monochord.core.errors import InputError
 from monochord.core.shapes import sound
 from monochord.core.types import Estimate, Floats, Signal, StringParams, Window
 from monochord.core.units import Hertz, Newtons, Samples, Seconds
-from monochord.perception.spectrum import LOWEST_LINE, MIN_BINS
+from monochord.perception.spectrum import HIGHEST_LINE, LOWEST_LINE, MIN_BINS, Spectrum, spectrum_of
 from monochord.perception.tuning.evidence import reason_against_a_string
 from monochord.perception.tuning.lines import (
     FREQUENCY,
-    GROWTH_STD,
     LAST_FREQUENCY,
-    LAST_GROWTH,
-    LAST_POWER_1,
-    LAST_POWER_2,
     POWER_1,
     POWER_2,
     PRESENCE,
@@ -44,13 +41,12 @@ COMMON_STD = 1.5e-3
 
 With it, the error on 20 plausible builds of the prototype, 1.9 per mille, equals one standard error. In the
 ideal world the error is half a standard error."""
-MIN_DECAY = 2.0
-"""Smallest decay rate in 1/s of a free partial."""
 MIN_WINDOWS = 3
 """Fewest windows of untouched sound that determine the pitch."""
 STIFFNESS_STD = (0.5, 2.0e-5)
 """Standard deviation of B around the design's value: a share of this value, plus a constant."""
 TIME_TOLERANCE: Seconds = 1e-6
+REMEDY = "run monochord tune"
 NOT_DRIVEN = "nothing drives the string"
 """End of a reason for sound without lines."""
 
@@ -125,7 +121,7 @@ class TunerState:
     reason: str = "no sound"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Tuner:
     """Follows the pitch of an untouched string, within 10 % (1.6 semitones) of the nominal pitch.
 
@@ -194,16 +190,35 @@ class Tuner:
             state = tuner.step(state, window)
         return tuner
 
-    @property
+    @cached_property
     def nominal(self) -> Hertz:
         """Open frequency of the string's design, in Hz."""
         return open_frequency(self.string)
 
-    def step(self, state: TunerState, window: Window) -> TunerState:
+    @cached_property
+    def _stiffness(self) -> tuple[float, float]:
+        """The inharmonicity of the string's design, and its standard deviation."""
+        bend = inharmonicity(self.string)
+        return bend, STIFFNESS_STD[0] * bend + STIFFNESS_STD[1]
+
+    def step(self, state: TunerState, window: Window, spectrum: Spectrum | None = None) -> TunerState:
         """Return the state after one more window, which may be touched, silent or have a gap.
 
-        A window that starts no later than its predecessor begins another stream. Raises `InputError` for a
-        window with another number of channels or frames.
+        A window that starts no later than its predecessor begins another stream.
+
+        Parameters
+        ----------
+        state
+            The state before the window.
+        window
+            The window.
+        spectrum
+            The window's spectrum; None to compute it where it is needed.
+
+        Raises
+        ------
+        InputError
+            If the window has another number of channels or frames.
         """
         state = state if window.start > state.start else TunerState()
         time = window.start / window.sample_rate
@@ -212,9 +227,11 @@ class Tuner:
         state = replace(state, start=window.start, analysed=time)
         refused, dead = unusable_reason(window), 0
         if refused in ("", "clipped"):
-            lowest = LOWEST_LINE * self.nominal
-            samples = sound(window.samples, self.channels, self.size)
-            lines = window_lines(samples, lowest, self.sample_rate)
+            spacing = self.sample_rate / self.size
+            if spectrum is None:
+                samples = sound(window.samples, self.channels, self.size)
+                spectrum = spectrum_of(samples, spacing, LOWEST_LINE * self.nominal, HIGHEST_LINE)
+            lines = window_lines(spectrum, spacing)
             refused, dead = _no_partials_reason(lines)
             if not refused:
                 kept = (*state.lines, lines)[-self.keep :]
@@ -244,24 +261,22 @@ class Tuner:
         if len(windows) < MIN_WINDOWS:
             return None, f"fewer than {MIN_WINDOWS} windows of untouched sound"
         lasting = lasting_lines(windows, self.sample_rate / self.size)
-        bend = inharmonicity(self.string)
-        stiffness = (bend, STIFFNESS_STD[0] * bend + STIFFNESS_STD[1])
         least = 0.0 if dead or self.channels == 1 else MIN_SHARE
-        reading = read_tuning(lasting, self.nominal, stiffness, least)
+        reading = read_tuning(lasting, self.nominal, self._stiffness, least)
         reason = self._undecided_reason(reading, lasting)
-        numbers = list(dict.fromkeys(reading.numbers[reading.numbers > 0.0].astype(int).tolist()))
+        numbers = [int(number) for number in dict.fromkeys(reading.numbers.tolist()) if number > 0.0]
         reason = reason or _ambiguous_reason(numbers, one_microphone=least == 0.0)
         if reason:
             return None, reason
-        decay, decay_std = _decay(lasting, reading)
         apart = 0.5 * abs(reading.frequency - reading.rival_frequency) if _has_rival(reading) else 0.0
         tuning = Tuning(
             frequency=reading.frequency,
             frequency_std=hypot(reading.frequency_std, COMMON_STD * reading.frequency, apart),
             inharmonicity=reading.inharmonicity,
             inharmonicity_std=reading.inharmonicity_std,
-            decay=decay,
-            decay_std=decay_std,
+            # One object stands for no decay, so that equal tunings are equal.
+            decay=reading.decay if reading.decay > 0.0 else nan,
+            decay_std=reading.decay_std if reading.decay > 0.0 else nan,
             partials=tuple(numbers),
             windows=len(windows),
             channels=tuple(channel for channel in range(1, self.channels + 1) if channel != dead),
@@ -298,18 +313,21 @@ def _no_partials_reason(lines: Floats) -> tuple[str, int]:
     """Return why lines do not fit an untouched string (empty if they do), and the dead microphone or 0."""
     if not len(lines):
         return f"no line stands out: {NOT_DRIVEN}", 0
-    power = lines[:, [POWER_1, POWER_2]]
-    share = power.sum(axis=0) / power.sum()
-    dead = int(np.argmin(share)) + 1 if share.min() < DEAD_SHARE else 0
-    if dead:
-        return "", dead
-    loud = power.sum(axis=1) > power.sum(axis=1).max() * 10.0**-SUSTAINED_DECADES
-    least = (power / power.sum(axis=1, keepdims=True))[loud].min(axis=1)
-    if (least < MIN_SHARE).any():
-        one, *others = lines[loud][least < MIN_SHARE][:, FREQUENCY]
-        also = f" and one at {others[0]:.0f} Hz" if others else ""
-        return f"touched: a line at {one:.0f} Hz{also} at one microphone only", 0
-    return "", 0
+    rows: list[list[float]] = lines.tolist()
+    both = [sum(row[power] for row in rows) for power in (POWER_1, POWER_2)]
+    if min(both) < DEAD_SHARE * sum(both):
+        return "", both.index(min(both)) + 1
+    quiet = max(row[POWER_1] + row[POWER_2] for row in rows) * 10.0**-SUSTAINED_DECADES
+    one_sided = [
+        row[FREQUENCY]
+        for row in rows
+        if row[POWER_1] + row[POWER_2] > quiet
+        and min(row[POWER_1], row[POWER_2]) < MIN_SHARE * (row[POWER_1] + row[POWER_2])
+    ]
+    if not one_sided:
+        return "", 0
+    also = f" and one at {one_sided[1]:.0f} Hz" if len(one_sided) > 1 else ""
+    return f"touched: a line at {one_sided[0]:.0f} Hz{also} at one microphone only", 0
 
 
 def _ambiguous_reason(numbers: list[int], *, one_microphone: bool) -> str:
@@ -328,15 +346,11 @@ def _ambiguous_reason(numbers: list[int], *, one_microphone: bool) -> str:
     return ""
 
 
-def _decay(lasting: Floats, reading: TuningReading) -> tuple[float, float]:
-    """Return the rate in 1/s at which free partials die away, and its standard error; NaN for none."""
-    power = lasting[:, LAST_POWER_1] + lasting[:, LAST_POWER_2]
-    growth, std = lasting[:, LAST_GROWTH], lasting[:, GROWTH_STD]
-    free = (reading.numbers > 0.0) & (power < power.max(initial=0.0) * 10.0**-SUSTAINED_DECADES)
-    free &= (growth < -MIN_DECAY) & (growth < -3.0 * std)
-    if not free.any():
-        return nan, nan
-    weight = 1.0 / (std[free] ** 2 + (0.1 * growth[free]) ** 2)
-    mean = float(-np.average(growth[free], weights=weight))
-    spread = float(np.average((growth[free] + mean) ** 2, weights=weight)) / free.sum()
-    return mean, float(np.hypot(weight.sum() ** -0.5, spread**0.5))
+def detuned(deviation: float, expected: str) -> str:
+    """Return the reason for abstaining on a string whose pitch deviates by a share from the expected one.
+
+    >>> detuned(-0.0412, "its known pitch")
+    'the string sounds 4.1 % below its known pitch: run monochord tune'
+    """
+    side = "below" if deviation < 0.0 else "above"
+    return f"the string sounds {100.0 * abs(deviation):.1f} % {side} {expected}: {REMEDY}"

@@ -5,8 +5,8 @@
 """
 
 from monochord.physics.split_string.grid import time_step
+from monochord.physics.split_string.rendering import Route, SimulatedSound, peaks, simulate
 from monochord.physics.split_string.setup import Drive, PluckShape, SplitString
-from monochord.physics.split_string.simulate import Route, SimulatedSound, peaks, simulate
 from monochord.physics.split_string.stream import Ringing, advance, begin, touch
 
 __all__ = [
