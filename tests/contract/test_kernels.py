@@ -100,7 +100,7 @@ WHO_CHECKS = {
     "perception.features.fft_harmonic": {"_row": "_Extractor.__call__"},
     "perception.features.reading": {"__call__": "itself"},
     "perception.reader.reader": dict.fromkeys(("read", "spectrum_cells"), "SpectrumAnalyser"),
-    "perception.model.correction": {"terms": "itself"},
+    "perception.model.correction": {"terms": "itself", "residual": "the kernel"},
     "perception.model.faults": {"step": "Definition.fault_columns"},
     "perception.model.network": {"outputs": "the kernel", "network_inputs": "itself"},
     "front.identify": {"_partials": "Tuner"},

@@ -34,7 +34,7 @@ from monochord.perception.features import FEATURES
 from monochord.perception.features.base import Extractor
 from monochord.perception.model import faults
 from monochord.perception.model.context import ModelState, context_row, step
-from monochord.perception.model.correction import Correction
+from monochord.perception.model.correction import NO_FOREST, Correction
 from monochord.perception.model.definition import Definition, FeatureRecord
 from monochord.perception.model.faults import OF_REASON, fault_reason
 from monochord.perception.model.network import Network, Output, estimates_of, probability, quantity
@@ -582,7 +582,7 @@ class Model:
             mean=mean,
             covariance=covariance,
             noise=record.noise,
-            residual=len(centre) - 1 - len(record.variables),
+            forest=self.weights.get(f"{name}.correction.forest", NO_FOREST),
         )
 
     @cached_property
