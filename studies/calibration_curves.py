@@ -210,7 +210,7 @@ def calibration_curves(
             progress(job[0], len(done), len(jobs))
     figures = {name: [done[job] for job in jobs if job[0] == name] for name in only or SENSORS}
     for head in HEADS:
-        print(head, *lines_of(COLUMNS, _rows(figures, head)), sep="\n")
+        print(head, *lines_of(COLUMNS, rows_of(figures, head)), sep="\n")
     if out is not None:
         out.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
     if figure is not None:
@@ -222,7 +222,7 @@ def _values(builds: Sequence[Curves], head: str, number: str) -> Floats:
     return np.array([each[head][number] for each in builds if number in each[head]])
 
 
-def _rows(figures: Mapping[str, Sequence[Curves]], head: str) -> list[tuple[str, ...]]:
+def rows_of(figures: Mapping[str, Sequence[Curves]], head: str) -> list[tuple[str, ...]]:
     """Return the table's rows: the model's error, and differences with the upper ends of their intervals."""
     factor = UNITS[head][0]
     rows: list[tuple[str, ...]] = []

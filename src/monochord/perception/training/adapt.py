@@ -42,8 +42,8 @@ MAX_ALARM_SHARE = 0.01
 """Largest share of a healthy sensor's windows that may still be reported as faulty."""
 MIN_FOREST_TOUCHES = 10
 """Smallest number of touches from which trees learn."""
-MIXTURES: Floats = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.5, 0.5], [0.0, 0.0, 1.0]])
-"""Shares of physics and prior, of these with trees on what they leave, and of trees instead."""
+MIXTURES: Floats = np.array([[1.0, 0.0], [0.5, 0.5], [0.0, 1.0]])
+"""Shares of trees on what physics and prior leave, and of trees instead of these."""
 MAX_DEVIATIONS = 4.0
 """Number of stated standard errors up to which an error is learned by trees, and counts for those stated."""
 PRIOR_TOUCHES = 3.0
@@ -283,8 +283,8 @@ def _corrected(
 ) -> tuple[HeadAdaptation, Correction]:
     """Return a head's errors on left-out touches, and the correction to use.
 
-    The candidates are mixtures of what physics and prior say, of that with trees on what it leaves, and of
-    trees alone (`MIXTURES`). The one with the smallest error on left-out touches is used, unless the error
+    Few touches condition what physics and prior say. With more, trees learn what that leaves, or the whole
+    error: the mixture with the smallest error on left-out touches is used (`MIXTURES`), unless the error
     without any correction is smaller. Their errors also tell the factor of the standard error. If `group`
     gives the object (n,) of each window, the correction is for other objects: whole objects are left out, and
     there are no trees.
@@ -300,36 +300,39 @@ def _corrected(
         )
 
     def with_trees(by: Correction, rows: Flags, mixture: Floats) -> Correction:
-        """Return a mixture of a correction, trees on what it leaves, and trees instead of it."""
-        linear = replace(by, mean=mixture[:2].sum() * by.mean + mixture[2] * correction.mean)
-        for part, base in ((mixture[1], by), (mixture[2], correction)):
+        mixed = replace(by, mean=mixture @ np.stack([by.mean, correction.mean]))
+        for part, base in zip(mixture.tolist(), (by, correction), strict=True):
             if part:
                 expected, std = base.stated(variables[rows], errors.std[rows])
                 # A misread touch says nothing of the others.
                 off = np.clip(errors.error[rows] - expected, -MAX_DEVIATIONS * std, MAX_DEVIATIONS * std)
-                linear = linear.with_forest(forest_of(variables[rows], off), part)
-        return linear
+                mixed = mixed.with_forest(forest_of(variables[rows], off), part)
+        return mixed
 
     of = touch if group is None or len(np.unique(group)) == 1 else group
     every, rows, weight = np.unique(of), np.ones(len(of), bool), touch_weights(touch)
     expected, stds = correction.stated(variables, errors.std)
     before = errors.error - expected
-    mixtures = MIXTURES if group is None and len(every) >= MIN_FOREST_TOUCHES else MIXTURES[:1]
-    corners = np.tile(expected, (1 if len(mixtures) == 1 else 3, 1))
+    has_trees = group is None and len(every) >= MIN_FOREST_TOUCHES
+    corners = np.tile(expected, (2, 1))
     for out in (np.isin(of, fold) for fold in np.array_split(every, min(MAX_FOLDS, len(every)))):
         if not out.all():
             others = learned(~out)
-            stds[out] = others.stated(variables[out], errors.std[out])[1]
-            for corner, mixture in zip(corners, np.eye(3), strict=False):
-                corner[out] = with_trees(others, ~out, mixture).error(variables[out])[0]
-    left = errors.error - mixtures[:, : len(corners)] @ corners
+            corners[:, out], stds[out] = others.stated(variables[out], errors.std[out])
+            for corner, mixture in zip(corners, np.eye(2), strict=True):
+                if has_trees:
+                    corner[out] = with_trees(others, ~out, mixture).error(variables[out])[0]
+    left = errors.error - MIXTURES @ corners
     best = int((np.abs(left) @ weight).argmin())
-    used = bool(weight @ np.abs(left[best]) <= weight @ np.abs(before))
-    ratio = np.minimum(np.abs(left[best]) / stds, MAX_DEVIATIONS) ** 2
+    after, result = left[best], learned(rows)
+    if has_trees:
+        result = with_trees(result, rows, MIXTURES[best])
+    used = bool(weight @ np.abs(after) <= weight @ np.abs(before))
+    ratio = np.minimum(np.abs(after) / stds, MAX_DEVIATIONS) ** 2
     factor = float(np.sqrt((PRIOR_TOUCHES + weight @ ratio) / (PRIOR_TOUCHES + weight.sum())))
     factor = factor if len(every) > 1 else 1.0
-    head = replace(_adaptation(record, before, left[best], factor * stds, touch), used=used)
-    return head, with_trees(learned(rows), rows, mixtures[best]).scaled(factor) if used else correction
+    head = replace(_adaptation(record, before, after, factor * stds, touch), used=used)
+    return head, result.scaled(factor) if used else correction
 
 
 def _adaptation(
