@@ -312,6 +312,15 @@ def test_what_a_sensor_in_order_sounds_like_is_no_fault_from_then_on(correctable
     assert raised[swapped] == pytest.approx(1.0)
 
 
+def test_a_head_whose_touches_cannot_be_estimated_is_left_out(correctable: Model, foreign: Dataset) -> None:
+    """As the position of an object that is too soft: force is learned all the same."""
+    nothing = np.zeros(len(foreign), bool)
+    result = adapt(correctable, replace(foreign, valid={**foreign.valid, "position": nothing}))
+    assert result.heads.keys() == {"force"}
+    with pytest.raises(InputError, match="0 touches"):
+        adapt(correctable, replace(foreign, valid={**foreign.valid, "position": nothing, "force": nothing}))
+
+
 def test_too_few_touches_are_refused(correctable: Model, foreign: Dataset) -> None:
     with pytest.raises(InputError, match=r"12 touches.*40"):
         adapt(correctable, foreign, touches=40)

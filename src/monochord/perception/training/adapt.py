@@ -48,6 +48,7 @@ MAX_DEVIATIONS = 4.0
 """Number of stated standard errors up to which an error is learned by trees, and counts for those stated."""
 PRIOR_TOUCHES = 3.0
 """Number of touches that the standard errors of training count for."""
+NO_TOUCHES = "0 touches with a label of position or force", "1 or more", "record labelled touches"
 REMEDY = "train a model with the heads position and force"
 
 
@@ -88,8 +89,8 @@ def adapt(
     Raises
     ------
     InputError
-        If the model has no position or force; if there are no touches, or fewer than `touches`; if a label is
-        impossible; or if `objects` is "others" and the model was adapted before.
+        If the model has no position or force; if no touch can be estimated, or fewer than `touches`; if a label
+        is impossible; or if `objects` is "others" and the model was adapted before.
     """
     _refuse_unfit(model, objects)
     given, dataset = dataset, with_design_forces(model, dataset)
@@ -116,14 +117,15 @@ def adapt(
         errors = labelled_errors(ready.definition, name, dataset, replayed.outputs)
         own = touch[errors.rows]
         numbers = np.unique(own)
-        if len(numbers) < (touches or 1) and correction is not None:
+        if len(numbers) < (touches or 0) and correction is not None:
             given_touches = f"{len(numbers)} touches with a label of {name}"
-            raise InputError(given_touches, f"{touches or 1} or more", "record more touches")
+            raise InputError(given_touches, f"{touches} or more", "record more touches")
         used = np.isin(own, numbers[:touches])
         errors, own = errors.at(used), own[used]
+        if not own.size:  # no position is certain
+            continue
         if correction is None or record.correction is None:
-            if own.size:
-                heads[name] = _adaptation(record, errors.error, errors.error, errors.std, own)
+            heads[name] = _adaptation(record, errors.error, errors.error, errors.std, own)
             continue
         group = dataset.session[errors.rows].astype(np.int64) if objects == "others" else None
         heads[name], known[name] = _corrected(ready, name, correction, errors, own, group)
@@ -137,6 +139,8 @@ def adapt(
                 sessions=record.correction.sessions,
                 kept=ready.weights[f"{name}.correction.touches"],
             )
+    if not heads:
+        raise InputError(*NO_TOUCHES)
     sessions = {part.name: part.checksum for part in dataset.manifest.parts}
     definition = replace(
         model.definition,
@@ -201,9 +205,7 @@ def judge(
         heads[name] = replace(head, learned=False)
         used[errors.rows] = True
     if not heads:
-        raise InputError(
-            "0 touches with a label of position or force", "1 or more", "record labelled touches"
-        )
+        raise InputError(*NO_TOUCHES)
     return Adaptation(
         model=model,
         heads=heads,
