@@ -89,8 +89,8 @@ def adapt(
     Raises
     ------
     InputError
-        If the model has no position or force; if no touch can be estimated, or fewer than `touches`; if a label
-        is impossible; or if `objects` is "others" and the model was adapted before.
+        If the model has no position or force; if no touch can be estimated, or fewer than `touches`; if a
+        label is impossible; or if `objects` is "others" and the model was adapted before.
     """
     _refuse_unfit(model, objects)
     given, dataset = dataset, with_design_forces(model, dataset)
