@@ -162,10 +162,13 @@ def curves(model: Model, recorded: Recorded, numbers: Sequence[int]) -> Curves:
             x = recorded.features
             trees = ExtraTreesRegressor(100, max_features=0.3, min_samples_leaf=2, random_state=0)
             label = recorded.dataset.label(head)
-            if not len(taught) or not len(test):  # this object is too soft to be placed
+            if not len(test):  # the object is too soft to be placed
                 continue
-            trees.fit(x[[at[row] for row in taught.tolist()]], label[taught])
-            alone = trees.predict(x[[at[row] for row in test.tolist()]]) - label[test]
+            guess = np.full(len(test), label[test].mean())
+            if len(taught):
+                trees.fit(x[[at[row] for row in taught.tolist()]], label[taught])
+                guess = trees.predict(x[[at[row] for row in test.tolist()]])
+            alone = guess - label[test]
             sizes = [float(np.abs(each).mean()) for each in (before[0], after[0], alone)]
             covered = float(np.mean(np.abs(after[0]) < after[1]))
             result[head][str(number)] = [*sizes, covered]
@@ -232,7 +235,8 @@ def rows_of(figures: Mapping[str, Sequence[Curves]], head: str) -> list[tuple[st
             before, after, trees, covered = values.T
             cells = [f"{factor * each.mean():.3f}" for each in (before, after, trees)]
             for off in (after - before, after - trees):
-                upper = off.mean() + stdtrit(len(off) - 1, 0.975) * off.std(ddof=1) / len(off) ** 0.5
+                deviation = off.std(ddof=1) if len(off) > 1 else np.nan
+                upper = off.mean() + stdtrit(max(len(off) - 1, 1), 0.975) * deviation / len(off) ** 0.5
                 lost = off.mean() > 0.0 and upper > MARGIN * before.mean()
                 cells.append(f"{factor * off.mean():+.3f} to {factor * upper:+.3f}{'!' if lost else ''}")
             rows.append((sensor, str(len(values)), number, *cells, f"{100.0 * covered.mean():.0f} %"))
