@@ -101,7 +101,7 @@ WHO_CHECKS = {
     "perception.features.reading": {"row": "SpectrumAnalyser"},
     "perception.reader.cells": {"spectrum_cells": "SpectrumAnalyser"},
     "perception.reader.reader": {"read": "SpectrumAnalyser"},
-    "perception.model.correction": {"terms": "itself"},
+    "perception.model.correction": {"terms": "itself", "residual": "the kernel"},
     "perception.model.faults": {"step": "Definition.fault_columns"},
     "perception.model.network": {"outputs": "the kernel", "network_inputs": "itself"},
     "front.identify": {"_partials": "Tuner"},

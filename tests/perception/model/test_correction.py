@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from monochord.core.types import Floats
-from monochord.perception.model.correction import BUILD_SHARE, Correction, Indices, prior
+from monochord.perception.model.correction import BUILD_SHARE, Correction, Indices, forest_of, prior
 
 WEIGHTS = np.array([0.2, 0.3, -0.1, 0.1, 0.05, 0.1])
 """Standard deviations of the weights of 1, a, b, a^2, a b, b^2 between groups."""
@@ -33,8 +33,7 @@ def unknown() -> Correction:
 
 
 def stated(correction: Correction, variables: Floats) -> tuple[Floats, Floats]:
-    expected, uncertain = correction.error(correction.terms(variables))
-    return expected, np.sqrt(correction.noise * NOISE**2 + uncertain**2)
+    return correction.stated(variables, np.full(len(variables), NOISE))
 
 
 @pytest.mark.parametrize("known", [0, 3, 8])
@@ -49,7 +48,7 @@ def test_errors_of_new_groups_lie_within_what_is_stated_and_known_touches_narrow
         std = np.full(used.size, NOISE)
         own = unknown
         if known:
-            own = unknown.given(unknown.terms(variables[used]), error[used], std, touch[used])
+            own = unknown.given(variables[used], error[used], std, touch[used])
         expected, std = stated(own, variables[rest])
         ratio.append((error[rest] - expected) / std)
         size.append(float(np.abs(error[rest] - expected).mean()))
@@ -60,60 +59,19 @@ def test_errors_of_new_groups_lie_within_what_is_stated_and_known_touches_narrow
     assert np.mean(size) < {0: 0.45, 3: 0.32, 8: 0.16}[known]
 
 
-@pytest.mark.parametrize("larger", [1.0, 4.0])
-def test_errors_beyond_any_group_of_the_prior_are_learned_and_stated(
-    unknown: Correction, larger: float
-) -> None:
-    variables, error, group, touch = groups(100, 4)
-    error = larger * error
-    off: dict[bool, list[Floats]] = {True: [], False: []}
-    size: dict[bool, list[float]] = {True: [], False: []}
-    for each in range(100):
-        rows = np.flatnonzero(group == each)
-        used, rest = rows[:24], rows[24:]
-        known = unknown.terms(variables[used]), error[used], np.full(used.size, NOISE), touch[used]
-        for fitted in (True, False):
-            own = (unknown.fitted(*known) if fitted else unknown).given(*known)
-            expected, std = stated(own, variables[rest])
-            off[fitted].append(np.abs(error[rest] - expected) / std)
-            size[fitted].append(float(np.abs(error[rest] - expected).mean()))
-    within, as_before = (float(np.mean(np.concatenate(off[fitted]) < 1.0)) for fitted in (True, False))
-    if larger == 1.0:  # a group of the prior: nothing changes
-        assert within == pytest.approx(as_before, abs=0.05)
-        assert np.mean(size[True]) < 1.02 * np.mean(size[False])
-    else:  # noise is 4 times larger, too, and eight touches cannot tell all of that from six weights
-        assert as_before < 0.25
-        assert 0.5 < within < 0.8
-        assert np.mean(size[True]) < 0.95 * np.mean(size[False])
-
-
-def test_one_misread_touch_widens_little_and_moves_nothing(unknown: Correction) -> None:
-    variables, error, _, touch = groups(1, 2)
-    terms, std = unknown.terms(variables), np.full(error.size, NOISE)
-    before = unknown.fitted(terms, error, std, touch)
-    without = before.given(terms, error, std, touch)
-    error[:3] += 100.0 * NOISE
-    after = unknown.fitted(terms, error, std, touch)
-    assert after.covariance[0, 0] <= 4.0 * before.covariance[0, 0]
-    at = unknown.terms(np.zeros((1, 2)))
-    off = after.given(terms, error, std, touch).error(at)[0] - without.error(at)[0]
-    assert abs(float(off[0])) < NOISE
-
-
 def test_a_misread_touch_has_little_weight(unknown: Correction) -> None:
     variables, error, _, touch = groups(1, 2)
-    terms, std = unknown.terms(variables), np.full(error.size, NOISE)
-    clean = unknown.given(terms, error, std, touch)
+    std, at = np.full(error.size, NOISE), np.zeros(2)
+    clean = unknown.given(variables, error, std, touch)
     error[:3] += 100.0 * NOISE
-    wrong = unknown.given(terms, error, std, touch)
-    at = unknown.terms(np.zeros((1, 2)))
-    assert abs(float((wrong.error(at)[0] - clean.error(at)[0])[0])) < NOISE
-    plain = np.linalg.lstsq(terms, error, rcond=None)[0]
-    assert abs(float((at @ plain)[0] - clean.error(at)[0][0])) > NOISE
+    wrong = unknown.given(variables, error, std, touch)
+    assert abs(float(wrong.error(at)[0] - clean.error(at)[0])) < NOISE
+    plain = np.linalg.lstsq(unknown.terms(variables), error, rcond=None)[0]
+    assert abs(float(unknown.terms(at) @ plain - clean.error(at)[0])) > NOISE
 
 
 def test_windows_of_one_touch_count_as_one(unknown: Correction) -> None:
-    terms = unknown.terms(np.zeros((30, 2)))
+    terms = np.zeros((30, 2))
     error, std = np.full(30, 0.5), np.full(30, NOISE)
     one = unknown.given(terms, error, std, np.zeros(30, np.int64))
     alone = unknown.given(terms[:1], error[:1], std[:1], np.zeros(1, np.int64))
@@ -142,7 +100,7 @@ def test_what_objects_have_in_common_is_the_builds_and_another_object_is_as_unce
         build = rng.normal(size=3) * np.sqrt(BUILD_SHARE * np.diag(wide))
         own = rng.normal(size=(10, 3)) * np.sqrt((1.0 - BUILD_SHARE) * np.diag(wide))
         error = np.einsum("ni,ni->n", terms, (build + own)[group]) + noise * rng.normal(size=1000)
-        known = {each: (terms[group < each], error[group < each], std[group < each]) for each in (1, 8)}
+        known = {each: (variables[group < each], error[group < each], std[group < each]) for each in (1, 8)}
         learned = {
             "none": unknown,
             "same": unknown.given(*known[1], touch[group < 1]),
@@ -150,7 +108,7 @@ def test_what_objects_have_in_common_is_the_builds_and_another_object_is_as_unce
             "eight": unknown.of_the_build(*known[8], touch[group < 8], group[group < 8]),
         }
         for name, each in learned.items():
-            expected, uncertain = each.error(terms[group == 9])
+            expected, uncertain = each.error(variables[group == 9])
             off = error[group == 9] - expected
             left[name].append(float(np.mean(np.abs(off))))
             inside[name] += (np.abs(off) < np.hypot(uncertain, noise)).tolist()
@@ -162,3 +120,25 @@ def test_what_objects_have_in_common_is_the_builds_and_another_object_is_as_unce
     for name in ("none", "one", "eight"):
         assert 0.62 < covered[name] < 0.74, (name, covered)
     assert covered["same"] < 0.3
+
+
+def test_trees_learn_what_polynomials_do_not_and_end_whatever_their_nodes(unknown: Correction) -> None:
+    random = np.random.default_rng(0)
+    variables = random.uniform(-1.0, 1.0, (400, 5))  # two of the correction, three columns
+    error = np.where(variables[:, 3] > 0.2, 0.5, -0.5) + 0.3 * variables[:, 4]
+    nodes = forest_of(variables[:300], error[:300])
+    learned = unknown.with_forest(nodes)
+    left = error[300:] - learned.residual(variables[300:])
+    assert np.abs(left).mean() < 0.6 * np.abs(error[300:]).mean()
+    np.testing.assert_allclose(
+        unknown.with_forest(nodes, 0.5).residual(variables), 0.5 * learned.residual(variables), atol=1e-6
+    )
+    twice = learned.with_forest(nodes).residual(variables)
+    np.testing.assert_allclose(twice, 2.0 * learned.residual(variables), atol=1e-6)
+    wild = random.uniform(-9.0, 9.0, (50, 3)).astype(np.float32)
+    assert np.isfinite(replace(unknown, forest=wild).residual(variables)).all()
+
+
+def test_what_is_scaled_states_as_much_more(unknown: Correction) -> None:
+    at, std = np.array([[0.5, -0.5]]), np.full(1, NOISE)
+    assert unknown.scaled(2.0).stated(at, std)[1] == pytest.approx(2.0 * unknown.stated(at, std)[1])

@@ -150,3 +150,13 @@ def test_a_calibration_of_less_than_nothing_is_refused() -> None:
     for name in ("windows", "touches", "sessions"):
         with pytest.raises(InputError, match=f"'{name}' = -1"):
             from_tree(Calibration, {name: -1})
+
+
+def test_a_model_that_an_earlier_version_calibrated_is_refused_with_what_to_do(tmp_path: Path) -> None:
+    save(load("demo"), tmp_path / "mine")
+    file = tmp_path / "mine" / "model.json"
+    tree = json.loads(file.read_text())
+    tree["heads"]["force"]["correction"]["residual"] = True
+    file.write_text(json.dumps(tree))
+    with pytest.raises(InputError, match=r"earlier version.*monochord calibrate"):
+        load(tmp_path / "mine")

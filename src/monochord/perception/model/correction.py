@@ -3,7 +3,7 @@
 On a build or an object outside the training data, the errors of a head are systematic: they are similar in
 all windows. They are modelled as
 
-    error = w . phi(z) + noise,
+    error = w . phi(z) + forest(z, columns) + noise,
 
 where z are a few variables, including the head's own estimate, and phi are their polynomials up to the second
 degree. The weights w are constant for one build and object, and differ between builds and objects. Their
@@ -12,9 +12,8 @@ Bayes). Known touches condition the prior (Bayesian linear regression). Without 
 not change, and the prior covariance is the uncertainty that an unknown build adds.
 
 Where nothing was learned at training, the prior is physics: a position is off by the tool's offset and by the
-length of the string, a force by a gain, its curvature and an offset (`physical`). From many touches, a
-residual is learned as well: the head's columns are further terms, each with the same small prior (ridge
-regression).
+length of the string, a force by a gain, its curvature and an offset (`physical`). What these terms leave is
+learned by regression trees on the columns of the feature (`forest_of`).
 
 Windows of one touch have nearly the same error, so all windows of a touch count as one observation. Noise has
 the tails of Student's t, because a misread mode gives a large error.
@@ -23,16 +22,16 @@ References
 ----------
 Dempster, Laird and Rubin (1977), Maximum likelihood from incomplete data via the EM algorithm, J. R. Stat.
 Soc. B 39, 1; Lange, Little and Taylor (1989), Robust statistical modeling using the t distribution, J. Am.
-Stat. Assoc. 84, 881; Bishop (2006), Pattern Recognition and Machine Learning, section 3.3.
+Stat. Assoc. 84, 881; Bishop (2006), Pattern Recognition and Machine Learning, section 3.3; Geurts, Ernst and
+Wehenkel (2006), Extremely randomized trees, Mach. Learn. 63, 3.
 """
 
-from dataclasses import dataclass, replace
-from itertools import product
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from monochord.core.kernels import kernel
-from monochord.core.types import Floats, Indices
+from monochord.core.types import Audio, Floats, Indices
 from monochord.metrics import normal_coverage
 
 MAX_VARIABLE = 4.0
@@ -50,16 +49,12 @@ MIN_SHARE = 0.01
 """Smallest factor of the covariance in one of these iterations."""
 ROBUST_ROUNDS = 4
 """Iterations that reduce the weight of large errors."""
-COVARIANCE_FACTORS = (1.0, 4.0, 16.0, 64.0)
-"""Candidate factors of the covariance, for a sensor with larger errors than any build of the training."""
-NOISE_FACTORS = (1.0, 2.0, 4.0, 8.0, 16.0)
-"""Candidate factors of the noise, for a sensor whose touches scatter more."""
-RESIDUAL_SIZES, RESIDUAL_NOISES = (0.02, 0.06, 0.2, 0.6), (0.25, 0.5, 1.0)
-"""Candidate standard deviations of the residual in units of the head's scale, and factors of the noise."""
-FACTOR_PENALTY = 0.75
-"""Exponent of the prior for a candidate factor a, which is a^-0.75 times the prior for 1."""
+NO_FOREST: Audio = np.zeros((0, 3), np.float32)
+"""The nodes of no tree."""
 
 
+TREES = 50
+"""Number of trees in a forest."""
 BUILD_SHARE = 0.3
 """Share of the covariance that all sessions of one build share; the rest varies with the object and the day.
 
@@ -71,22 +66,23 @@ docs/design/tuning-and-calibration.md.
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Correction:
-    """The distribution of the weights of a head's error.
+    """The distribution of the weights of a head's error, and the trees that learned what it leaves.
 
     Errors are label minus estimate, in units of the head's scale. `centre` (v,) and `scale` (v,) scale the
     variables. `mean` (k,) and `covariance` (k, k) describe the weights. `noise` is the residual variance, as
-    a multiple of the head's own variance; it is fitted to the shares of errors within one and two sigma. The
-    last `residual` variables are terms of their own, without products.
+    a multiple of the head's own variance; it is fitted to the shares of errors within one and two sigma.
+    `forest` (n, 3) are the nodes of the trees, see `forest_of`; none by default. Variables are the v ones of
+    the weights, and behind them the columns that trees need.
 
     Examples
     --------
     >>> flat, wide = np.zeros(3), np.eye(3)
     >>> unknown = Correction(centre=flat[:1], scale=wide[0, :1], mean=flat, covariance=wide, noise=1.0)
-    >>> terms = unknown.terms(np.array([[0.0], [1.0]]))
-    >>> terms.tolist()
+    >>> variables = np.array([[0.0], [1.0]])
+    >>> unknown.terms(variables).tolist()
     [[1.0, 0.0, 0.0], [1.0, 1.0, 1.0]]
-    >>> known = unknown.given(terms, np.array([0.3, 0.3]), np.array([0.1, 0.1]), np.array([0, 1]))
-    >>> [round(float(x), 2) for each in (unknown, known) for x in each.error(terms[0])]
+    >>> known = unknown.given(variables, np.array([0.3, 0.3]), np.array([0.1, 0.1]), np.array([0, 1]))
+    >>> [round(float(x), 2) for each in (unknown, known) for x in each.error(variables[0])]
     [0.0, 1.0, 0.3, 0.1]
     """
 
@@ -95,128 +91,69 @@ class Correction:
     mean: Floats
     covariance: Floats
     noise: float
-    residual: int = 0
+    forest: Audio = field(default_factory=lambda: NO_FOREST)
 
     def terms(self, variables: Floats) -> Floats:
-        """Return the terms (..., k) of variables (..., v): polynomials, and those of the residual."""
-        rows, v = variables.reshape(-1, self.centre.size), self.centre.size - self.residual
-        terms = _terms(rows[:, :v], self.centre[:v], self.scale[:v])
-        if self.residual:
-            scaled = (rows[:, v:] - self.centre[v:]) / self.scale[v:]
-            terms = np.hstack([terms, np.clip(scaled, -MAX_VARIABLE, MAX_VARIABLE)])
-        return terms.reshape(*variables.shape[:-1], terms.shape[1])
+        """Return the terms (..., k) of variables (..., v or more): their polynomials."""
+        rows = variables.reshape(-1, variables.shape[-1])[:, : self.centre.size]
+        return _terms(rows, self.centre, self.scale).reshape(*variables.shape[:-1], self.mean.size)
 
-    def error(self, terms: Floats) -> tuple[Floats, Floats]:
-        """Return the expected error (...,) for terms (..., k), and its standard error without noise."""
+    def error(self, variables: Floats) -> tuple[Floats, Floats]:
+        """Return the expected error (...,) for variables (..., v), and its standard error without noise."""
+        terms = self.terms(variables)
         variance = np.einsum("...i,...i", terms @ self.covariance, terms)
-        return terms @ self.mean, np.sqrt(np.maximum(variance, 0.0))
+        expected = terms @ self.mean
+        if self.forest.size:
+            expected = expected + self.residual(variables)
+        return expected, np.sqrt(np.maximum(variance, 0.0))
 
-    def given(self, terms: Floats, error: Floats, std: Floats, touch: Indices) -> "Correction":
+    def residual(self, variables: Floats) -> Floats:
+        """Return what the trees add to the expected error (...,) for variables (..., v)."""
+        rows = variables.reshape(-1, variables.shape[-1])
+        return _sums(rows, self.forest).reshape(variables.shape[:-1])
+
+    def stated(self, variables: Floats, std: Floats) -> tuple[Floats, Floats]:
+        """Return the expected error (...,), and the standard error (...,) where the head states `std`."""
+        expected, uncertain = self.error(variables)
+        return expected, np.sqrt(self.noise * std**2 + uncertain**2)
+
+    def given(self, variables: Floats, error: Floats, std: Floats, touch: Indices) -> "Correction":
         """Return the correction conditioned on the errors in some windows.
 
         Parameters
         ----------
-        terms, error, std
-            Terms (n, k), errors (n,), and the standard errors (n,) that the head states.
+        variables, error, std
+            Variables (n, v), errors (n,), and the standard errors (n,) that the head states.
         touch
             Number (n,) of the touch in each window.
         """
-        trust, estimate = np.ones(len(error)), self
+        terms, trust, estimate = self.terms(variables), np.ones(len(error)), self
         inverse = _inverse(self.covariance)
+        error = error - self.residual(variables)
         for _ in range(ROBUST_ROUNDS):
-            weight = trust * _touch_weights(touch) / (self.noise * std**2)
+            weight = trust * touch_weights(touch) / (self.noise * std**2)
             covariance = _inverse(inverse + (terms * weight[:, None]).T @ terms)
             mean = covariance @ (inverse @ self.mean + terms.T @ (weight * error))
             estimate = replace(self, mean=mean, covariance=covariance)
-            trust = estimate.trust(terms, error, std)
+            expected, uncertain = replace(estimate, forest=NO_FOREST).error(variables)
+            off = ((error - expected) ** 2 + uncertain**2) / (self.noise * std**2)
+            trust = (DEGREES + 1.0) / (DEGREES + off)
         return estimate
 
-    def fitted(
-        self, terms: Floats, error: Floats, std: Floats, touch: Indices, group: Indices | None = None
-    ) -> "Correction":
-        """Return the correction with covariance and noise scaled to the errors of a sensor.
+    def with_forest(self, nodes: Audio, share: float = 1.0) -> "Correction":
+        """Return the correction with further trees (n, 3), of whose sum a share counts."""
+        further = nodes.copy()
+        further[nodes[:, 0] < 0.0, 1] *= share
+        further[:, 2] += len(self.forest)
+        return replace(self, forest=np.concatenate([self.forest, further]))
 
-        The prior comes from the builds of the training. On a sensor of another design, errors are larger, and
-        an unscaled prior would learn too little from a few touches. So covariance and noise are multiplied by
-        the most probable factors in `COVARIANCE_FACTORS` and `NOISE_FACTORS`, given these errors (MacKay
-        1992, Bayesian interpolation). The prior of a factor decreases with its size: a factor of 4 is a third
-        as probable as 1 (`FACTOR_PENALTY`).
-
-        Parameters
-        ----------
-        terms, error, std, touch
-            As in `given`.
-        group
-            Number (n,) of the object in each window; by default one object for all.
-        """
-        group = np.zeros(len(error), np.int64) if group is None else group
-        objects = [
-            self._touches(terms[rows], error[rows], std[rows], touch[rows])
-            for rows in (group == each for each in np.unique(group))
-        ]
-
-        def scaled(by: tuple[float, float]) -> "Correction":
-            return replace(self, covariance=by[0] * self.covariance, noise=by[1] * self.noise)
-
-        def probability(by: tuple[float, float]) -> float:
-            here = scaled(by)
-            return sum(here.evidence(*each) for each in objects) - FACTOR_PENALTY * float(np.log(by).sum())
-
-        return scaled(max(product(COVARIANCE_FACTORS, NOISE_FACTORS), key=probability))
-
-    def extended(
-        self, centre: Floats, scale: Floats, variables: Floats, error: Floats, std: Floats, touch: Indices
-    ) -> "Correction":
-        """Return the prior correction with a residual, of the size and noise that errors make most probable.
-
-        Parameters
-        ----------
-        centre, scale
-            Of the residual's variables (r,).
-        variables
-            All variables (n, v + r); the other parameters are as in `given`.
-        """
-        plain = replace(
-            self,
-            centre=np.concatenate([self.centre, centre]),
-            scale=np.concatenate([self.scale, scale]),
-            mean=np.concatenate([self.mean, np.zeros(len(centre))]),
-            residual=len(centre),
-        )
-
-        count = len(self.mean)
-        terms, error, std, _ = self._touches(plain.terms(variables), error, std, touch, self)
-        own, further = terms[:, :count], terms[:, count:]
-        off = error - own @ self.mean
-        shared, alike = own @ self.covariance @ own.T, further @ further.T / len(centre)
-
-        def probability(by: tuple[float, float]) -> float:
-            covariance = np.diag(by[1] * self.noise * std**2) + shared + by[0] ** 2 * alike
-            return float(-0.5 * (off @ np.linalg.solve(covariance, off) + np.linalg.slogdet(covariance)[1]))
-
-        size, noise = max(product(RESIDUAL_SIZES, RESIDUAL_NOISES), key=probability)
-        covariance = (size**2 / len(centre)) * np.eye(len(plain.mean))
-        covariance[:count, :count] = self.covariance
-        return replace(plain, covariance=covariance, noise=noise * self.noise)
-
-    def _touches(
-        self, terms: Floats, error: Floats, std: Floats, touch: Indices, by: "Correction | None" = None
-    ) -> tuple[Floats, Floats, Floats, Indices]:
-        """Return these of each touch of one object, windows that are far off counting less.
-
-        `by` is the correction that tells how far off they are, from the first of the terms; this by default.
-        """
-        by = by or self
-        own = terms[:, : len(by.mean)]
-        trust = by.given(own, error, std, touch).trust(own, error, std)
-        numbers = np.unique(touch)
-        average = trust * (numbers[:, np.newaxis] == touch)
-        average /= average.sum(axis=1, keepdims=True)
-        return average @ terms, average @ error, (average @ std**-2) ** -0.5, numbers
+    def scaled(self, factor: float) -> "Correction":
+        """Return the correction that states `factor` times the standard error."""
+        return replace(self, covariance=factor**2 * self.covariance, noise=factor**2 * self.noise)
 
     def of_the_build(
         self,
-        terms: Floats,
+        variables: Floats,
         error: Floats,
         std: Floats,
         touch: Indices,
@@ -231,7 +168,7 @@ class Correction:
 
         Parameters
         ----------
-        terms, error, std, touch
+        variables, error, std, touch
             As in `given`.
         group
             Number (n,) of the session, with one object, of each window.
@@ -240,25 +177,43 @@ class Correction:
         for each in np.unique(group):
             rows = group == each
             before = replace(self, mean=mean, covariance=build + own)
-            after = before.given(terms[rows], error[rows], std[rows], touch[rows])
+            after = before.given(variables[rows], error[rows], std[rows], touch[rows])
             gain = build @ _inverse(before.covariance)
             mean = mean + gain @ (after.mean - before.mean)
             build = _symmetric(build - gain @ (before.covariance - after.covariance) @ gain.T)
         return replace(self, mean=mean, covariance=build + own)
 
-    def evidence(self, terms: Floats, error: Floats, std: Floats, touch: Indices) -> float:
-        """Return the log probability of errors up to a constant; arguments as in `given`."""
-        trust = self.given(terms, error, std, touch).trust(terms, error, std)
-        trust = np.minimum(trust / np.median(trust), 1.0)  # of one that is further off than most
-        covariance = np.diag(self.noise * std**2 / trust) + terms @ self.covariance @ terms.T
-        off = error - terms @ self.mean
-        return float(-0.5 * (off @ np.linalg.solve(covariance, off) + np.linalg.slogdet(covariance)[1]))
 
-    def trust(self, terms: Floats, error: Floats, std: Floats) -> Floats:
-        """Return the weight (n,) that Student's t gives each error; large errors have small weights."""
-        expected, uncertain = self.error(terms)
-        off = ((error - expected) ** 2 + uncertain**2) / (self.noise * std**2)
-        return (DEGREES + 1.0) / (DEGREES + off)
+def forest_of(variables: Floats, error: Floats) -> Audio:
+    """Return the nodes (n, 3) of extremely randomized trees that learned errors (n,) in windows.
+
+    A node has a column, a threshold and the node to go on with if the column's value lies above; otherwise
+    the next one follows. A leaf has column -1, what it adds to the sum, and the root of the next tree.
+
+    Examples
+    --------
+    >>> variables = np.linspace(0.0, 1.0, 40)[:, np.newaxis]
+    >>> nodes = forest_of(variables, np.where(variables[:, 0] > 0.5, 1.0, -1.0))
+    >>> learned = physical(0.0, 1.0, (0.1, 0.0, 0.0)).with_forest(nodes)
+    >>> (learned.residual(np.array([[0.1], [0.9]])) > 0.0).tolist()
+    [False, True]
+    """
+    from sklearn.ensemble import ExtraTreesRegressor  # noqa: PLC0415
+
+    forest = ExtraTreesRegressor(TREES, max_features=0.3, min_samples_leaf=2, random_state=0)
+    forest.fit(variables, error)
+    parts, count = list[Floats](), 0
+    for tree in (each.tree_ for each in forest.estimators_):
+        leaf, end = tree.children_right < 0, count + tree.node_count
+        value = np.where(leaf, tree.value[:, 0, 0] / TREES, tree.threshold)
+        parts.append(
+            np.stack(
+                [np.where(leaf, -1, tree.feature), value, np.where(leaf, end, count + tree.children_right)],
+                axis=1,
+            )
+        )
+        count = end
+    return np.concatenate(parts).astype(np.float32)
 
 
 def physical(offset: float, scale: float, stds: tuple[float, float, float]) -> Correction:
@@ -274,7 +229,7 @@ def physical(offset: float, scale: float, stds: tuple[float, float, float]) -> C
     Examples
     --------
     >>> longer = physical(0.1, 0.04, (4e-4, 0.006, 0.0))
-    >>> [round(0.04 * float(longer.error(longer.terms(np.array([z])))[1]), 5) for z in (0.0, 1.0)]
+    >>> [round(0.04 * float(longer.error(np.array([z]))[1]), 5) for z in (0.0, 1.0)]
     [0.00072, 0.00093]
     """
     powers = np.array([[1.0, offset, offset**2], [0.0, scale, 2.0 * offset * scale], [0.0, 0.0, scale**2]])
@@ -317,30 +272,29 @@ def prior(variables: Floats, error: Floats, std: Floats, group: Indices, touch: 
         covariance=np.zeros((1, 1)),
         noise=1.0,
     )
-    terms = start.terms(variables)
-    size = terms.shape[1]
-    weight = _touch_weights(touch)
+    size = (1 + len(centre)) * (2 + len(centre)) // 2
+    weight = touch_weights(touch)
     noise = max(float(np.median(np.abs(error) / std)) ** 2, MIN_VARIANCE)
     estimate = replace(start, mean=np.zeros(size), covariance=FIRST_VARIANCE * np.eye(size), noise=noise)
     groups = [np.flatnonzero(group == each) for each in np.unique(group)]
     left = np.empty(len(error))
     for _ in range(ROUNDS):
-        known = [estimate.given(terms[rows], error[rows], std[rows], touch[rows]) for rows in groups]
+        known = [estimate.given(variables[rows], error[rows], std[rows], touch[rows]) for rows in groups]
         means = np.array([each.mean for each in known])
         covariance = np.mean([each.covariance for each in known], axis=0) + means.T @ means / len(known)
         for rows, each in zip(groups, known, strict=True):
-            expected, uncertain = each.error(terms[rows])
+            expected, uncertain = each.error(variables[rows])
             left[rows] = ((error[rows] - expected) ** 2 + uncertain**2) / std[rows] ** 2
         covariance = _symmetric(covariance + MIN_VARIANCE * np.eye(size))
         noise = max(_quantile(left, weight, normal_coverage(1.0)), MIN_VARIANCE)
         estimate = replace(estimate, covariance=covariance, noise=noise)
     for _ in range(CALIBRATION_ROUNDS):
-        _, uncertain = estimate.error(terms)
+        _, uncertain = estimate.error(variables)
         beyond = (error**2 - estimate.noise * std**2) / np.maximum(uncertain**2, MIN_VARIANCE)
         share = max(_quantile(beyond, weight, normal_coverage(1.0)), MIN_SHARE)
         estimate = replace(estimate, covariance=share * estimate.covariance)
         for rows in groups:
-            left[rows] = _by_others(estimate, terms[rows], error[rows], std[rows], touch[rows])
+            left[rows] = _by_others(estimate, variables[rows], error[rows], std[rows], touch[rows])
         sizes = [_quantile(left, weight, normal_coverage(sigmas)) / sigmas**2 for sigmas in (1.0, 2.0)]
         estimate = replace(estimate, noise=estimate.noise * max(float(np.sqrt(np.prod(sizes))), MIN_VARIANCE))
     return estimate
@@ -363,7 +317,21 @@ def _terms(variables: Floats, centre: Floats, scale: Floats) -> Floats:
     return terms
 
 
-def _by_others(unknown: Correction, terms: Floats, error: Floats, std: Floats, touch: Indices) -> Floats:
+@kernel()
+def _sums(variables: Floats, nodes: Audio) -> Floats:
+    """Return the sum (n,) of the leaves that variables (n, v) reach; any nodes end, and read no further."""
+    sums = np.zeros(variables.shape[0])
+    for row in range(variables.shape[0]):
+        k = 0
+        while k < nodes.shape[0]:
+            column, further = min(int(nodes[k, 0]), variables.shape[1] - 1), max(int(nodes[k, 2]), k + 1)
+            if column < 0:
+                sums[row] += nodes[k, 1]
+            k = k + 1 if column >= 0 and variables[row, column] <= nodes[k, 1] else further
+    return sums
+
+
+def _by_others(unknown: Correction, variables: Floats, error: Floats, std: Floats, touch: Indices) -> Floats:
     """Return the squared error (n,) of each window by the half of its group's touches that it is not in.
 
     It is in units of the variance stated. Half of them, since a calibration has few, not all but one.
@@ -371,13 +339,13 @@ def _by_others(unknown: Correction, terms: Floats, error: Floats, std: Floats, t
     odd = np.unique(touch, return_inverse=True)[1].reshape(-1) % 2 == 1
     left = np.empty(len(error))
     for out in (odd, ~odd):
-        known = unknown.given(terms[~out], error[~out], std[~out], touch[~out])
-        expected, uncertain = known.error(terms[out])
-        left[out] = (error[out] - expected) ** 2 / (unknown.noise * std[out] ** 2 + uncertain**2)
+        known = unknown.given(variables[~out], error[~out], std[~out], touch[~out])
+        expected, spread = known.stated(variables[out], std[out])
+        left[out] = ((error[out] - expected) / spread) ** 2
     return left
 
 
-def _touch_weights(touch: Indices) -> Floats:
+def touch_weights(touch: Indices) -> Floats:
     """Return the weight (n,) of each window, such that all windows of a touch together count as one."""
     _, at, counts = np.unique(touch, return_inverse=True, return_counts=True)
     return 1.0 / counts[at.reshape(-1)]

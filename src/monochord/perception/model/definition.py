@@ -25,6 +25,7 @@ ORDINARY = "ordinary"
 TOUCHES_KEPT = 64
 """Number of touches that a correction stores, as candidates for the most helpful next touch."""
 MAX_COLUMNS, MAX_HEADS, MAX_LAYERS, MAX_PATTERNS, MAX_VARIABLES = 1 << 17, 64, 16, 64, 16
+MAX_NODES = 1 << 23
 """Bounds on the contents of a file, checked before memory is allocated."""
 Kept: TypeAlias = Annotated[int, Meta(ge=1, le=1000)]
 """Number of windows in the untouched reference."""
@@ -81,13 +82,14 @@ class CorrectionRecord(Checked):
 
     `variables` are inputs in addition to the head's own estimate: columns of the feature or the reference, or
     the difference of two columns, as in "ratio open - open". `noise` is the residual variance, as a multiple
-    of the head's own. With `residual`, all of the head's columns are inputs too, each with a weight of its
-    own. `sessions` is the number of sessions behind the prior, and `touches` the number of known touches that
-    the correction has learned.
+    of the head's own. With `residual`, all columns of the feature are inputs too, for trees with this number
+    of `nodes`. `sessions` is the number of sessions behind the prior, and `touches` the number of known
+    touches that the correction has learned.
     """
 
     variables: tuple[str, ...] = ()
     residual: bool = False
+    nodes: Whole = 0
     noise: Positive[float] = 1.0
     sessions: int = 0
     touches: int = 0
@@ -96,10 +98,12 @@ class CorrectionRecord(Checked):
         Checked.__post_init__(self)
         if len(self.variables) > MAX_VARIABLES:
             raise InputError(f"{len(self.variables)} variables of a correction", f"at most {MAX_VARIABLES}")
+        if self.nodes > MAX_NODES:
+            raise InputError(f"{self.nodes} nodes of a correction", f"at most {MAX_NODES}")
 
     @property
     def terms(self) -> int:
-        """Number of terms of the correction, without those of a residual."""
+        """Number of terms of the correction."""
         count = 1 + len(self.variables)
         return 1 + count + count * (count + 1) // 2
 
@@ -262,8 +266,7 @@ class Definition(Checked):
         """Return a pair of column indices for each variable of a head's correction.
 
         A variable is the first column minus the second; -1 stands for no second column. Indices count the
-        columns of the feature, then those of the reference. The head's columns follow where a residual needs
-        them.
+        columns of the feature, then those of the reference. All columns follow where trees need them.
 
         Raises
         ------
@@ -283,7 +286,7 @@ class Definition(Checked):
         for variable in correction.variables if correction else ():
             of, minus, less = variable.partition(" - ")
             pairs.append((index(of), index(less) if minus else -1))
-        residual = self.columns_of(name) if correction and correction.residual else ()
+        residual = range(len(self.feature.columns)) if correction and correction.residual else ()
         return (*pairs, *((column, -1) for column in residual))
 
     def refined(self, name: str) -> int | None:
@@ -368,13 +371,13 @@ class Definition(Checked):
                 shapes[f"{name}.{number}.bias"] = (outputs,)
             if record.correction:
                 count, terms = 1 + len(record.correction.variables), record.correction.terms
-                residual = len(self.columns_of(name)) if record.correction.residual else 0
-                terms += residual
-                shapes[f"{name}.correction.centre"] = (count + residual,)
-                shapes[f"{name}.correction.scale"] = (count + residual,)
+                shapes[f"{name}.correction.centre"] = (count,)
+                shapes[f"{name}.correction.scale"] = (count,)
                 shapes[f"{name}.correction.mean"] = (terms,)
                 shapes[f"{name}.correction.covariance"] = (terms, terms)
                 shapes[f"{name}.correction.touches"] = (TOUCHES_KEPT, 2 + count)
+                if record.correction.nodes:
+                    shapes[f"{name}.correction.forest"] = (record.correction.nodes, 3)
         return shapes
 
 

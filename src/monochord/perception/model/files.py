@@ -69,6 +69,10 @@ def load(path: Path | str) -> Model:
         allowed = f"a folder that monochord train made, or {', '.join(names)}"
         raise InputError(given, allowed, similar_name(path, names))
     definition = _definition(folder / TEXT)
+    records = (record.correction for record in definition.heads.values())
+    if any(each.residual and not each.nodes for each in records if each):
+        given = f"{folder / TEXT}, calibrated by an earlier version"
+        raise InputError(given, "a calibration with trees", "calibrate the model again: monochord calibrate")
     file = folder / WEIGHTS
     refuse_endless(file)
     expected = 4 * sum(prod(shape) for shape in definition.shapes().values())

@@ -31,7 +31,7 @@ from monochord.perception.features import FEATURES
 from monochord.perception.features.base import Extractor
 from monochord.perception.model import stepping
 from monochord.perception.model.context import ModelState
-from monochord.perception.model.correction import Correction
+from monochord.perception.model.correction import NO_FOREST, Correction
 from monochord.perception.model.definition import Definition, FeatureRecord
 from monochord.perception.model.network import Network, Output
 from monochord.perception.model.probe import probed, refuse_another
@@ -439,7 +439,7 @@ class Model:
             mean=mean,
             covariance=covariance,
             noise=record.noise,
-            residual=len(centre) - 1 - len(record.variables),
+            forest=self.weights.get(f"{name}.correction.forest", NO_FOREST),
         )
 
     @cached_property

@@ -246,9 +246,8 @@ def quantity(output: Output, record: HeadRecord, correction: Correction | None =
     std = spread(output, record)
     value = output.value
     if correction is not None:
-        terms = correction.terms(np.array((value, *output.variables)))
-        error, uncertain = correction.error(terms)
-        value, std = value + float(error), math.sqrt(correction.noise * std**2 + float(uncertain) ** 2)
+        error, stated = correction.stated(np.array((value, *output.variables)), np.float64(std))
+        value, std = value + float(error), float(stated)
     return record.offset + record.scale * value, record.scale * std
 
 

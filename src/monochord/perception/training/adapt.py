@@ -12,7 +12,12 @@ from monochord.core.types import Flags, Floats, Indices, Progress
 from monochord.core.units import Metres
 from monochord.datasets.store import Dataset
 from monochord.metrics import coverage
-from monochord.perception.model.correction import BUILD_SHARE, Correction
+from monochord.perception.model.correction import (
+    BUILD_SHARE,
+    Correction,
+    forest_of,
+    touch_weights,
+)
 from monochord.perception.model.definition import Definition, HeadRecord
 from monochord.perception.model.faults import MAX_ODDS, fault_reason
 from monochord.perception.model.model import Model
@@ -35,10 +40,15 @@ MAX_FOLDS = 10
 """Largest number of cross-validation folds; up to this number of touches, each touch is a fold."""
 MAX_ALARM_SHARE = 0.01
 """Largest share of a healthy sensor's windows that may still be reported as faulty."""
-MIN_TOUCHES = 5
-"""Smallest number of touches from which a correction is used."""
-MIN_RESIDUAL_TOUCHES = 50
-"""Smallest number of touches from which a residual is learned."""
+MIN_FOREST_TOUCHES = 10
+"""Smallest number of touches from which trees learn."""
+MIXTURES: Floats = np.array([[1.0, 0.0], [0.5, 0.5], [0.0, 1.0]])
+"""Shares of trees on what physics and prior leave, and of trees instead of these."""
+MAX_DEVIATIONS = 4.0
+"""Number of stated standard errors up to which an error is learned by trees, and counts for those stated."""
+PRIOR_TOUCHES = 3.0
+"""Number of touches that the standard errors of training count for."""
+NO_TOUCHES = "0 touches with a label of position or force", "1 or more", "record labelled touches"
 REMEDY = "train a model with the heads position and force"
 
 
@@ -79,8 +89,8 @@ def adapt(
     Raises
     ------
     InputError
-        If the model has no position or force; if there are no touches, or fewer than `touches`; if a label is
-        impossible; or if `objects` is "others" and the model was adapted before.
+        If the model has no position or force; if no touch can be estimated, or fewer than `touches`; if a
+        label is impossible; or if `objects` is "others" and the model was adapted before.
     """
     _refuse_unfit(model, objects)
     given, dataset = dataset, with_design_forces(model, dataset)
@@ -88,7 +98,7 @@ def adapt(
     ready = correctable(model)
     labelled = np.any([np.isfinite(dataset.label(name)) for name in ready.corrections], axis=0)
     known_touches = np.unique(touch[rows][labelled[rows]])[:touches]
-    reader = with_residuals(ready) if len(known_touches) >= MIN_RESIDUAL_TOUCHES else ready
+    reader = with_residuals(ready)
     if replayed is None:
         replayed = read_in_turn(reader, dataset, rows, progress)
     refuse_impossible(model, dataset, touch, known_touches, replayed.outputs)
@@ -107,14 +117,15 @@ def adapt(
         errors = labelled_errors(ready.definition, name, dataset, replayed.outputs)
         own = touch[errors.rows]
         numbers = np.unique(own)
-        if len(numbers) < (touches or 1) and correction is not None:
+        if len(numbers) < (touches or 0) and correction is not None:
             given_touches = f"{len(numbers)} touches with a label of {name}"
-            raise InputError(given_touches, f"{touches or 1} or more", "record more touches")
+            raise InputError(given_touches, f"{touches} or more", "record more touches")
         used = np.isin(own, numbers[:touches])
-        errors, own = _part(errors, used), own[used]
+        errors, own = errors.at(used), own[used]
+        if not own.size:  # no position is certain
+            continue
         if correction is None or record.correction is None:
-            if own.size:
-                heads[name] = _adaptation(record, errors.error, errors.error, errors.std, own)
+            heads[name] = _adaptation(record, errors.error, errors.error, errors.std, own)
             continue
         group = dataset.session[errors.rows].astype(np.int64) if objects == "others" else None
         heads[name], known[name] = _corrected(ready, name, correction, errors, own, group)
@@ -128,6 +139,8 @@ def adapt(
                 sessions=record.correction.sessions,
                 kept=ready.weights[f"{name}.correction.touches"],
             )
+    if not heads:
+        raise InputError(*NO_TOUCHES)
     sessions = {part.name: part.checksum for part in dataset.manifest.parts}
     definition = replace(
         model.definition,
@@ -185,16 +198,14 @@ def judge(
             continue
         error, std, correction = errors.error, errors.std, model.correction(name)
         if correction is not None:
-            expected, uncertain = correction.error(correction.terms(errors.variables))
-            error, std = error - expected, np.sqrt(correction.noise * std**2 + uncertain**2)
+            expected, std = correction.stated(errors.variables, std)
+            error = error - expected
             known[name], spreads[name] = correction, float(np.median(errors.std))
         head = _adaptation(record, error, error, std, touch[errors.rows])
         heads[name] = replace(head, learned=False)
         used[errors.rows] = True
     if not heads:
-        raise InputError(
-            "0 touches with a label of position or force", "1 or more", "record labelled touches"
-        )
+        raise InputError(*NO_TOUCHES)
     return Adaptation(
         model=model,
         heads=heads,
@@ -260,15 +271,6 @@ def _odds(replayed: Replayed, rows: Indices) -> list[Floats]:
     return [replayed.odds[row] for row in rows.tolist() if row in replayed.odds]
 
 
-def _part(errors: LabelledErrors, used: np.ndarray) -> LabelledErrors:
-    return LabelledErrors(
-        rows=errors.rows[used],
-        error=errors.error[used],
-        std=errors.std[used],
-        variables=errors.variables[used],
-    )
-
-
 def _with_record(model: Model, name: str, record: HeadRecord) -> Definition:
     return replace(model.definition, heads={**model.definition.heads, name: record})
 
@@ -283,77 +285,56 @@ def _corrected(
 ) -> tuple[HeadAdaptation, Correction]:
     """Return a head's errors on left-out touches, and the correction to use.
 
-    The candidates are, from the simplest: none, the correction, and the correction with a residual, where
-    there are enough touches. The simplest one counts whose error on left-out touches is within a standard
-    error of the smallest (Breiman et al. 1984). If `group` gives the object (n,) of each window, the
-    correction is for other objects, and whole objects are left out.
+    Few touches condition what physics and prior say. With more, trees learn what that leaves, or the whole
+    error: the mixture with the smallest error on left-out touches is used (`MIXTURES`), unless the error
+    without any correction is smaller. Their errors also tell the factor of the standard error. If `group`
+    gives the object (n,) of each window, the correction is for other objects: whole objects are left out, and
+    there are no trees.
     """
-    record, v = model.definition.heads[name], len(correction.centre)
+    record, variables = model.definition.heads[name], errors.variables
     # A length is the same for all objects.
     share = 1.0 if record.task.unit == "m" else BUILD_SHARE
-    columns = list(model.definition.columns_of(name))
-    mean, scale = (model.weights[f"scaler.{each}"][columns].astype(np.float64) for each in ("mean", "scale"))
 
-    def plain(some: LabelledErrors, own: Indices, group: Indices | None) -> Correction:
-        terms = correction.terms(some.variables[:, :v])
-        fitted = correction.fitted(terms, some.error, some.std, own, group)
-        if group is None:
-            return fitted.given(terms, some.error, some.std, own)
-        return fitted.of_the_build(terms, some.error, some.std, own, group, share)
+    def learned(rows: Flags) -> Correction:
+        known = variables[rows], errors.error[rows], errors.std[rows], touch[rows]
+        return (
+            correction.given(*known) if group is None else correction.of_the_build(*known, group[rows], share)
+        )
 
-    def residual(some: LabelledErrors, own: Indices, group: Indices | None) -> Correction:  # noqa: ARG001
-        known = some.error, some.std, own
-        fitted = correction.fitted(correction.terms(some.variables[:, :v]), *known)
-        extended = fitted.extended(mean, scale, some.variables, *known)
-        return extended.given(extended.terms(some.variables), *known)
+    def with_trees(by: Correction, rows: Flags, mixture: Floats) -> Correction:
+        mixed = replace(by, mean=mixture @ np.stack([by.mean, correction.mean]))
+        for part, base in zip(mixture.tolist(), (by, correction), strict=True):
+            if part:
+                expected, std = base.stated(variables[rows], errors.std[rows])
+                # A misread touch says nothing of the others.
+                off = np.clip(errors.error[rows] - expected, -MAX_DEVIATIONS * std, MAX_DEVIATIONS * std)
+                mixed = mixed.with_forest(forest_of(variables[rows], off), part)
+        return mixed
 
-    of, numbers = touch, np.unique(touch)
-    if group is not None and len(np.unique(group)) > 1:
-        of, numbers = group, np.unique(group)
-    learners = [plain]
-    if len(numbers) >= MIN_RESIDUAL_TOUCHES and errors.variables.shape[1] > v and group is None:
-        learners.append(residual)
-    expected, uncertain = correction.error(correction.terms(errors.variables[:, :v]))
+    of = touch if group is None or len(np.unique(group)) == 1 else group
+    every, rows, weight = np.unique(of), np.ones(len(of), bool), touch_weights(touch)
+    expected, stds = correction.stated(variables, errors.std)
     before = errors.error - expected
-    left = [before]
-    stds = [np.sqrt(correction.noise * errors.std**2 + uncertain**2)]
-    for learn in learners:
-        error, std = before.copy(), stds[0].copy()
-        for out in (np.isin(of, fold) for fold in np.array_split(numbers, min(MAX_FOLDS, len(numbers)))):
-            if out.all():
-                continue
-            own = None if group is None else group[~out]
-            others = learn(_part(errors, ~out), touch[~out], own)
-            terms = others.terms(errors.variables[out, : len(others.centre)])
-            expected, uncertain = others.error(terms)
-            error[out] = errors.error[out] - expected
-            std[out] = np.sqrt(others.noise * errors.std[out] ** 2 + uncertain**2)
-        left.append(error)
-        stds.append(std)
-    chosen = simplest([np.abs(each) for each in left], touch)
-    shown = chosen or 1
-    head = replace(_adaptation(record, before, left[shown], stds[shown], touch), used=chosen > 0)
-    return head, learners[chosen - 1](errors, touch, group) if chosen else correction
-
-
-def simplest(sizes: Sequence[Floats], touch: Indices) -> int:
-    """Return the first of several errors (n,) of windows that is within a standard error of the smallest.
-
-    The standard error is that of the mean difference over touches; `touch` (n,) are their numbers. Fewer than
-    `MIN_TOUCHES` do not tell it: the first.
-
-    Examples
-    --------
-    >>> sizes = np.array([[1.0, 1.0, 1.0, 1.0, 1.0], [0.5, 0.6, 0.4, 0.5, 0.5], [0.4, 0.7, 0.3, 0.5, 0.5]])
-    >>> simplest(list(sizes), np.arange(5)), simplest(list(sizes[:, :2]), np.arange(2))
-    (1, 0)
-    """
-    of = [touch == number for number in np.unique(touch)]
-    means = np.array([[each[rows].mean() for rows in of] for each in sizes])
-    if len(of) < MIN_TOUCHES:
-        return 0
-    off = means - means[means.mean(axis=1).argmin()]
-    return int(np.argmax(off.mean(axis=1) <= off.std(axis=1, ddof=1) / len(of) ** 0.5))
+    has_trees = group is None and len(every) >= MIN_FOREST_TOUCHES
+    corners = np.tile(expected, (2, 1))
+    for out in (np.isin(of, fold) for fold in np.array_split(every, min(MAX_FOLDS, len(every)))):
+        if not out.all():
+            others = learned(~out)
+            corners[:, out], stds[out] = others.stated(variables[out], errors.std[out])
+            for corner, mixture in zip(corners, np.eye(2), strict=True):
+                if has_trees:
+                    corner[out] = with_trees(others, ~out, mixture).error(variables[out])[0]
+    left = errors.error - MIXTURES @ corners
+    best = int((np.abs(left) @ weight).argmin())
+    after, result = left[best], learned(rows)
+    if has_trees:
+        result = with_trees(result, rows, MIXTURES[best])
+    used = bool(weight @ np.abs(after) <= weight @ np.abs(before))
+    ratio = np.minimum(np.abs(after) / stds, MAX_DEVIATIONS) ** 2
+    factor = float(np.sqrt((PRIOR_TOUCHES + weight @ ratio) / (PRIOR_TOUCHES + weight.sum())))
+    factor = factor if len(every) > 1 else 1.0
+    head = replace(_adaptation(record, before, after, factor * stds, touch), used=used)
+    return head, result.scaled(factor) if used else correction
 
 
 def _adaptation(
@@ -400,8 +381,7 @@ def _suggestion(
     places: Floats = np.zeros((0, 2))
     for name, correction in known.items():
         kept = model.weights[f"{name}.correction.touches"].astype(np.float64)
-        rest = np.tile(correction.centre[kept.shape[1] - 2 :], (len(kept), 1))  # of a residual, none
-        places, terms = kept[:, :2], correction.terms(np.hstack([kept[:, 2:], rest]))
+        places, terms = kept[:, :2], correction.terms(kept[:, 2:])
         shared = terms @ correction.covariance @ terms.T
         variance = np.diag(shared)
         # A touch lowers the variance at another by the square of what they share over its own.

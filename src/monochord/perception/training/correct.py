@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from monochord.core.types import Audio, Floats, Indices
+from monochord.core.types import Audio, Flags, Floats, Indices
 from monochord.core.units import Metres
 from monochord.datasets.store import Dataset
 from monochord.perception.model.correction import Correction, physical, prior
@@ -49,6 +49,11 @@ class LabelledErrors:
     error: Floats
     std: Floats
     variables: Floats
+
+    def at(self, used: Flags) -> "LabelledErrors":
+        """Return the errors on some of the windows."""
+        own = {field.name: getattr(self, field.name)[used] for field in dataclasses.fields(self)}
+        return LabelledErrors(**own)
 
 
 def with_variables(definition: Definition, corrections: Mapping[str, tuple[str, ...]]) -> Definition:
@@ -110,7 +115,7 @@ def correctable(model: Model) -> Model:
 
 
 def with_residuals(model: Model) -> Model:
-    """Return a model whose outputs have the variables of residuals too; its corrections are not valid."""
+    """Return a model whose outputs have the variables of residual trees too."""
     heads = {
         name: dataclasses.replace(record, correction=dataclasses.replace(record.correction, residual=True))
         if record.correction
@@ -144,7 +149,8 @@ def with_correction(
         record,
         correction=CorrectionRecord(
             variables=variables,
-            residual=correction.residual > 0,
+            residual=len(correction.forest) > 0,
+            nodes=len(correction.forest),
             noise=correction.noise,
             sessions=sessions,
             touches=touches,
@@ -157,6 +163,8 @@ def with_correction(
         "covariance": correction.covariance,
         "touches": kept,
     }
+    if len(correction.forest):
+        arrays["forest"] = correction.forest
     weights = {f"{name}.correction.{key}": array.astype(np.float32) for key, array in arrays.items()}
     definition = dataclasses.replace(model.definition, heads={**model.definition.heads, name: record})
     return dataclasses.replace(model, definition=definition, weights={**model.weights, **weights})

@@ -66,8 +66,7 @@ def _estimated(model: Model, dataset: Dataset, label: str, outputs: Outputs) -> 
         errors, correction = labelled_errors(model.definition, name, dataset, outputs), model.correction(name)
         error = errors.error
         if correction is not None and len(error):
-            terms = correction.terms(errors.variables[:, : len(correction.centre)])
-            error = error - correction.error(terms)[0]
+            error = error - correction.error(errors.variables)[0]
         estimate[errors.rows] = dataset.label(label)[errors.rows] - record.scale * error
         std[errors.rows] = record.scale * errors.std
     return estimate, std
