@@ -246,7 +246,7 @@ def quantity(output: Output, record: HeadRecord, correction: Correction | None =
     std = spread(output, record)
     value = output.value
     if correction is not None:
-        error, stated = correction.stated(np.array((value, *output.variables)), np.float64(std))
+        error, stated = correction.stated(np.array((value, *output.variables)), np.array(std))
         value, std = value + float(error), float(stated)
     return record.offset + record.scale * value, record.scale * std
 
