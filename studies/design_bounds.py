@@ -510,7 +510,7 @@ def _draw(result: Mapping[str, Any], path: Path) -> None:
     axes[2].errorbar(x, error, [error - low, high - error], marker="o", label="unseen builds, twin")
     axes[2].plot(x, [each["force"]["bound"] for each in rows], linestyle=style.THEORY, label="bound")
     style.dress(axes[2], "C", "", "tension (N)", "error of force (N)")
-    axes[2].set_ylim(0.0)
+    axes[2].set_ylim(0.0, 1.4 * float(high.max()))
     axes[2].legend(fontsize=style.TICK, frameon=False)
     drawing.savefig(path, dpi=150)
 
@@ -526,7 +526,9 @@ def _draw_designs(axis: Any, rows: Sequence[Mapping[str, Any]], name: str, facto
     axis.plot(ends, ends, color="0.5", linewidth=0.8)
     axis.set(xscale="log", yscale="log")
     style.dress(axis, "A" if name == "position" else "B", "", f"bound, {label}", f"error, {label}")
-    axis.figure.colorbar(points, ax=axis, label="tension (N)")
+    bar = axis.figure.colorbar(points, ax=axis)
+    bar.set_label("tension (N)", fontsize=style.LABEL)
+    bar.ax.tick_params(labelsize=style.TICK)
 
 
 if __name__ == "__main__":

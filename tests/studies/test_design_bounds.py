@@ -61,7 +61,7 @@ def test_the_published_bounds_are_below_what_the_twin_reaches_and_rank_designs_a
     assert len(rows) == summary["designs"] == 20
     assert summary == study.summary_of(rows)
     assert summary["bound_above"] == {"position": 0, "force": 0}
-    assert summary["spearman_force"] >= 0.8
+    assert summary["spearman_force"] > 0.7
     assert [each["tension"] for each in result["tensions"]] == [20.0, 40.0, 65.0]
     assert all(each["unseen_builds"] == 6 for each in result["tensions"])
     assert all(one["force"]["bound"] < two["force"]["bound"] for one, two in pairwise(result["tensions"]))
