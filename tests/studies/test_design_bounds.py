@@ -51,7 +51,7 @@ def test_a_loud_drivers_harmonics_are_not_the_other_segments_line() -> None:
     t = np.arange(study.SIZE) / study.RATE
     loud, second, quiet = (np.sin(2.0 * np.pi * f * t) for f in (1312.3, 2624.6, 1644.7))
     sound = np.array([loud + 0.1 * second, 0.2 * loud + 0.3 * second + 0.05 * quiet])
-    lines = study.pairs_of(study.peaks_of(sound, 800.0)[None])
+    lines = study.pairs_of(study.peaks_of(sound.astype(np.float32), 800.0)[None])
     np.testing.assert_allclose(lines, [[1312.3, 1644.7]], atol=0.1)
 
 
