@@ -41,7 +41,7 @@ def test_the_prototypes_string_has_the_prototypes_figures() -> None:
 
 @pytest.mark.parametrize(
     ("mount", "force", "expected"),
-    [("bolted", 1.0, 0.15), ("light", 1.0, 0.35), ("soft", 1.0, 0.54), ("known", 2.0, 0.08)],
+    [("bolted", 1.0, 0.13), ("light", 1.0, 0.33), ("soft", 1.0, 0.54), ("known", 2.0, 0.08)],
 )
 def test_bounds_by_mount(mount: str, force: float, expected: float) -> None:
     wishes = Wishes(mount=mount)  # pyright: ignore[reportArgumentType]

@@ -76,6 +76,7 @@ def _wish(name: str, unit: str, text: str, **options: Any) -> Any:
 )
 @_wish("line_std", "SHARE", "Relative standard error of a segment's fundamental.")
 @_wish("open_std", "SHARE", "Relative standard error of the open pitch.")
+@_wish("end_std", "M", "Standard error of where each end of the string is.")
 @_wish("window", "S", "Length of a window.")
 @_wish("gap", "M", "Distance from the string at rest to a driver's pole.")
 @_wish("level", "TIMES", "Force of the drivers, relative to the presets'.")

@@ -9,6 +9,7 @@ import numpy as np
 from monochord.core.config import from_tree
 from monochord.core.errors import InputError
 from monochord.core.types import Contact
+from monochord.core.units import Metres, Newtons
 from monochord.front.design_figure import drawn
 from monochord.physics.design import (
     CENTS,
@@ -67,6 +68,19 @@ class StringDesign:
     def sensor(self) -> Sensor:
         """The sensor: the recommended string with the prototype's drivers and pickups in proportion."""
         return sensor_from(self.wishes, self.chosen)
+
+    def bounds(self, contact: Contact) -> tuple[Metres, Newtons]:
+        """Return the smallest standard errors of position and force of a touch, in m and N.
+
+        An estimator that knows build, object and mount, and one that knows their classes:
+
+        >>> touch = Contact(position=0.08, force=1.0)
+        >>> known = {"mount": "known", "contact_share": 0.0, "end_std": 0.0}
+        >>> made = [design(gauge=0.254e-3, tension=65.0, **each) for each in (known, {})]
+        >>> [round(each.bounds(touch)[1], 2) for each in made]
+        [0.07, 0.13]
+        """
+        return bounds_at(self.wishes, self.chosen.string, contact)
 
     @cached_property
     def curves(self) -> Curves:

@@ -89,8 +89,8 @@ class Wishes(Checked):
     `force_resolution` are the standard errors wanted at 1 N. `forces` are the least and the largest press. A
     `gauge` or a `tension` that is given is not varied. `mount` is how objects are held, `material` what
     touches and `contact_share` how well its compliance is known; `line_std` and `open_std` are the relative
-    standard errors of a segment's fundamental and of the open pitch. `gap` is that between string and pole,
-    `level` the drivers' force over the presets'.
+    standard errors of a segment's fundamental and of the open pitch, `end_std` that of an end in m. `gap` is
+    that between string and pole, `level` the drivers' force over the presets'.
     """
 
     length: Annotated[Metres, Meta(ge=0.08, le=2.0)] = 0.2
@@ -107,6 +107,7 @@ class Wishes(Checked):
     contact_share: Annotated[float, Meta(ge=0.0, le=3.0)] = CONTACT_SHARE
     line_std: Annotated[float, Meta(ge=1e-6, le=0.1)] = LINE_STD
     open_std: Annotated[float, Meta(ge=1e-6, le=0.1)] = OPEN_STD
+    end_std: Annotated[Metres, Meta(ge=0.0, le=0.01)] = END_STD
     window: Annotated[Seconds, Meta(ge=0.01, le=2.0)] = 0.1
     gap: Annotated[Metres, Meta(ge=2e-4, le=2e-2)] = 1.5e-3
     level: Annotated[float, Meta(ge=0.05, le=20.0)] = 1.0
@@ -201,16 +202,11 @@ def bounds_at(wishes: Wishes, string: StringParams, contact: Contact) -> tuple[M
     >>> string = string_of(Wishes(), 0.254e-3, 65.0, 0.2)
     >>> touch = Contact(position=0.077, force=1.0)
     >>> [round(bounds_at(Wishes(mount=each), string, touch)[1], 2) for each in ("bolted", "light", "known")]
-    [0.15, 0.35, 0.14]
+    [0.13, 0.33, 0.13]
     """
     lines = np.array(segment_frequencies(string, contact, "geometric"))
-    give = lengthening(
-        string,
-        lines,
-        mount=wishes.mount,
-        contact=contact_compliance(string, _material(wishes.material), contact.force),
-        contact_share=wishes.contact_share,
-    )
+    surface = contact_compliance(string, _material(wishes.material), contact.force)
+    give = lengthening(string, lines, mount=wishes.mount, contact=surface, contact_share=wishes.contact_share)
     return contact_bound(
         string,
         contact,
@@ -219,10 +215,11 @@ def bounds_at(wishes: Wishes, string: StringParams, contact: Contact) -> tuple[M
         sample_rate=SAMPLE_RATE,
         highest=max(8000.0, 2.0 * float(lines.max())),
         law="geometric",
-        end_std=END_STD,
+        end_std=wishes.end_std,
         open_frequency_std=wishes.open_std * open_frequency(string),
         lengthening_std=give.std,
         lengthening_correlation=give.correlation,
+        lengthening_slope=-string.tension * surface / (3.0 * contact.force),
         line_std=wishes.line_std,
         force_prior_std=(wishes.forces[1] - wishes.forces[0]) / sqrt(12.0),
     )
@@ -235,7 +232,7 @@ def candidate(wishes: Wishes, gauge: Metres, tension: Newtons, length: Metres) -
     --------
     >>> one = candidate(Wishes(frame="aluminium"), 0.254e-3, 65.0, 0.2)
     >>> round(one.stress / 1e6), round(one.drift, 2), round(1e3 * one.swing, 2), one.lacks
-    (1306, 1.53, 0.15, ('force 0.19 N (wanted 0.15 N)',))
+    (1306, 1.53, 0.15, ('force 0.16 N (wanted 0.15 N)',))
     """
     string, wire = string_of(wishes, gauge, tension, length), WIRES[wishes.wire]
     ends = 0.5 * (length - wishes.range), 0.5 * (length + wishes.range)

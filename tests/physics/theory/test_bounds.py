@@ -173,6 +173,32 @@ def test_the_untouched_pitch_removes_the_ends_from_the_force_and_leaves_the_cont
     assert bound(0.0, 0.01, 4e-4, 1.0) == pytest.approx(2.0**0.5 * softer, rel=0.05)
 
 
+@pytest.mark.parametrize("law", ["linear", "geometric"])
+def test_a_surface_that_stiffens_tells_force_besides(law: TensionLaw) -> None:
+    """With all else known, (x, F) follow from two lines, whose slopes are those of strings that shorten."""
+    x, force, compliance = 0.2, 0.3, 2e-6
+
+    def lines(x: float, force: float) -> Floats:
+        give = STRING.tension * compliance * (0.3 / force) ** (1.0 / 3.0)
+        half = np.array(split_frequencies(STRING, x, force, law)) * np.array([x, STRING.length - x])
+        return half / (np.array([x, STRING.length - x]) + give - STRING.tension * compliance)
+
+    slopes = np.column_stack(
+        [
+            (lines(x + step, force + push) - lines(x - step, force - push)) / (2.0 * (step + push))
+            for step, push in ((1e-6, 0.0), (0.0, 1e-4))
+        ]
+    )
+    noise = 1e-3 * np.array(split_frequencies(STRING, x, force, law))
+    expected = np.sqrt(np.diag(np.linalg.inv(slopes.T @ np.diag(noise**-2.0) @ slopes)))
+    options = {"duration": 0.1, "sample_rate": 44100.0, "line_std": 1e-3}
+    slope = -STRING.tension * compliance / (3.0 * force)
+    touch = Contact(position=x, force=force)
+    bound = contact_bound(STRING, touch, 1e9, law=law, lengthening_slope=slope, **options)
+    assert bound == pytest.approx(expected, rel=0.01)
+    assert bound[1] < contact_bound(STRING, touch, 1e9, law=law, **options)[1]
+
+
 def test_string_without_force_coupling_still_tells_position() -> None:
     # The ratio of the two frequencies locates, whatever the tension does.
     touch = Contact(position=0.2, force=0.0)

@@ -223,6 +223,7 @@ def contact_bound(
     open_frequency_std: Hertz = np.inf,
     lengthening_std: Metres = 0.0,
     lengthening_correlation: float = 0.0,
+    lengthening_slope: float = 0.0,
     line_std: float = 0.0,
     force_prior_std: Newtons = np.inf,
 ) -> tuple[Metres, Newtons]:
@@ -237,7 +238,8 @@ def contact_bound(
 
     With N the derivatives of the frequencies by these five and P their covariance, the frequencies have the
     covariance C = R + N P N^T, R being that of the noise, and (x, F) has the covariance (A^T C^-1 A)^-1, A
-    being `frequency_sensitivities` with zeros for f0.
+    being `frequency_sensitivities` with zeros for f0, less f_i / l_i times `lengthening_slope` for the force:
+    a surface stiffens under a press, which shortens both segments as the press raises the tension.
 
     To first order f1 f2 / (f1 + f2) over f0 is sqrt(T / T0) (1 - (d1 + d2) / L), whatever the ends: where the
     untouched pitch is measured, they leave the force an error of 2 (e1 + e2) / L of itself, and what limits
@@ -266,6 +268,9 @@ def contact_bound(
     lengthening_correlation
         Correlation of the lengthening of both segments, -1 to 1: 1 for one spring under both, 0 where
         resonances of the mount shift each line by itself.
+    lengthening_slope
+        Derivative of each segment's lengthening by force, in m/N: -T C / (3 F) of a smooth, round surface of
+        compliance C, whose contact is Hertz's.
     line_std
         Relative standard error of each fundamental beside the noise's: drivers, losses and stiffness move
         lines off the formula by as much as they are not modelled.
@@ -332,6 +337,7 @@ def contact_bound(
         )
     variances += (line_std * f) ** 2
     slopes = frequency_sensitivities(string, contact, law)
+    slopes[:, 1] -= f / lengths * lengthening_slope
     tension = tension_from_force(string, contact.force, contact.position, law)
     # A string that is tighter from the beginning stretches less: from T^2 (T - T0) = const, differentiated.
     gain = 1.0 if law == "linear" else tension / (3.0 * tension - 2.0 * string.tension)
