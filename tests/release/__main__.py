@@ -24,6 +24,7 @@ OLDEST, NEWEST = 11, 16
 """Minor versions of Python 3 that are looked for."""
 FOLDERS = (".pyenv/versions/*/bin", ".local/share/uv/python/*/bin")
 """Where in the home folder Pythons are kept that are not in PATH."""
+USE = ROOT / "tests/release/use.py"
 ONE_LINERS = {
     "uvx": "uvx --from {wheel} monochord demo --seconds 2 --json",
     "pipx": "pipx run --spec {wheel} monochord demo --seconds 2 --json",
@@ -78,25 +79,19 @@ class Release:
         found = {name: path for name, path in pythons().items() if name in self.wanted or not self.wanted}
         if not found:
             raise NotHereError(f"no Python {', '.join(sorted(self.wanted)) or 'from 3.11'} is found")
-        oldest = next(iter(found))
-        sdist = self._only("monochord-*.tar.gz")
-        for name, python, package in [(n, p, self.wheel) for n, p in found.items()] + [
-            (oldest, found[oldest], sdist)
-        ]:
-            folder = self.out / f"use-{name}-{'sdist' if package is sdist else 'wheel'}"
-            programs = environment_of(python, folder, package)
-            with_kernels = {"NUMBA_CACHE_DIR": str(folder / "kernels")}
-            work = folder / "work"
-            work.mkdir()
-            told = run(
-                programs / "python",
-                "-I",
-                ROOT / "tests/release/use.py",
-                folder=work,
-                environment=with_kernels,
-            )
-            print(f"  {package.name}, {told}", end="", flush=True)
+        for name, python in found.items():
+            self._used(python, self.out / f"use-{name}-wheel", self.wheel)
+        oldest, sdist = next(iter(found)), self._only("monochord-*.tar.gz")
+        self._used(found[oldest], self.out / f"use-{oldest}-sdist", sdist, "locate")
         return f"{len(found)} Pythons: {', '.join(found)}"
+
+    def _used(self, python: Path, folder: Path, package: Path, *words: str) -> None:
+        """Install a package into an empty environment, and use it."""
+        programs, work = environment_of(python, folder, package), folder / "work"
+        work.mkdir()
+        own = {"NUMBA_CACHE_DIR": str(folder / "kernels")}
+        told = run(programs / "python", "-I", USE, *words, folder=work, environment=own)
+        print(f"  {package.name}, {told}", end="", flush=True)
 
     def size(self) -> str:
         """Compare the installed size of each package of the core with the recorded one."""

@@ -27,7 +27,7 @@ def run(*command: str | Path, folder: Path | None = None, environment: Mapping[s
         command, cwd=folder, env=own | dict(environment), capture_output=True, text=True, check=False
     )
     if done.returncode:
-        last = "\n".join((done.stdout + done.stderr).splitlines()[-8:])
+        last = "\n".join((done.stdout + done.stderr).splitlines()[-20:])
         raise CheckFailedError(f"{' '.join(map(str, command))} ended with {done.returncode}:\n{last}")
     return done.stdout
 

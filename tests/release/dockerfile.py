@@ -15,6 +15,8 @@ from pathlib import Path
 from tests.release.base import CheckFailedError, NotHereError, run
 
 CERTIFICATES = Path("/etc/ssl/certs/ca-certificates.crt")
+COPIED = "etc/ssl/machine.crt"
+"""Where in the container this machine's certificates lie: its packages write their own elsewhere."""
 IGNORED = {"__pycache__"}
 
 
@@ -50,7 +52,7 @@ class Container:
                 self._begin(rest)
             case "RUN":
                 pip = {name: os.environ[name] for name in ("PIP_INDEX_URL",) if name in os.environ}
-                pip |= {"PIP_CERT": str(CERTIFICATES)} if CERTIFICATES.exists() else {}
+                pip |= {"PIP_CERT": f"/{COPIED}"} if CERTIFICATES.exists() else {}
                 run(*self.enter(pip), "/bin/sh", "-c", rest)
             case "COPY":
                 self._copy(rest.split())
@@ -94,9 +96,8 @@ class Container:
             run("debootstrap", "--variant=minbase", release, self.root)
         shutil.copy("/etc/resolv.conf", self.root / "etc/resolv.conf")
         if CERTIFICATES.exists():
-            place = self.root / str(CERTIFICATES).lstrip("/")
-            place.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy(CERTIFICATES, place)
+            (self.root / COPIED).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(CERTIFICATES, self.root / COPIED)
 
     def _copy(self, words: list[str]) -> None:
         *sources, target = words

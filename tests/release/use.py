@@ -1,4 +1,7 @@
-"""A short real use of an installed Monochord, by the Python that it is installed for, in an empty folder."""
+"""A short real use of an installed Monochord, by the Python that it is installed for, in an empty folder.
+
+With the argument ``locate`` it ends there, without the bundled model and the demonstration.
+"""
 
 import json
 import subprocess
@@ -23,6 +26,8 @@ def main() -> None:
     places = [line["position"] for line in lines if line["valid"]]
     assert places
     assert all(abs(place - 0.2275) < 2e-3 for place in places), places
+    if sys.argv[1:] == ["locate"]:
+        return print(f"Python {sys.version.split()[0]}: touch located at {1e3 * places[-1]:.1f} mm")
 
     twin = mc.VirtualSensor("prototype", seed=1)
     twin.press(0.08, 1.0)
@@ -33,7 +38,7 @@ def main() -> None:
 
     score = json.loads(monochord("demo", "--seconds", "3", "--json"))
     assert score["windows"] > 0, score
-    print(f"Python {sys.version.split()[0]}: touch located at {1e3 * place:.1f} mm, demonstration run")
+    return print(f"Python {sys.version.split()[0]}: touch located at {1e3 * place:.1f} mm, demonstration run")
 
 
 if __name__ == "__main__":
