@@ -9,9 +9,9 @@ COPY src /build/src
 RUN python3 -m venv /opt/monochord \
     && /opt/monochord/bin/pip install --no-cache-dir --constraint /build/constraints.txt /build \
     && rm -rf /build
+RUN useradd --create-home monochord
 ENV PATH=/opt/monochord/bin:/usr/local/bin:/usr/bin:/bin
 ENV NUMBA_CACHE_DIR=/home/monochord/kernels
-RUN useradd --create-home monochord
 USER monochord
 WORKDIR /home/monochord
 RUN monochord doctor --compile

@@ -110,10 +110,11 @@ class Release:
     def one_liners(self) -> str:
         """Run the demonstration from the wheel's file by uvx and by pipx."""
         bin_folder = tools(self.out / "tools", "build", "cffconvert", "uv", "pipx")
-        places = {name: str(self.out / name) for name in ("UV_CACHE_DIR", "PIPX_HOME")}
+        own = {name: str(self.out / name) for name in ("UV_CACHE_DIR", "PIPX_HOME", "NUMBA_CACHE_DIR")}
+        own["UV_NATIVE_TLS"] = "1"  # the certificates that pip uses
         for name, line in ONE_LINERS.items():
             words = line.format(wheel=self.wheel).split()
-            run(bin_folder / words[0], *words[1:], environment=places)
+            run(bin_folder / words[0], *words[1:], environment=own)
             print(f"  {name}: {line.format(wheel=self.wheel.name)}", flush=True)
         return f"{len(ONE_LINERS)} run"
 
