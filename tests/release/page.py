@@ -12,8 +12,9 @@ from tests.release.base import CheckFailedError
 FETCH = """
 import sys, urllib.error, urllib.request
 for address in sys.argv[1:]:
+    browser = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())  # the link sets a cookie
     try:
-        with urllib.request.urlopen(address, timeout=60.0) as answer:
+        with browser.open(address, timeout=60.0) as answer:
             print(answer.status, "<title>Monochord" in answer.read().decode())
     except urllib.error.HTTPError as error:
         print(error.code, False)
