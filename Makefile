@@ -24,7 +24,8 @@ SPELLED := src docs examples hardware ros studies README.md ARCHITECTURE.md CONT
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help system browser install constraints check types rules format test test-all fuzz bench ros docs cards demo clean
+.PHONY: help system slow-tests install constraints check types rules format test test-all fuzz bench ros docs cards demo \
+  release-check clean
 
 help: ## List the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -107,10 +108,10 @@ endef
 test: install $(ROS)/.installed ## Every test but the slow ones
 	@$(call RUN_TESTS,not slow and )
 
-browser: # Chromium, in which slow tests open the page
-	@PYTHON="$(PYTHON)" .ci/system-packages browser
+slow-tests: # What slow tests use of Debian: Chromium, which opens the page, and PipeWire
+	@PYTHON="$(PYTHON)" .ci/system-packages browser pipewire
 
-test-all: install ros browser ## Every test
+test-all: install ros slow-tests ## Every test
 	@$(call RUN_TESTS,)
 
 FUZZ_SECONDS ?= 60
@@ -162,6 +163,10 @@ cards: $(DEMO_INSTALLED) ## Folders for the Hugging Face Hub, into hub/: the bun
 
 demo: $(DEMO_INSTALLED) ## A simulated sensor to touch: contact, position, force and slip estimated live; no hardware
 	$(BIN)/monochord demo
+
+# The environments that it makes are its own, below build/release; name checks with CHECKS="build use".
+release-check: ## Wheel, sdist, one-liners, CITATION and the Dockerfile's steps, as a user has them; takes an hour
+	@$(PYTHON) -m tests.release $(CHECKS)
 
 clean: ## Remove what these commands made, the virtual environment included
 	rm -rf $(VENV) $(ROS) docs/_build .pytest_cache .ruff_cache .hypothesis .import_linter_cache build dist

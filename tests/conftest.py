@@ -18,6 +18,7 @@ import psutil
 import pytest
 import soundfile
 from hypothesis import settings
+from tests.networks import Networks, NoNetworkError, two_networks
 
 from monochord.capture.jack.server import JackServer
 
@@ -33,8 +34,8 @@ REAL_TIME = (
     "capture/recording/test_loop.py", "capture/recording/test_opening.py",
     "capture/recording/test_pumps.py", "capture/sources/test_jack.py",
     "capture/sources/test_soundcard.py", "e2e/faults", "e2e/test_jack.py", "e2e/test_live_jack.py",
-    "e2e/test_live_model.py", "e2e/test_own_sensor.py", "e2e/test_record_jack.py", "e2e/test_ros.py",
-    "e2e/test_soak.py",
+    "e2e/test_live_model.py", "e2e/test_own_sensor.py", "e2e/test_pipewire.py", "e2e/test_record_jack.py",
+    "e2e/test_ros.py", "e2e/test_soak.py",
     "studies/test_encoder_speed.py", "studies/test_fdtd.py",
     "studies/test_feature_speed.py", "studies/test_strings_cost.py", "studies/test_twin_speed.py",
     "lab/test_net_ft_device.py", "lab/test_player.py", "lab/test_pose_publisher.py", "lab/test_real_time.py",
@@ -58,6 +59,17 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if item.path in alone:
             item.add_marker("real_time")
+
+
+@pytest.fixture
+def networks() -> Iterator[Networks]:
+    """Two networks of this test's own; it is skipped where none can be made."""
+    with ExitStack() as stack:
+        try:
+            made = stack.enter_context(two_networks())
+        except NoNetworkError as error:
+            pytest.skip(str(error))
+        yield made
 
 
 @contextmanager

@@ -2,18 +2,23 @@
 
 import math
 import re
-from dataclasses import replace
+import time
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from monochord.bringup import STEPS, BringUp, Take, Virtual, examine, write
+from monochord.bringup import STEPS, BringUp, Live, Take, Virtual, examine, write
 from monochord.bringup.inputs import dropped_check, rate_check
 from monochord.bringup.noise import hum_checks
 from monochord.bringup.string import measure_pluck, tuner_turns
 from monochord.bringup.timing import drift_checks, latency_check
+from monochord.capture.sources.base import Source, Stream
 from monochord.core.errors import InputError
+from monochord.core.types import Block, Signal
 from monochord.physics.sensors import load_sensor, retuned, sensor_tuning
 from monochord.physics.theory import inharmonicity, open_frequency
 
@@ -158,3 +163,41 @@ def test_a_design_of_one_driver_is_not_asked_for_the_other(healthy: BringUp) -> 
     design = load_sensor("prototype_one_driver")
     result = examine("prototype_one_driver", design, healthy.takes)
     assert next(check for check in result.checks if check.step == "driver_2").passed is None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Late(Source):
+    """A device of two channels at 44.1 kHz whose frames come at `rate`, to a reader that is late."""
+
+    rate: float
+
+    @contextmanager
+    def open(self) -> Generator[Stream]:
+        yield _LateStream(self.rate)
+
+
+class _LateStream(Stream):
+    def __init__(self, rate: float) -> None:
+        self._rate = rate
+
+    @property
+    def signal(self) -> Signal:
+        return Signal(sample_rate=RATE, channels=2)
+
+    @property
+    def paced(self) -> bool:
+        return True
+
+    def __iter__(self) -> Iterator[Block]:
+        for start in range(0, 2 * RATE, 4410):
+            time.sleep(0.1 if start == 4410 else 0.0)
+            yield Block(
+                samples=np.zeros((2, 4410), np.float32), start=start, adc_time=10.0 + start / self._rate
+            )
+
+
+@pytest.mark.parametrize(("rate", "fault"), [(RATE, ""), (48000, "wrong rate")])
+def test_the_rate_is_judged_by_the_devices_times_and_not_by_the_readers(rate: float, fault: str) -> None:
+    take = Live(source=Late(rate=rate), name="late").take(STEPS[1])
+    assert take.elapsed == pytest.approx(take.samples.shape[1] / rate, rel=1e-2)
+    assert rate_check({"pluck": take}).fault == fault

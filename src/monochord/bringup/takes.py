@@ -71,6 +71,8 @@ def record(source: Source, seconds: float, name: str, *, heard: Heard = unheard)
         begin = end = time.monotonic()
         for block in stream:
             end = time.monotonic()
+            if block.adc_time is not None:  # a busy reader is late, the converter is not
+                end = block.adc_time + block.samples.shape[1] / signal.sample_rate
             if not blocks:
                 begin = end - block.samples.shape[1] / signal.sample_rate
             else:

@@ -1,19 +1,18 @@
 """Garbage sent to a domain's ports, from this machine and from another network."""
 
 import os
-import shutil
 import socket
 import struct
 import subprocess
 import sys
 import time
 from collections.abc import Generator, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import pytest
+from tests.networks import Networks
 
 DOMAIN = 100 + os.getpid() % 99  # another run of the tests has another one
 PORT = 7400 + 250 * DOMAIN + 10  # discovery of the first participant; the next is for messages
@@ -133,38 +132,12 @@ def test_garbage_from_this_machine_is_not_logged_and_takes_no_memory(tmp_path: P
     assert (tmp_path / "errors").stat().st_size < LOGGED
 
 
-@contextmanager
-def two_networks() -> Generator[tuple[str, str, str]]:
-    """Two network namespaces with a cable between them: their names, and the address of the first."""
-    if os.geteuid() or not shutil.which("ip"):
-        pytest.skip("a network of its own takes root and iproute2")
-    near, far = (f"monochord-{side}-{os.getpid()}" for side in ("near", "far"))
-    with ExitStack() as stack:
-        for name in (near, far):
-            made = subprocess.run(["ip", "netns", "add", name], capture_output=True, text=True, check=False)
-            if made.returncode:
-                pytest.skip(f"no network namespace can be made here: {made.stderr.strip()}")
-            stack.callback(subprocess.run, ["ip", "netns", "del", name], check=True)
-        for words in (
-            f"-n {near} link add cable type veth peer name cable netns {far}",
-            f"-n {near} link set lo up",
-            f"-n {near} link set cable up",
-            f"-n {far} link set cable up",
-            f"-n {near} addr add 192.0.2.1/24 dev cable",
-            f"-n {far} addr add 192.0.2.2/24 dev cable",
-        ):
-            subprocess.run(["ip", *words.split()], check=True)
-        yield near, far, "192.0.2.1"
-
-
-def test_what_comes_from_another_network_does_not_get_in(tmp_path: Path) -> None:
-    with two_networks() as (near, far, address):
-        inside, outside = (("ip", "netns", "exec", name) for name in (near, far))
-        with listener(tmp_path / "errors", *inside) as here:
-            root = str(Path(__file__).parent)
-            subprocess.run([*outside, sys.executable, "-c", SEND, root, address, str(PORT)], check=True)
-            dropped = here.dropped()
-            received, grown = here.outcome()
+def test_what_comes_from_another_network_does_not_get_in(networks: Networks, tmp_path: Path) -> None:
+    with listener(tmp_path / "errors", *networks.near) as here:
+        command = [sys.executable, "-c", SEND, str(Path(__file__).parent), networks.address, str(PORT)]
+        subprocess.run([*networks.far, *command], check=True)
+        dropped = here.dropped()
+        received, grown = here.outcome()
     assert dropped >= PACKETS
     assert received == 200
     assert grown < GROWTH

@@ -50,7 +50,7 @@ class JackClient:
                 )
             self.handle = self._open(name, server)
             if not self.handle:
-                raise DeviceError(f"JACK server '{self._server}': not running; {libjack.START_JACK}")
+                raise DeviceError(f"JACK server '{self._server}': not running; {libjack.no_server()}")
             _clients.add(self)
 
     def _open(self, name: str, server: str) -> int:

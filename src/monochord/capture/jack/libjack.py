@@ -5,8 +5,11 @@ The names are JACK's (https://jackaudio.org/api/).
 """
 
 import ctypes
+import os
+import re
 from ctypes import POINTER, c_char_p, c_float, c_int, c_uint32, c_uint64, c_ulong, c_void_p
 from functools import cache
+from pathlib import Path
 from typing import Any, ClassVar
 
 from monochord.core.errors import DeviceError
@@ -20,6 +23,13 @@ START_JACK = (
     " instead"
 )
 """Remedy where JACK or its server is missing."""
+USE_PIPEWIRE = (
+    "PipeWire runs here and is a JACK server too: put pw-jack before the command"
+    " (Debian: apt install pipewire-jack)"
+)
+"""Remedy where PipeWire runs, and the command uses another JACK."""
+START_PIPEWIRE = "start PipeWire: systemctl --user start pipewire wireplumber"
+"""Remedy under ``pw-jack`` where PipeWire does not run."""
 NO_START_SERVER, SERVER_NAME = 0x01, 0x04  # jack_options_t
 IS_INPUT, IS_OUTPUT, IS_PHYSICAL = 0x1, 0x2, 0x4  # enum JackPortFlags
 CAPTURE_LATENCY = 0  # jack_latency_callback_mode_t
@@ -101,3 +111,24 @@ def library() -> ctypes.CDLL:
     # This one takes the server's name as a variable argument, so only its result is declared.
     jack.jack_client_open.restype = c_void_p
     return jack
+
+
+def pipewire() -> str:
+    """Return the version of PipeWire whose library this is, as under ``pw-jack``; empty for any other."""
+    try:
+        version = library().jack_get_version_string
+    except AttributeError:  # an old JACK
+        return ""
+    version.restype = c_char_p
+    match = re.search(r"PipeWire (\S+?)\)?$", decoded(version()))
+    return match[1] if match else ""
+
+
+def no_server() -> str:
+    """Return the remedy where no server answers: how to start one, or how to use PipeWire where it runs."""
+    if pipewire():
+        return START_PIPEWIRE
+    variables = (os.environ.get(name) for name in ("PIPEWIRE_RUNTIME_DIR", "XDG_RUNTIME_DIR"))
+    folder = next(filter(None, variables), "/run/pipewire")
+    socket = Path(folder, os.environ.get("PIPEWIRE_REMOTE") or "pipewire-0")
+    return USE_PIPEWIRE if socket.is_socket() else START_JACK

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import monochord
 from monochord.capture.jack.client import JackClient
-from monochord.capture.jack.libjack import START_JACK
+from monochord.capture.jack.libjack import START_JACK, no_server, pipewire
 from monochord.capture.jack.libjack import path as jack_library
 from monochord.core.errors import DeviceError
 
@@ -66,7 +66,7 @@ def compile_cache() -> Check:
 def sound_files() -> Check:
     """Check for libsndfile, which reads audio files."""
     try:
-        pass
+        import soundfile  # noqa: F401, PLC0415  # pyright: ignore[reportUnusedImport]
     except OSError:
         remedy = "pip install --force-reinstall soundfile, or apt install libsndfile1"
         detail = "libsndfile, which reads them, is not installed"
@@ -76,21 +76,22 @@ def sound_files() -> Check:
 
 def jack() -> Check:
     """Check for JACK and a running server."""
-    remedy = f"for live sound {START_JACK}"
     try:
         jack_library()
     except DeviceError:
+        remedy = f"for live sound {START_JACK}"
         return Check(name="JACK", state=MISSING, detail="not installed", remedy=remedy)
     try:
         client = JackClient("monochord-doctor")
     except DeviceError:
         detail = "installed, but no server runs"
-        return Check(name="JACK", state=WARN, detail=detail, remedy=remedy)
+        return Check(name="JACK", state=WARN, detail=detail, remedy=f"for live sound: {no_server()}")
     try:
         rate, period, urgent = client.sample_rate, client.period, client.realtime
     finally:
         client.close()
-    server = f"a server runs at {rate} Hz, with periods of {1e3 * period / rate:.1f} ms"
+    name = f"PipeWire {version}" if (version := pipewire()) else "a server"
+    server = f"{name} runs at {rate} Hz, with periods of {1e3 * period / rate:.1f} ms"
     if not urgent:
         remedy = "start it with -R, or it loses frames under load"
         return Check(name="JACK", state=WARN, detail=f"{server}, not in real time", remedy=remedy)

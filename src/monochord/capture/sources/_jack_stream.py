@@ -228,9 +228,19 @@ def _choose_ports(client: JackClient, parts: list[str], channels: int) -> list[s
     if len(chosen) < channels:
         expected = f"ports '{libjack.shown(','.join(parts))}'" if parts else "physical capture ports"
         there = ", ".join(map(libjack.shown, client.outputs())) or "none"
-        remedy = f"set channels={len(chosen)}" if chosen else "start what plays, or set ports=none"
+        remedy = _port_remedy(client, chosen, channels, named=bool(parts))
         raise DeviceError(f"JACK {expected}: {len(chosen)} of {channels} found; there are {there}; {remedy}")
     return chosen
+
+
+def _port_remedy(client: JackClient, chosen: list[str], channels: int, *, named: bool) -> str:
+    """Return what to do where too few ports were found: under PipeWire a device's ports have other names."""
+    devices = client.outputs(physical=True)[:channels]
+    if named and libjack.pipewire() and len(devices) == channels and not {*chosen} & {*devices}:
+        return f"PipeWire names ports after their device: {','.join(map(libjack.shown, devices))}"
+    if chosen:
+        return f"set channels={len(chosen)}"
+    return "start what plays, or set ports=none"
 
 
 def _matching(names: list[str], part: str) -> list[str]:

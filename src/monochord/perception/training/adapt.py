@@ -46,6 +46,8 @@ MIXTURES: Floats = np.array([[1.0, 0.0], [0.5, 0.5], [0.0, 1.0]])
 """Shares of trees on what physics and prior leave, and of trees instead of these."""
 MAX_DEVIATIONS = 4.0
 """Number of stated standard errors up to which an error is learned by trees, and counts for those stated."""
+MIN_GAIN = 0.01
+"""Smallest share by which a correction lowers the error on left-out touches; with less, none is used."""
 PRIOR_TOUCHES = 3.0
 """Number of touches that the standard errors of training count for."""
 NO_TOUCHES = "0 touches with a label of position or force", "1 or more", "record labelled touches"
@@ -286,8 +288,8 @@ def _corrected(
     """Return a head's errors on left-out touches, and the correction to use.
 
     Few touches condition what physics and prior say. With more, trees learn what that leaves, or the whole
-    error: the mixture with the smallest error on left-out touches is used (`MIXTURES`), unless the error
-    without any correction is smaller. Their errors also tell the factor of the standard error. If `group`
+    error: the mixture with the smallest error on left-out touches is used (`MIXTURES`), unless that gains
+    less than `MIN_GAIN` on the error without correction. Their errors also tell the factor of the standard error. If `group`
     gives the object (n,) of each window, the correction is for other objects: whole objects are left out, and
     there are no trees.
     """
@@ -329,7 +331,8 @@ def _corrected(
     after, result = left[best], learned(rows)
     if has_trees:
         result = with_trees(result, rows, MIXTURES[best])
-    used = bool(weight @ np.abs(after) <= weight @ np.abs(before))
+    gained = 1.0 - weight @ np.abs(after) / (weight @ np.abs(before))
+    used = len(every) == 1 or bool(gained >= MIN_GAIN)
     ratio = np.minimum(np.abs(after) / stds, MAX_DEVIATIONS) ** 2
     factor = float(np.sqrt((PRIOR_TOUCHES + weight @ ratio) / (PRIOR_TOUCHES + weight.sum())))
     factor = factor if len(every) > 1 else 1.0
