@@ -4,6 +4,7 @@ import json
 import sys
 from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
+from importlib import import_module
 from pathlib import Path
 
 import click
@@ -17,7 +18,14 @@ from monochord.figures.base import Measured
 
 
 def main(command: click.Command) -> None:
-    """Run a command and exit: 0 for success, 2 for an error reported in one line."""
+    """Run a command and exit: 0 for success, 2 for an error reported in one line.
+
+    It is run as its module's, not as that of ``__main__``, whose functions no worker process can import.
+    """
+    started = sys.modules["__main__"]
+    if started.__spec__ is not None and command in vars(started).values():
+        (name,) = (name for name, value in vars(started).items() if value is command)
+        command = getattr(import_module(started.__spec__.name), name)
     try:
         command.main(standalone_mode=False)
     except (MonochordError, click.ClickException) as error:

@@ -288,10 +288,10 @@ def _corrected(
     """Return a head's errors on left-out touches, and the correction to use.
 
     Few touches condition what physics and prior say. With more, trees learn what that leaves, or the whole
-    error: the mixture with the smallest error on left-out touches is used (`MIXTURES`), unless that gains
-    less than `MIN_GAIN` on the error without correction. Their errors also tell the factor of the standard error. If `group`
-    gives the object (n,) of each window, the correction is for other objects: whole objects are left out, and
-    there are no trees.
+    error: the mixture with the smallest error on left-out touches is used (`MIXTURES`), unless it gains less
+    than `MIN_GAIN` on the error without correction. Their errors also tell the factor of the standard error.
+    If `group` gives the object (n,) of each window, the correction is for other objects: whole objects are
+    left out, and there are no trees.
     """
     record, variables = model.definition.heads[name], errors.variables
     # A length is the same for all objects.
