@@ -260,12 +260,12 @@ def _inputs(places: Floats, modes: Floats) -> Floats:
 def _fitted(inputs: Floats, target: Floats) -> Any:
     """Return the likeliest Gaussian process of a grid, on inputs (n, 4)."""
     process: Any = GaussianProcessRegressor
-    matern: Any = Matern
+    covariance: Any = Matern
     grid: list[Any] = [
         make_pipeline(
             StandardScaler(),
             process(
-                matern([along, along, modes, modes], nu=2.5) + WhiteKernel(noise),
+                covariance([along, along, modes, modes], nu=2.5) + WhiteKernel(noise),
                 optimizer=None,
                 normalize_y=True,
             ),
