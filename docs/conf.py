@@ -40,8 +40,9 @@ autodoc_preserve_defaults = True
 autodoc_default_options = {"members": True}
 add_module_names = False
 suppress_warnings = [
-    "autodoc"
-]  # the loaders of presets are methods bound to a module's name, whose signature it leaves out
+    "autodoc",  # the loaders of presets are methods bound to a module's name, whose signature it leaves out
+    "ref.python",  # a shape such as (touches, 3) names what several classes have
+]
 MADE_BY_SCIKIT_LEARN = {"set_fit_request", "set_score_request", "set_predict_request"}
 """Members of its estimators' subclasses, whose docstrings link to its own documentation."""
 
