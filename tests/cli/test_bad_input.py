@@ -225,7 +225,6 @@ REFUSED = {
     # what is elsewhere
     "transfer demo": "studies.unseen_builds",
     "ablate features": "studies.ablation",
-    "collect builds --out o": "studies/plans/builds.toml",
     "evaluate demo --suite hardware": "studies.hardware_suite",
     "bench realstrings": "studies.real_strings",
     "figure slip": "studies.slip",

@@ -17,6 +17,7 @@ from monochord.physics.twin.virtual_sensor import VirtualSensor
 
 OTHER_MEANS = (
     "--instrument", "--device", "--web", "tune --sensor", "left=", "weights", "bench", "collect small",
+    "sessions label",
 )  # fmt: skip
 """Words of examples that need a device, a person, a download or minutes: these are parsed, not run."""
 UNENDING = ("monochord demo", "monochord live demo --source twin", "--estimator closed_form")
@@ -98,12 +99,13 @@ def sessions(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def folder(sessions: Path) -> Path:
-    """Return that folder with a dataset, another split of it, and a trained model."""
+    """Return that folder with a dataset, another split of it, a trained model, and its report."""
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(sessions)
         assert cli.run(["build", "sessions", "--out", "dataset"]) == 0
         copy("dataset/split.json", "other.json")
         assert cli.run(["train", "--dataset", "dataset", "--out", "run"]) == 0
+        assert cli.run(["evaluate", "run", "--dataset", "dataset", "--out", "report"]) == 0
     return sessions
 
 
@@ -134,7 +136,7 @@ def is_run(line: str) -> bool:
     return not line.endswith(UNENDING) and not any(word in line for word in OTHER_MEANS)
 
 
-LEARNS = re.compile("monochord (build|audit|train|evaluate (run|--estimator))")
+LEARNS = re.compile("monochord (build|audit|train|publish|evaluate (run|--estimator))")
 
 
 @pytest.mark.parametrize(

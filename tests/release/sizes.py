@@ -47,7 +47,7 @@ def grown(now: Mapping[str, float], then: Mapping[str, float]) -> list[str]:
 def table(now: Mapping[str, float], then: Mapping[str, float]) -> str:
     """Return the sizes as a table, beside those recorded."""
     rows = [f"{'package':<24}{'MB':>8}{'recorded':>10}"]
-    for name in [*now, *(then.keys() - now.keys())]:
+    for name in [*now, *sorted(then.keys() - now.keys())]:
         size, before = (f"{sizes[name]:.2f}" if name in sizes else "-" for sizes in (now, then))
         rows.append(f"{name:<24}{size:>8}{before:>10}")
     rows.append(f"{'total':<24}{sum(now.values()):>8.1f}{sum(then.values()):>10.1f}")

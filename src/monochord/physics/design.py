@@ -202,7 +202,7 @@ def bounds_at(wishes: Wishes, string: StringParams, contact: Contact) -> tuple[M
     >>> string = string_of(Wishes(), 0.254e-3, 65.0, 0.2)
     >>> touch = Contact(position=0.077, force=1.0)
     >>> [round(bounds_at(Wishes(mount=each), string, touch)[1], 2) for each in ("bolted", "light", "known")]
-    [0.13, 0.33, 0.13]
+    [0.13, 0.32, 0.13]
     """
     lines = np.array(segment_frequencies(string, contact, "geometric"))
     surface = contact_compliance(string, _material(wishes.material), contact.force)

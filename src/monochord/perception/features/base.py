@@ -1,6 +1,7 @@
 """The contract of a feature: frozen options, prepared for a signal, then called on windows."""
 
 from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -8,7 +9,9 @@ from monochord.core.ranges import Checked
 from monochord.core.shapes import batch
 from monochord.core.types import Audio, Signal
 from monochord.core.units import Samples
-from monochord.perception.spectrum import Spectrum, SpectrumAnalyser
+
+if TYPE_CHECKING:  # kernels: `import monochord` names these classes without them
+    from monochord.perception.spectrum import Spectrum, SpectrumAnalyser
 
 
 class Extractor(ABC):
@@ -47,11 +50,11 @@ class SpectrumExtractor(Extractor):
 
     @property
     @abstractmethod
-    def analyser(self) -> SpectrumAnalyser:
+    def analyser(self) -> "SpectrumAnalyser":
         """The analyser that makes the spectra."""
 
     @abstractmethod
-    def row(self, spectrum: Spectrum) -> Audio:
+    def row(self, spectrum: "Spectrum") -> Audio:
         """Return the features (columns,) float32 of a window's spectrum."""
 
     def __call__(self, windows: Audio) -> Audio:
