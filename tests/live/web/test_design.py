@@ -139,6 +139,13 @@ def test_a_process_that_dies_is_started_again_and_none_is_left() -> None:
     assert {each.pid for each in workers()} == before
 
 
+def test_every_wish_has_a_field_on_the_page(server: Server) -> None:
+    script = get(server, "/static/design.js").body.decode()  # pyright: ignore[reportAttributeAccessIssue]
+    named = {"forces": "most"}  # the least and the largest press are fields of their own
+    for name in ask(server, "about")["wishes"]:
+        assert f'["{named.get(name, name)}", ' in script, name
+
+
 def test_many_pages_at_once_are_answered_or_told_to_wait(server: Server) -> None:
     bodies = [
         json.dumps({"do": "string", "wishes": STRING | {"tension": 30.0 + k}}).encode() for k in range(16)

@@ -26,6 +26,7 @@ const OTHERS = [
   ["wire", "Wire"], ["frame", "Frame"], ["mount", "Objects are held"], ["material", "Material that touches"],
   ["contact_share", "Contact's compliance, to", "%", 100, 0, 100, 1],
   ["line_std", "Lines, to", "‰", 1e3, 0.01, 5, 0.01],
+  ["end_std", "Ends, to", "mm", 1e3, 0, 1, 0.01],
   ["open_std", "Open pitch, to", "‰", 1e3, 0.01, 5, 0.01],
   ["window", "Window", "ms", 1e3, 10, 500, 10],
 ];
