@@ -173,7 +173,8 @@ def calibrated(
     model = _with(model, gate, _calibration(model.definition, gate, dataset, outputs, touch))
     if fault_share:
         odds = np.stack(list(read_in_turn(model, dataset, rows, progress).odds.values()))
-        limits = np.quantile(odds, 1.0 - fault_share / odds.shape[1], axis=0, method="higher")
+        highest = np.quantile(odds, 1.0 - fault_share / odds.shape[1], axis=0, method="higher")
+        limits = np.maximum(highest, 0.0)  # below 0 an ordinary window is the likelier one, whatever few say
         record = FaultRecord(
             limits=tuple(limits.tolist()), measured={ORDINARY: float(np.mean((odds > limits).any(axis=1)))}
         )
