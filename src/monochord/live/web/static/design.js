@@ -74,7 +74,7 @@ function refuse(which, line) {
   element("download").disabled = Boolean(refusals.string) || !own;
 }
 
-// What stands in a field in SI units; what is no number goes to the server as it is, which says so.
+// The value of a field in SI units. Text that is not a number is sent unchanged: the server refuses it.
 function value(name) {
   const { value: text } = element(name), row = NUMBERS.find(([each]) => each === name), number = Number(text);
   if (!row) return text;
