@@ -5,6 +5,7 @@ import itertools
 import json
 import shutil
 import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Generator, Sequence
@@ -151,3 +152,10 @@ def _page_of(folder: Path, process: "subprocess.Popen[bytes]") -> str:
             return pages[0]["webSocketDebuggerUrl"]
         time.sleep(0.05)
     raise AssertionError("the browser shows no page")
+
+
+BRING_UP = [
+    *(sys.executable, "-m", "monochord", "doctor", "--sensor", "prototype", "--source", "twin"),
+    *("--web", "--no-browser", "--out", "mine.toml"),
+]
+"""The command of a bring-up on the page, with the virtual sensor in place of a person and a string."""

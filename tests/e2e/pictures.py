@@ -16,7 +16,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.terminal_theme import TerminalTheme
 from rich.text import Text
-from tests.e2e.browser import Page, opened
+from tests.e2e.browser import BRING_UP, Page, opened
 from tests.e2e.test_web import READY, String, demonstration, on_a_terminal
 
 from monochord.live.web.server import Server
@@ -91,21 +91,9 @@ def of_the_design() -> None:
 
 def of_the_bring_up() -> None:
     """Take a picture of the bring-up of a simulated sensor in the middle in light, and of its end in dark."""
-    words = [
-        "doctor",
-        "--sensor",
-        "prototype",
-        "--source",
-        "twin",
-        "--web",
-        "--no-browser",
-        "--out",
-        "mine.toml",
-    ]
-    command = [sys.executable, "-m", "monochord", *words]
     with (
         tempfile.TemporaryDirectory() as folder,
-        subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, text=True) as process,
+        subprocess.Popen(BRING_UP, cwd=folder, stdout=subprocess.PIPE, text=True) as process,
     ):
         assert process.stdout is not None
         with opened(process.stdout.readline().split()[1]) as page:

@@ -3,14 +3,13 @@
 import json
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.e2e.browser import Page, chromium, opened
+from tests.e2e.browser import BRING_UP, Page, chromium, opened
 from tests.e2e.test_page import SIZES, TEXTS, outside, overlaps, sized
 from tests.waiting import wait_for
 
@@ -33,19 +32,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def page(folder: Path) -> Iterator[Page]:
-    words = [
-        "doctor",
-        "--sensor",
-        "prototype",
-        "--source",
-        "twin",
-        "--web",
-        "--no-browser",
-        "--out",
-        "mine.toml",
-    ]
-    command, pipe = [sys.executable, "-m", "monochord", *words], subprocess.PIPE
-    with subprocess.Popen(command, cwd=folder, stdout=pipe, stderr=pipe, text=True) as process:
+    pipe = subprocess.PIPE
+    with subprocess.Popen(BRING_UP, cwd=folder, stdout=pipe, stderr=pipe, text=True) as process:
         assert process.stdout is not None
         line = process.stdout.readline()
         assert line.startswith("page: http://127.0.0.1:"), line
