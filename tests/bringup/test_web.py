@@ -5,7 +5,7 @@ import json
 import threading
 import time
 from collections.abc import Generator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -133,14 +133,23 @@ def running(source: Hum, out: Path | None = None, token: str = "") -> Generator[
         write=None if out is None else lambda result: write(result, out),
     )
     source.heard = page.heard
-    work = lambda: bring_up("prototype", source, (QUIET, PLUCK, TAP), page.guide(source))  # noqa: E731
-    thread = threading.Thread(target=work, daemon=True)  # only Control-C ends it
+
+    def work() -> None:
+        with suppress(mc.InputError):  # no step was recorded
+            bring_up("prototype", source, (QUIET, PLUCK, TAP), page.guide(source))
+
+    thread = threading.Thread(target=work, daemon=True)
     headers = {"Cookie": f"monochord={token}"} if token else {}
     with Server(port=free(), token=token, home="bring-up", parts=(page.part,)) as server:
         thread.start()
         address = f"ws://127.0.0.1:{server.port}/bring-up-live"
-        with connect(address, open_timeout=30, close_timeout=0.5, additional_headers=headers) as client:
-            yield Running(server, page, client)
+        try:
+            with connect(address, open_timeout=30, close_timeout=0.5, additional_headers=headers) as client:
+                yield Running(server, page, client)
+        finally:
+            while thread.is_alive():  # once for the steps, once for the page: Control-C in the command
+                page._commands.put(END)  # pyright: ignore[reportPrivateUsage]
+                thread.join(0.5)
 
 
 def test_a_page_leads_through_the_steps_and_gives_the_files(tmp_path: Path) -> None:
