@@ -12,6 +12,7 @@ import uuid
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -363,10 +364,11 @@ class _SimulatedStreams:
 
     def _batches(self, readings: tuple[Floats, Readings], begin: Seconds, until: Seconds) -> None:
         taken, whole = readings
-        first, last = np.searchsorted(taken, (begin, until))
-        for start in np.unique(np.floor(taken[first:last] / BATCH + 1e-6)):
-            a, b = np.clip(np.searchsorted(taken / BATCH + 1e-6, (start, start + 1)), first, last)
-            part = slice(int(a), int(b))
+        first, last = np.searchsorted(taken, (begin, until)).tolist()
+        reads = np.floor(taken[first:last] / BATCH + 1e-6)
+        begins = [first, *(first + 1 + np.flatnonzero(np.diff(reads))).tolist()] if last > first else []
+        for a, b in pairwise([*begins, last]):
+            part = slice(a, b)
             self._writer.readings(
                 Readings(
                     stream=whole.stream,

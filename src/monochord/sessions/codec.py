@@ -1,5 +1,6 @@
 """Session messages as ROS 2 types and CDR bytes."""
 
+import struct
 from collections.abc import Callable, Mapping
 from functools import cache
 from importlib.resources import files
@@ -15,6 +16,8 @@ from monochord.sessions.description import NANO
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
+ENCAPSULATION = 4
+"""Bytes of CDR before a message's first field."""
 OURS = "monochord_msgs/msg/"
 AUDIO, WRENCHES, READINGS = OURS + "AudioBlock", OURS + "WrenchBatch", OURS + "Readings"
 LABELS, EVENT, CLOCKS = OURS + "Labels", OURS + "Event", OURS + "Clocks"
@@ -168,15 +171,27 @@ _REFUSE: dict[str, Callable[[Any], object]] = {
 """Consistency check of each message type."""
 
 
-def encode_pose(stamp: int, values: np.ndarray[Any, np.dtype[np.float64]]) -> bytes:
-    """Return a pose (7,) with the sender's stamp in nanoseconds, 0 where the sender gave none."""
+def encode_pose(stamp: int, values: np.ndarray[Any, np.dtype[np.float64]], frame: str = "string") -> bytes:
+    """Return a pose (7,) in a frame, with the sender's stamp in nanoseconds, 0 where the sender gave none."""
+    before, between = _around_stamp(frame)
+    time = _STAMP.pack(*divmod(int(stamp), NANO))
+    return before + time + between + np.asarray(values, "<f8").tobytes()
+
+
+_STAMP = struct.Struct("<iI")
+"""A builtin_interfaces/Time: seconds and nanoseconds."""
+
+
+@cache
+def _around_stamp(frame: str) -> tuple[bytes, bytes]:
+    """Return the bytes of a frame's poses before the stamp, and between the stamp and the seven values."""
     types = typestore().types
-    x, y, z, qx, qy, qz, qw = (float(value) for value in values)
     pose = types["geometry_msgs/msg/Pose"](
-        position=types["geometry_msgs/msg/Point"](x=x, y=y, z=z),
-        orientation=types["geometry_msgs/msg/Quaternion"](x=qx, y=qy, z=qz, w=qw),
+        position=types["geometry_msgs/msg/Point"](x=0.0, y=0.0, z=0.0),
+        orientation=types["geometry_msgs/msg/Quaternion"](x=0.0, y=0.0, z=0.0, w=0.0),
     )
-    return encode(POSES, header=header(stamp, "string"), pose=pose)
+    data = encode(POSES, header=header(0, frame), pose=pose)
+    return data[:ENCAPSULATION], data[ENCAPSULATION + _STAMP.size : -8 * len(POSE)]
 
 
 def pose_of(message: Any) -> tuple[int, tuple[float, ...]]:
