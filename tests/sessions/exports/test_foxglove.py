@@ -2,8 +2,7 @@
 
 import json
 from collections.abc import Iterator
-from functools import reduce
-from functools import partial
+from functools import partial, reduce
 from pathlib import Path
 from typing import Any
 
