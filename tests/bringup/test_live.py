@@ -68,7 +68,7 @@ def test_a_page_hears_a_real_server_between_the_steps(
     play(tmp_path / "tone.wav")
     options = {"ports": "player:out_1,player:out_2", "server": jack_server.name, "client_name": "doctor"}
     page = BringUpPage("prototype", STEPS)
-    live = Live(source=SOURCES.build("jack", options), name="jack", heard=page.heard)
+    live = Live(source=SOURCES.build("jack", options), name="jack", on_audio=page.on_audio)
     for _ in range(2):
         ended = threading.Event()
         thread = threading.Thread(target=live.listen, args=(ended,))

@@ -31,8 +31,8 @@ QUIET, PLUCK, TAP = STEPS[:3]
 class Hum:
     """A source that hums at -23 dB of full scale, and fails in steps that are told."""
 
-    def __init__(self, heard: Any = lambda *_: None, failing: Sequence[str] = ()) -> None:
-        self.heard, self.failing, self.taken = heard, [*failing], list[str]()
+    def __init__(self, on_audio: Any = lambda *_: None, failing: Sequence[str] = ()) -> None:
+        self.on_audio, self.failing, self.taken = on_audio, [*failing], list[str]()
         tone = 0.1 * np.sin(2 * np.pi * 1000.0 * np.arange(2 * RATE) / RATE)
         self.sound = np.tile(tone, (2, 1)).astype(np.float32)
 
@@ -45,7 +45,7 @@ class Hum:
 
     def listen(self, ended: threading.Event) -> None:
         while not ended.wait(0.02):
-            self.heard(self.sound[:, :2205], RATE)
+            self.on_audio(self.sound[:, :2205], RATE)
 
 
 class Simulated(Hum):
@@ -132,7 +132,7 @@ def running(source: Hum, out: Path | None = None, token: str = "") -> Generator[
         (QUIET, PLUCK, TAP),
         write=None if out is None else lambda result: write(result, out),
     )
-    source.heard = page.heard
+    source.on_audio = page.on_audio
 
     def work() -> None:
         with suppress(mc.InputError):  # no step was recorded

@@ -21,8 +21,8 @@ from monochord.physics.twin import Sensor
 
 SUFFIXES = ".wav", ".flac"
 PLAYED: Seconds = 0.05
-"""Length in s of the pieces in which a simulated step is heard."""
-Heard: TypeAlias = Callable[[Audio, int], None]
+"""Length in s of the pieces in which a simulated step is played."""
+OnAudio: TypeAlias = Callable[[Audio, int], None]
 """Gets sound as it comes, (2, n), with its sample rate."""
 
 
@@ -48,12 +48,12 @@ def recordings(folder: Path, steps: tuple[Step, ...]) -> dict[str, Take]:
     return takes
 
 
-def unheard(samples: Audio, sample_rate: int) -> None:
+def ignore_audio(samples: Audio, sample_rate: int) -> None:
     """Pass over sound."""
 
 
-def record(source: Source, seconds: float, name: str, *, heard: Heard = unheard) -> Take:
-    """Return the sound of a source over some seconds, or until it ends; `heard` gets each block as it comes.
+def record(source: Source, seconds: float, name: str, *, on_audio: OnAudio = ignore_audio) -> Take:
+    """Return the sound of a source over some seconds, or until it ends; `on_audio` gets each block.
 
     Raises
     ------
@@ -78,7 +78,7 @@ def record(source: Source, seconds: float, name: str, *, heard: Heard = unheard)
             else:
                 dropped += block.dropped
             blocks.append(block.samples)
-            heard(block.samples, signal.sample_rate)
+            on_audio(block.samples, signal.sample_rate)
             frames += block.samples.shape[1]
             if frames + dropped >= wanted:
                 break
@@ -94,47 +94,47 @@ def record(source: Source, seconds: float, name: str, *, heard: Heard = unheard)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Live:
-    """A live source, opened anew for each step; `heard` gets its sound as it comes."""
+    """A live source, opened anew for each step; `on_audio` gets its sound as it comes."""
 
     source: Source
     name: str
-    heard: Heard = unheard
+    on_audio: OnAudio = ignore_audio
 
     def take(self, step: Step) -> Take:
         """Record one step."""
-        return record(self.source, step.seconds, self.name, heard=self.heard)
+        return record(self.source, step.seconds, self.name, on_audio=self.on_audio)
 
     def listen(self, ended: Event) -> None:
-        """Pass on what is heard until an event; raises `DeviceError` for a device that is missing or lost."""
+        """Pass on the audio until an event; raises `DeviceError` for a device that is missing or lost."""
         with self.source.open() as stream:
             Thread(target=lambda: (ended.wait(), stream.close()), daemon=True).start()
             for block in stream:
                 if ended.is_set():
                     return
-                self.heard(block.samples, stream.signal.sample_rate)
+                self.on_audio(block.samples, stream.signal.sample_rate)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Virtual:
     """The virtual sensor, on which every step carries itself out.
 
-    `heard` gets the sound of a step at its own pace, as from a live source; without it a step takes no time.
+    `on_audio` gets the sound of a step in real time; without it a step takes no time.
     """
 
     sensor: Sensor
     seed: int = 0
     sample_rate: int = 44100
-    heard: Heard | None = None
+    on_audio: OnAudio | None = None
 
     def take(self, step: Step) -> Take:
         """Simulate one step."""
         samples = rehearse(self.sensor, step.name, step.seconds, seed=self.seed, sample_rate=self.sample_rate)
-        if self.heard:
+        if self.on_audio:
             size = round(PLAYED * self.sample_rate)
             for start in range(0, samples.shape[1], size):
-                self.heard(samples[:, start : start + size], self.sample_rate)
+                self.on_audio(samples[:, start : start + size], self.sample_rate)
                 time.sleep(PLAYED)
         return Take(samples=samples, sample_rate=self.sample_rate, source="twin")
 
     def listen(self, ended: Event) -> None:
-        """Return at once: nothing is heard between the steps."""
+        """Return at once: there is no sound between the steps."""

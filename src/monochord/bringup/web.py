@@ -1,4 +1,4 @@
-"""The page of a bring-up: what to do, what is heard, and the checks, in any number of browsers."""
+"""The page of a bring-up: what to do, the levels, and the checks, in any number of browsers."""
 
 import asyncio
 import threading
@@ -47,10 +47,10 @@ class Command(msgspec.Struct, forbid_unknown_fields=True):
 
 
 class Listening(Taking, Protocol):
-    """A source that is heard between the steps, too."""
+    """A source that can be listened to between the steps."""
 
     def listen(self, ended: threading.Event) -> None:
-        """Pass on what is heard until an event; return at once where nothing is."""
+        """Pass on the audio until an event; return at once where there is none."""
         ...
 
 
@@ -84,14 +84,14 @@ class BringUpPage:
         self._error = self._silence = ""
         self._paths = list[str]()
         self._number = self._pages = 0
-        self._sound, self._heard, self._levels = list[Audio](), 0.0, list[list[float | None]]()
+        self._sound, self._seconds, self._levels = list[Audio](), 0.0, list[list[float | None]]()
         self.part = Part(path="bring-up", title="Bring-up", routes=self._routes)
 
     def guide(self, source: Listening) -> Guide:
-        """Return the guide that asks this page; the source is heard while it waits."""
+        """Return the guide that asks this page; it listens to the source while it waits."""
         return _Asking(self, source)
 
-    def heard(self, samples: Audio, sample_rate: int) -> None:
+    def on_audio(self, samples: Audio, sample_rate: int) -> None:
         """Take sound for the meter."""
         if self._silence:
             self.say_silent("")
@@ -101,7 +101,7 @@ class BringUpPage:
         sound = np.concatenate(self._sound, axis=1)
         self._sound.clear()
         self._levels = [[finite(each, 1) for each in levels(row)] for row in sound]
-        self._heard += sound.shape[1] / sample_rate
+        self._seconds += sound.shape[1] / sample_rate
 
     def ask(self, step: Step | None, result: BringUp | None) -> str:
         """Show the next step, and return what a page chooses."""
@@ -115,7 +115,7 @@ class BringUpPage:
                 return END
             raise
         with self._lock:
-            self._error, self._heard = "", 0.0
+            self._error, self._seconds = "", 0.0
             self._phase = "recording" if choice == RECORD else self._phase
             if step and choice in (RECORD, SKIP):
                 (self._skipped.add if choice == SKIP else self._skipped.discard)(step.name)
@@ -147,7 +147,7 @@ class BringUpPage:
             self._number += 1
 
     def say_silent(self, why: str) -> None:
-        """Show why nothing is heard, until something is."""
+        """Show why there is no sound, until there is."""
         with self._lock:
             if why != self._silence:
                 self._silence = " ".join(why.split())
@@ -227,7 +227,7 @@ class BringUpPage:
 
     def meter(self) -> dict[str, Any]:
         """Return the newest levels in dBFS, root mean square and peak, and the time recorded in s."""
-        return {"type": "meter", "levels": self._levels, "seconds": round(self._heard, 2)}
+        return {"type": "meter", "levels": self._levels, "seconds": round(self._seconds, 2)}
 
     def _routes(self, with_tabs: Callable[[bytes], bytes]) -> Sequence[BaseRoute]:
         static = files("monochord.bringup").joinpath("static")

@@ -23,7 +23,7 @@ from monochord.bringup import (
     write,
 )
 from monochord.bringup.page import rows
-from monochord.bringup.takes import Heard, unheard
+from monochord.bringup.takes import OnAudio, ignore_audio
 from monochord.capture.sources import SOURCES
 from monochord.cli._options import first_field, put_source, refuse_unwritable, refuse_without
 from monochord.cli._output import echo
@@ -81,17 +81,17 @@ def _brought_up(options: dict[str, Any], *, quiet: bool) -> BringUp:
     return bring_up(sensor, source, todo, guide if isinstance(source, Live) else _Unasked(quiet=quiet))
 
 
-def _source_of(options: dict[str, Any], heard: Heard | None = None) -> Live | Virtual:
-    """Return the source in the options; `heard` gets its sound as it comes."""
+def _source_of(options: dict[str, Any], on_audio: OnAudio | None = None) -> Live | Virtual:
+    """Return the source in the options; `on_audio` gets its sound as it comes."""
     tree: Tree = {"sinks": {}}
     put_source(tree, options)
     source = LiveRun.read(override(tree, options["assignments"])).source
     if (name := SOURCES.name_of(source)) == "twin":
         built: Any = source
         world = sensor_of(load_sensor(options["sensor"]), built.world, build=built.build, day=built.day)
-        return Virtual(sensor=world, seed=built.seed, sample_rate=built.sample_rate, heard=heard)
+        return Virtual(sensor=world, seed=built.seed, sample_rate=built.sample_rate, on_audio=on_audio)
     opened = getattr(source, first_field(SOURCES, name)) or "first two inputs"
-    return Live(source=source, name=f"{name} {opened}", heard=heard or unheard)
+    return Live(source=source, name=f"{name} {opened}", on_audio=on_audio or ignore_audio)
 
 
 def _on_the_page(options: dict[str, Any], todo: tuple[Step, ...]) -> BringUp:
@@ -103,7 +103,7 @@ def _on_the_page(options: dict[str, Any], todo: tuple[Step, ...]) -> BringUp:
     page = BringUpPage(
         options["sensor"], todo, write=None if out is None else lambda result: write(result, out)
     )
-    source = _source_of(options, page.heard)
+    source = _source_of(options, page.on_audio)
     names, browser = options["allow_host"], not options["no_browser"]
     with served(str(options["port"]), names=names, browser=browser, home=page.part.path, parts=(page.part,)):
         return bring_up(options["sensor"], source, todo, page.guide(source))

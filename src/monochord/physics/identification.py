@@ -100,10 +100,10 @@ def fit_string(
     --------
     >>> from monochord.physics.sensors import load_sensor
     >>> n = np.arange(1.0, 7.0)
-    >>> heard = 1000.0 * n * np.sqrt(1.0 + 1.5e-4 * n**2)
+    >>> measured = 1000.0 * n * np.sqrt(1.0 + 1.5e-4 * n**2)
     >>> weighed = (3.978e-4, 1e-6)
     >>> fit = fit_string(
-    ...     load_sensor("prototype"), n, heard, 0.1 * n, length=(0.2, 1e-4), linear_density=weighed
+    ...     load_sensor("prototype"), n, measured, 0.1 * n, length=(0.2, 1e-4), linear_density=weighed
     ... )
     >>> round(float(fit.values[NAMES.index("tension")]), 1)
     63.7
@@ -111,18 +111,18 @@ def fit_string(
     if not numbers.size:
         raise InputError("no partial", "a partial of the untouched string")
     model = _Model.of(sensor, numbers, length, linear_density, first=float(frequencies[0] / numbers[0]))
-    heard, weight = np.log(frequencies / numbers), (frequencies / stds) ** 2
+    measured, weight = np.log(frequencies / numbers), (frequencies / stds) ** 2
     used = np.ones(numbers.size, np.bool_)
     point, covariance = model.mean.copy(), np.zeros((7, 7))
     for step in range(12):
         slope = model.slope(point)[used]
-        off = heard[used] - model.partials(point)[used]
+        off = measured[used] - model.partials(point)[used]
         information = model.precision + slope.T @ (weight[used, None] * slope)
         covariance = np.linalg.inv(information)
         pull = slope.T @ (weight[used] * off) + model.precision @ (model.mean - point)
         point = point + covariance @ pull
         if step > 3:
-            away = np.abs(heard - model.partials(point)) * np.sqrt(weight)
+            away = np.abs(measured - model.partials(point)) * np.sqrt(weight)
             used = away < max(OUTLIER, float(np.sort(away)[0]) + 1e-9)
     if not np.isfinite(point).all():
         raise InputError("partials that fit no string", "partials of one untouched string")

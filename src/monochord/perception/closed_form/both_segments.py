@@ -240,9 +240,11 @@ class BothSegments:
                 values |= self._fundamentals(reading) | touch
             else:
                 reason = OUTSIDE_RANGE
-        told = {name: Estimate(value=each[0], std=each[1], unit=UNITS[name]) for name, each in values.items()}
-        estimates = abstain(reason or ONE_SEGMENT) | told
-        if "force" in told and self.law == "linear" and self.string.tension_per_force == 0.0:
+        stated = {
+            name: Estimate(value=each[0], std=each[1], unit=UNITS[name]) for name, each in values.items()
+        }
+        estimates = abstain(reason or ONE_SEGMENT) | stated
+        if "force" in stated and self.law == "linear" and self.string.tension_per_force == 0.0:
             estimates["force"] = Estimate.abstain("N", "the string's tension does not tell force")
         return estimates
 
