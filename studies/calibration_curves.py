@@ -158,12 +158,12 @@ def curves(model: Model, recorded: Recorded, numbers: Sequence[int]) -> Curves:
             rows = recorded.counted(model, head)
             rows = rows[recorded.errors(model, head, rows)[1] <= model.definition.heads[head].task.limit]
             test, taught = rows[np.isin(touch[rows], rest)], rows[known[rows]]
+            if not len(test):  # the object is too soft to be placed
+                continue
             before, after = (recorded.errors(each, head, test) for each in (model, own))
             x = recorded.features
             trees = ExtraTreesRegressor(100, max_features=0.3, min_samples_leaf=2, random_state=0)
             label = recorded.dataset.label(head)
-            if not len(test):  # the object is too soft to be placed
-                continue
             guess = np.full(len(test), label[test].mean())
             if len(taught):
                 trees.fit(x[[at[row] for row in taught.tolist()]], label[taught])

@@ -13,7 +13,7 @@ from monochord.core.ranges import Checked, Finite, InnerShare, NonNegative, Posi
 from monochord.core.types import StringParams
 from monochord.core.units import Metres, Samples, Seconds
 from monochord.perception.heads.base import CONTACT, POSITION, Task
-from monochord.perception.model.faults import FAULTS
+from monochord.perception.model.faults import FAULTS, LINES
 
 FORMAT = 3
 """Version of the format of a model's folder."""
@@ -230,7 +230,7 @@ class Definition(Checked):
 
     @property
     def fault_columns(self) -> tuple[int, ...]:
-        """The indices of the columns with the logits of an ordinary window and of each fault, or empty.
+        """The indices of the kinds, an ordinary window and each fault, and of `faults.LINES`; or empty.
 
         Raises
         ------
@@ -240,7 +240,7 @@ class Definition(Checked):
         if self.faults is None:
             return ()
         columns = self.feature.columns
-        wanted = [f"kind {kind}" for kind in (ORDINARY, *FAULTS)]
+        wanted = [*(f"kind {kind}" for kind in (ORDINARY, *FAULTS)), *LINES]
         missing = [column for column in wanted if column not in columns]
         if missing:
             given = f"faults of a model whose feature lacks the column '{missing[0]}'"

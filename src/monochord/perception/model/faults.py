@@ -19,6 +19,12 @@ from monochord.core.units import Seconds
 
 MAX_ODDS = 10.0
 """Largest log odds of a window; the limit lets the average fall soon after a clear fault ends."""
+SILENT_DRIVER = "driver dead"
+LINES = tuple(f"level line {line} mic {mic}" for line in (1, 2) for mic in (1, 2))
+"""Columns of the levels of both segments' lines at both microphones, in log10 of power."""
+DRIVEN = 0.5
+"""Excess of a segment's line over the other's, at its own microphone, that a silent driver never leaves, in
+log10 of power: 0 of 1,000 windows of the plan `odd` that look like one, with either driver silent."""
 
 
 class Fault(NamedTuple):
@@ -44,12 +50,13 @@ FAULTS: Mapping[str, Fault] = {
     "hum": Fault("hum louder than the string"),
     "second string": Fault("two strings sound at once"),
     "two touches": Fault("two things seem to touch", memory=0.2, brief=True),
-    "driver dead": Fault("one driver seems silent", of_touch=True, contact_reliable=True),
+    SILENT_DRIVER: Fault("one driver seems silent", of_touch=True, contact_reliable=True),
     "very soft": Fault("something very soft seems to touch", memory=0.2, brief=True),
     "detuned": Fault("the string seems out of tune: run monochord tune", memory=0.2, of_touch=True),
 }
 """All faults by the names of their kinds of windows."""
 NAMES = tuple(FAULTS)
+_SILENT_DRIVER = NAMES.index(SILENT_DRIVER)
 OF_REASON = {fault.reason: fault for fault in FAULTS.values()}
 _MEMORY = np.array([fault.memory for fault in FAULTS.values()])
 _COUNTS = tuple(
@@ -71,6 +78,23 @@ class FaultState(NamedTuple):
 
 
 INITIAL_STATE = FaultState()
+
+
+def log_odds(kinds: Floats, lines: Floats) -> Floats:
+    """Return the log odds (faults,) of a window from its kinds (1 + faults,) and the levels of `LINES` (4,).
+
+    No driver is silent where each microphone hears its own segment louder than the other one.
+
+    >>> kinds = np.array([0.0, *[-9.0] * 7, 4.0, -9.0, -9.0])
+    >>> float(log_odds(kinds, np.array([-4.0, -4.0, -1.5, 0.0]))[7])
+    4.0
+    >>> float(log_odds(kinds, np.array([0.0, -1.5, -1.0, 0.0]))[7])
+    -10.0
+    """
+    odds = kinds[1:] - kinds[0]
+    if min(lines[0] - lines[2], lines[3] - lines[1]) > DRIVEN:
+        odds[_SILENT_DRIVER] = -MAX_ODDS
+    return odds
 
 
 def step(state: FaultState, odds: Floats, time: Seconds, *, touched: bool) -> FaultState:

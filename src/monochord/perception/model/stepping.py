@@ -152,8 +152,8 @@ class Stepper:
         time, reason = window.start / window.sample_rate, ""
         contact = probability(outputs[self._gate], trained.heads[self._gate])
         if trained.faults is not None:
-            kinds = row[self._fault_columns].astype(np.float64)
-            odds = kinds[1:] - kinds[0]
+            kinds, lines = np.split(row[self._fault_columns].astype(np.float64), [-len(faults.LINES)])
+            odds = faults.log_odds(kinds, lines)
             state = state._replace(faults=faults.step(state.faults, odds, time, touched=contact > DECISION))
             reason = fault_reason(state.faults.odds, self._fault_limits)
         if trained.reference is not None:
