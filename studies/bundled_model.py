@@ -2,7 +2,7 @@
 
     python -m studies.bundled_model FOLDER
 
-takes some 65 minutes on two cores and 70 GB of disk. FOLDER receives the sessions of both plans, their
+takes 48 minutes on two cores, and 50 GB of disk. FOLDER receives the sessions of both plans, their
 datasets, and the training run. Existing parts are kept, so an interrupted run continues. Three fifths of the
 builds train the reader's network, these and another quarter the heads, and the others calibrate them. The
 network and the model replace those of the package.
