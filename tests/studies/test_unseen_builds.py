@@ -97,13 +97,13 @@ def test_known_touches_help_and_are_not_scored(correctable: Path, tmp_path: Path
         assert tuple(row)[: len(KEYS)] == KEYS
         assert (row["world"], row["condition"], row["builds"]) == ("plausible", UNSEEN, 2)
     before, after = (row_of(rows, "m", touches) for touches in (0, 8))
-    assert before["force_mae_n"] > 0.8 * BIAS
+    assert before["force_mae_n"] > 0.5 * BIAS  # the model itself is 0.17 N off
     assert after["force_mae_n"] < 0.6 * before["force_mae_n"]
     assert after["force_coverage_1se"] > 0.4
     assert 3.5 / 12.0 < after["n"] / before["n"] < 4.5 / 12.0
     ridge = [row_of(rows, "m, ridge", touches)["force_mae_n"] for touches in (0, 8)]
     assert ridge[1] < ridge[0]
-    assert row_of(rows, SCRATCH, 8)["position_mae_mm"] > after["position_mae_mm"]
+    assert row_of(rows, SCRATCH, 8)["force_mae_n"] > after["force_mae_n"]
     card = evaluate(replace(settings, baselines=False, tuned=True)).card.tree()
     (plain,) = (row for row in card["table"] if row["state"] == "touched")
     assert before["force_mae_n"] == pytest.approx(plain["force"]["mae"]["value"], rel=1e-3)
