@@ -127,6 +127,7 @@ class Release:
     def container(self) -> str:
         """Carry out the Dockerfile's steps, and fetch the page of its command from another network."""
         root = self.out / "root"
+        shutil.rmtree(root, ignore_errors=True)
         container = build(ROOT / "Dockerfile", root)
         with two_networks() as networks:
             command = [*container.enter(), *container.entrypoint, *container.command]

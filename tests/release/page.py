@@ -44,6 +44,10 @@ def fetched(networks: Networks, command: Sequence[str]) -> tuple[str, str]:
             answers = subprocess.run(fetch, capture_output=True, text=True, check=False)
         finally:
             process.terminate()
+            try:
+                process.wait(5.0)
+            except subprocess.TimeoutExpired:  # unshare ignores the signal, and takes its child along
+                process.kill()
         if answers.returncode:
             raise CheckFailedError(f"the page was not fetched: {answers.stderr[-500:]}")
     with_token, without = answers.stdout.splitlines()
