@@ -84,7 +84,7 @@ def row_of(rows: Sequence[SummaryRow], model: str, touches: int) -> SummaryRow:
 @pytest.mark.usefixtures("made_up_features")
 @pytest.mark.slow
 def test_known_touches_help_and_are_not_scored(correctable: Path, tmp_path: Path) -> None:
-    files = [recorded(tmp_path / "unseen", build, mount="bolted") for build in (2, 4)]  # forces above zero
+    files = [recorded(tmp_path / "unseen", build, mount="bolted") for build in (6, 8)]  # forces above zero
     settings = settings_of(correctable, files)
     every = evaluate_builds(settings, name="m", touches=(0, 8, 10), run=here)
     rows = [row for row in every if row["condition"] == UNSEEN]
@@ -97,7 +97,7 @@ def test_known_touches_help_and_are_not_scored(correctable: Path, tmp_path: Path
         assert tuple(row)[: len(KEYS)] == KEYS
         assert (row["world"], row["condition"], row["builds"]) == ("plausible", UNSEEN, 2)
     before, after = (row_of(rows, "m", touches) for touches in (0, 8))
-    assert before["force_mae_n"] > 0.5 * BIAS  # the model itself is 0.17 N off
+    assert before["force_mae_n"] > 0.8 * BIAS
     assert after["force_mae_n"] < 0.6 * before["force_mae_n"]
     assert after["force_coverage_1se"] > 0.4
     assert 3.5 / 12.0 < after["n"] / before["n"] < 4.5 / 12.0
@@ -109,6 +109,8 @@ def test_known_touches_help_and_are_not_scored(correctable: Path, tmp_path: Path
     assert before["force_mae_n"] == pytest.approx(plain["force"]["mae"]["value"], rel=1e-3)
     assert before["position_mae_mm"] == pytest.approx(1e3 * plain["position"]["mae"]["value"], rel=1e-3)
     assert SCRATCH in builds_page(rows)
+    if row_of(rows, SCRATCH, 8)["position_mae_mm"] <= after["position_mae_mm"]:
+        pytest.xfail("trees on eight touches place the made-up sound better than its model: docs/ROADMAP.md")
 
 
 def test_rows_of_measured_labels_are_of_the_same_touches_and_say_so(small: Path) -> None:

@@ -50,12 +50,29 @@ def steady(noise: float) -> list[Update]:
     return [m for m in kept.updates if m.truth.get("transition") == 0.0]
 
 
-@pytest.mark.parametrize(("noise", "answered"), [(0.0, 0.55), (1e-4, 0.7), (1e-3, 0.9)])
-def test_a_foreign_sensor_is_answered_and_not_taken_for_a_faulty_one(noise: float, answered: float) -> None:
+def errors(noise: float) -> tuple[list[float], int]:
+    """Return the errors of the positions that are answered, and the number of touched windows."""
     touched = [m for m in steady(noise) if m.truth["contact"] == 1.0]
     positions = [m.prediction.estimate("position") for m in touched]
     off = [abs(e.value - m.truth["position"]) for e, m in zip(positions, touched, strict=True) if e.valid]
-    assert len(off) > answered * len(touched)  # 0.9 is the aim: docs/ROADMAP.md
+    return off, len(touched)
+
+
+SOFT = pytest.mark.xfail(
+    reason="taken for something very soft in 40 and 24 %: docs/ROADMAP.md", raises=AssertionError, strict=True
+)
+
+
+@pytest.mark.parametrize("noise", [*(pytest.param(each, marks=SOFT) for each in NOISES[:2]), NOISES[2]])
+def test_a_foreign_sensor_is_answered_and_not_taken_for_a_faulty_one(noise: float) -> None:
+    off, count = errors(noise)
+    assert len(off) > 0.9 * count
+
+
+@pytest.mark.parametrize("noise", NOISES)
+def test_half_of_a_foreign_sensor_is_answered_and_right(noise: float) -> None:
+    off, count = errors(noise)
+    assert len(off) > 0.5 * count
     assert np.mean(off) < 1e-3
 
 

@@ -17,14 +17,25 @@ STRING = load_string("prototype").string
 TIME = np.arange(SIZE) / RATE
 
 
+MIRRORED = pytest.mark.xfail(
+    reason="two bare tones are read at the mirrored place: docs/ROADMAP.md",
+    raises=AssertionError,
+    strict=True,
+)
+PLACES = [(0.055, (1, 1)), (0.083, (1, 2)), (0.1013, (1, 3)), (0.127, (1, 4)), (0.148, (2, 1))]
+
+
 @pytest.mark.parametrize(
-    ("position", "modes"),
-    [(0.055, (1, 1)), (0.083, (1, 2)), (0.1013, (1, 3)), (0.127, (1, 4)), (0.148, (2, 1))],
+    ("position", "modes", "partials"),
+    [
+        *((*each, 3) for each in PLACES),
+        *(pytest.param(*each, 1, marks=MIRRORED if each[1] == (1, 4) else ()) for each in PLACES),
+    ],
 )
 def test_place_whichever_modes_the_drivers_sustain(
-    row: Row, sing: Sing, position: float, modes: tuple[int, int]
+    row: Row, sing: Sing, position: float, modes: tuple[int, int], partials: int
 ) -> None:
-    columns = row("fft_harmonic", sing(position, modes, partials=3))
+    columns = row("fft_harmonic", sing(position, modes, partials=partials))
     assert columns["ratio place"] == pytest.approx(position / LENGTH, abs=2e-4)
     assert (columns["ratio mode 1"], columns["ratio mode 2"]) == modes
     assert columns["ratio open"] == pytest.approx(0.0, abs=0.05)

@@ -152,8 +152,8 @@ class Stepper:
         time, reason = window.start / window.sample_rate, ""
         contact = probability(outputs[self._gate], trained.heads[self._gate])
         if trained.faults is not None:
-            kinds, lines = np.split(row[self._fault_columns].astype(np.float64), [-len(faults.LINES)])
-            odds = faults.log_odds(kinds, lines)
+            values, lines = row[self._fault_columns].astype(np.float64), -len(faults.LINES)
+            odds = faults.log_odds(values[:lines], values[lines:])
             state = state._replace(faults=faults.step(state.faults, odds, time, touched=contact > DECISION))
             reason = fault_reason(state.faults.odds, self._fault_limits)
         if trained.reference is not None:
