@@ -297,6 +297,17 @@ def test_an_exported_file_runs_without_monochord(file: Path, tmp_path: Path, exp
     assert (properties["weights"], properties["random"]) == (find_ast(str(file)).sha256, "false")
 
 
+def test_a_gpu_agrees_with_the_processor_each_time(weights: Weights, expected: Audio) -> None:
+    if not torch.cuda.is_available():
+        pytest.skip("there is no GPU")
+    embed = build_engine(weights, frames=100, backend="cuda")
+    first = embed(spectrogram(100))
+    assert error(first, expected) < MAX_ERROR["onnx"]
+    embed(10.0 * spectrogram(100))
+    assert np.array_equal(embed(spectrogram(100)), first)
+    assert error(embed(spectrogram(100)[:1]), expected[:1]) < MAX_ERROR["onnx"]
+
+
 def test_a_missing_gpu_is_reported(weights: Weights) -> None:
     if torch.cuda.is_available():
         pytest.skip("there is a GPU")
