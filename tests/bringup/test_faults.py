@@ -122,5 +122,16 @@ def test_no_fault_is_named_on_healthy_builds(build: int) -> None:
     assert result(build).faults == ()
 
 
+def test_a_driver_that_goes_over_to_a_louder_partial_is_not_weak() -> None:
+    design = load_sensor("prototype")
+    virtual = Virtual(sensor=sensor_of(design, "plausible", build=1001, day=5), seed=0, sample_rate=44100)
+    takes = {step.name: virtual.take(step) for step in STEPS if step.name in ("quiet", "pluck", "driver_1")}
+    found = examine("prototype", design, takes)
+    slow = next(check for check in found.checks if check.name == "time of driver 1 to lock")
+    assert slow.value is not None
+    assert slow.value > 1.0, "it goes over from the second partial to the first"
+    assert found.faults == ()
+
+
 def test_two_microphones_on_one_block_are_not_told_apart() -> None:
     assert "crosstalk" in result(1004, "crosstalk").faults

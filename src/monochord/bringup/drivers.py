@@ -23,7 +23,7 @@ STARTED, LOCKED = 0.1, 0.7
 GROWTH_FRAMES = 12
 """Frames over which growth is measured: a string that goes over from one partial to another rises twice."""
 MIN_GROWTH = 0.7
-"""Least growth of a driven partial, relative to its decay without driver: 0.8 to 3.6 in healthy simulated
+"""Least growth of a driven partial, relative to its decay without driver: 0.8 to 5 in healthy simulated
 drivers, zero at the threshold of oscillation."""
 FEED_THROUGH = 0.4
 """Largest level with the string damped, relative to that of the ringing string."""
@@ -50,8 +50,9 @@ class Lock:
 def lock_of(take: Take, pitch: Hertz, quiet: Take | None) -> Lock | None:
     """Return how the string locks in a take in which a driver is switched on; None if it is not sustained.
 
-    Time counts from a tenth of the final level, or twice
-    the noise where that is more, and is zero where the string was loud before.
+    Time counts from a tenth of the final level, or twice the noise where that is more, and is zero where the
+    string was loud before. Growth counts from twice the noise: a string that first locks to one partial and
+    then goes over to a louder one grows fastest at its first rise.
     """
     rate = take.sample_rate
     frequency, levels = strongest_line(steady(take), rate, LOWEST_SHARE * pitch)
@@ -66,12 +67,12 @@ def lock_of(take: Take, pitch: Hertz, quiet: Take | None) -> Lock | None:
         return None
     least = int(envelope[: envelope.size // 2].argmin())
     reached = least + int(np.argmax(envelope[least:] >= LOCKED * end))
-    low = max(STARTED * end, 2.0 * floor, 1.1 * float(envelope[least]))
-    below = np.flatnonzero(envelope[:reached] < low)
-    begin = int(below[-1]) if below.size else reached
+    quietest = max(2.0 * floor, 1.1 * float(envelope[least]))
+    begin = _last_below(envelope[:reached], max(STARTED * end, quietest))
     time = FRAME * (reached - begin)
-    rise = np.log(envelope[begin : reached + 1] / low)
-    stretch = min(GROWTH_FRAMES, rise.size - 1)
+    audible = _last_below(envelope[:reached], quietest)
+    rise = np.log(envelope[audible : reached + 1])
+    stretch = min(GROWTH_FRAMES, reached - begin)
     growth = float((rise[stretch:] - rise[:-stretch]).max()) / (stretch * FRAME) if stretch > 1 else math.inf
     hop = round(FRAME * rate)
     rising = take.samples[:, begin * hop : max(reached + 2, begin + 4) * hop]
@@ -86,6 +87,12 @@ def lock_of(take: Take, pitch: Hertz, quiet: Take | None) -> Lock | None:
         first=first,
         envelope=envelope,
     )
+
+
+def _last_below(envelope: Floats, level: float) -> int:
+    """Return the last frame below a level; the envelope's end if there is none."""
+    below = np.flatnonzero(envelope < level)
+    return int(below[-1]) if below.size else envelope.size
 
 
 def _envelope(samples: Floats, pitch: Hertz, sample_rate: int) -> Floats:
