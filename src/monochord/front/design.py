@@ -156,6 +156,7 @@ class StringDesign:
             f"Build: {build} ({one.frequency:.0f} Hz).",
             f"{why} A touch settles in {1e3 * one.settling:.0f} ms.",
             f"At best it tells {tells}, and {position} (objects held as '{wishes.mount}').",
+            f"Of its pairs of modes up to {MAX_MODE}, {self.ambiguity.share:.0%} fit another place too.",
             "Sensitivity to force goes as E A / T^3: half the tension gives eight times the cents.",
             *(_at(each, wishes) for each in self.compared),
             self._drifts(),
@@ -199,8 +200,7 @@ class StringDesign:
             f"Standard error of {usual} in the middle, by mount: {mounts}.",
             f"Drift in cents a kelvin, and what it reads as, by frame: {frames}.",
             f"A held touch is followed up to {self.chosen.bandwidth:.1f} Hz.",
-            f"Pairs of modes up to {MAX_MODE} that fit another place too: {own.share:.0%}.",
-            f"Places where the pair of fundamentals does: {own.fundamental.mean():.0%}.",
+            f"Places where the pair of fundamentals fits another place too: {own.fundamental.mean():.0%}.",
         ]
 
     def varied(self, name: str) -> list[Candidate]:
