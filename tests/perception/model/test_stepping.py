@@ -7,11 +7,13 @@ import pytest
 
 from monochord.core.types import Audio, Signal, Window
 from monochord.perception.model import ModelState, load
+from monochord.perception.model.context import context_row
+from monochord.perception.model.stepping import Stepper, step_all
 from monochord.perception.spectrum import SpectrumAnalyser
 from monochord.perception.tuning import Tuner, TunerState
 from monochord.physics.sensors import retuned
 from monochord.physics.strings import load_string
-from monochord.physics.theory import open_frequency
+from monochord.physics.theory import inharmonicity, open_frequency
 
 RATE, SIZE = 44100, 4410
 STRING = load_string("prototype").string
@@ -83,3 +85,41 @@ def test_a_spectrum_lists_the_lines_above_the_pitch_of_another_string() -> None:
     listed, expected = high.relisted(low.analyse(window)), high.analyse(window)
     assert [each.tolist() for each in listed] == [each.tolist() for each in expected]
     assert listed.frequency.tolist() != low.analyse(window).frequency.tolist()
+
+
+def of_partials(heights: dict[int, float], ratio: float, start: int) -> Window:
+    """A window of partials of the stiff string, at a ratio of its known pitch."""
+    time, bending = np.arange(start, start + SIZE) / RATE, inharmonicity(STRING)
+    own = ratio * open_frequency(STRING)
+    tone = sum(
+        height * np.sin(2.0 * np.pi * n * np.sqrt(1.0 + bending * n**2) * own * time)
+        for n, height in heights.items()
+    )
+    return Window(samples=np.stack((tone, 0.9 * tone)).astype(np.float32), start=start, sample_rate=RATE)
+
+
+ALL, FIFTH = {1: 0.1, 2: 0.05, 3: 0.03}, {5: 0.06, 15: 0.0004}
+
+
+@pytest.mark.parametrize(
+    ("heights", "ratio", "hidden"),
+    [(ALL, 0.993, False), (FIFTH, 0.99, False), (FIFTH, 0.993, True)],
+    ids=["a higher pitch", "another partial", "both, as at a node"],
+)
+def test_a_touch_may_hide_at_a_node_of_the_held_partial(
+    heights: dict[int, float], ratio: float, *, hidden: bool
+) -> None:
+    stepper, state = Stepper(load("demo")), ModelState()
+    for k in range(12):
+        (state, _), *_ = step_all([stepper.entry(state, of_partials(ALL, 0.99, k * SIZE))])
+    known = context_row(state, stepper.context)
+    assert known[-1] == 1.0
+    entry = stepper.entry(state, of_partials(heights, ratio, 12 * SIZE))
+    row = stepper.row(entry)
+    assert stepper._may_hide_a_touch(row, known) is hidden
+    untouched = {
+        name: output._replace(value=-4.0)
+        for name, output in stepper.network.outputs(row[None], known[None])[0].items()
+    }
+    contact = stepper.reading(entry, untouched, row, known).outputs["contact"]
+    assert contact.value == (0.0 if hidden else -4.0), "as likely as not, or as the head says"
