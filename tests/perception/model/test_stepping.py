@@ -101,25 +101,33 @@ def of_partials(heights: dict[int, float], ratio: float, start: int) -> Window:
 ALL, FIFTH = {1: 0.1, 2: 0.05, 3: 0.03}, {5: 0.06, 15: 0.0004}
 
 
-@pytest.mark.parametrize(
-    ("heights", "ratio", "hidden"),
-    [(ALL, 0.993, False), (FIFTH, 0.99, False), (FIFTH, 0.993, True)],
-    ids=["a higher pitch", "another partial", "both, as at a node"],
-)
-def test_a_touch_may_hide_at_a_node_of_the_held_partial(
-    heights: dict[int, float], ratio: float, *, hidden: bool
-) -> None:
+def contact_after(heights: dict[int, float], ratio: float, *, value: float, seconds: float = 0.1) -> float:
+    """What becomes of a contact head's output so many seconds after the string has sounded untouched."""
     stepper, state = Stepper(load("demo")), ModelState()
     for k in range(12):
         (state, _), *_ = step_all([stepper.entry(state, of_partials(ALL, 0.99, k * SIZE))])
     known = context_row(state, stepper.context)
     assert known[-1] == 1.0
-    entry = stepper.entry(state, of_partials(heights, ratio, 12 * SIZE))
+    entry = stepper.entry(state, of_partials(heights, ratio, 11 * SIZE + round(seconds * RATE)))
     row = stepper.row(entry)
-    assert stepper._may_hide_a_touch(row, known) is hidden
-    untouched = {
-        name: output._replace(value=-4.0)
-        for name, output in stepper.network.outputs(row[None], known[None])[0].items()
-    }
-    contact = stepper.reading(entry, untouched, row, known).outputs["contact"]
-    assert contact.value == (0.0 if hidden else -4.0), "as likely as not, or as the head says"
+    outputs = stepper.network.outputs(row[None], known[None])[0]
+    outputs["contact"] = outputs["contact"]._replace(value=value)
+    return stepper.reading(entry, outputs, row, known).outputs["contact"].value
+
+
+@pytest.mark.parametrize(
+    ("heights", "ratio", "value"),
+    [(ALL, 0.993, -4.0), (FIFTH, 0.99, -4.0), (FIFTH, 0.993, 0.0)],
+    ids=["a higher pitch", "another partial", "both"],
+)
+def test_a_touch_at_a_node_of_the_held_partial_is_not_denied(
+    heights: dict[int, float], ratio: float, value: float
+) -> None:
+    assert contact_after(heights, ratio, value=-4.0) == value
+
+
+def test_a_pitch_that_rises_tells_a_touch_until_it_may_have_been_tuned() -> None:
+    assert contact_after(ALL, 0.996, value=0.5) == 5.5
+    assert contact_after(ALL, 0.986, value=0.5) == 0.5, "a pitch that falls is no press"
+    assert contact_after(ALL, 0.996, value=0.5, seconds=59.0) == 5.5
+    assert contact_after(ALL, 0.996, value=0.5, seconds=61.0) == 0.5

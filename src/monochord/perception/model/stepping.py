@@ -18,7 +18,7 @@ from monochord.core.types import (
     Indices,
     Window,
 )
-from monochord.core.units import Metres
+from monochord.core.units import Metres, Seconds
 from monochord.metrics import DECISION
 from monochord.perception.features.base import Extractor, SpectrumExtractor
 from monochord.perception.model import faults
@@ -37,9 +37,15 @@ if TYPE_CHECKING:
 EDGE_DEVIATIONS, MAX_EDGE = 2.0, 1e-3
 """Number of standard errors, and largest distance in m, by which the estimate of a touch at an end of the
 sensing range may lie outside."""
-HIDDEN_PARTIALS, HIDDEN_PITCH = 3.0, 1.2
-"""By how much the number of the lowest audible partial, and the pitch in thousandths, rise where a touch at a
-node of that partial may sound like none. Of the untouched windows of 20 builds 0.03 % do so by themselves."""
+RAISED_PITCH, RAISED_ODDS = 4.0, 5.0
+"""Rise of the pitch since the string was untouched, in thousandths, and what it adds to the log odds of a
+touch: 27 % of the touched windows in doubt have it, and 0.05 % of the untouched ones (20 builds)."""
+HIDDEN_PITCH, HIDDEN_PARTIALS = 1.2, 3.0
+"""Rises of the pitch and of the number of the lowest audible partial at which a window that sounds untouched
+is in doubt: a touch at a node of the partial that the drivers hold leaves that partial alone. Of untouched
+windows 0.03 % have both."""
+RISE_MEMORY: Seconds = 60.0
+"""How long the pitch of the untouched string counts. Then the string may have been tuned, and not touched."""
 UNUSABLE = ("gap", "silence", "samples that are not numbers")
 """Reasons that make a window unusable for a model. Clipped windows are usable: training includes them."""
 
@@ -153,10 +159,11 @@ class Stepper:
                 outputs[name] = outputs[name]._replace(variables=values)
         trained, state, window = self._definition, entry.state, entry.window
         time, reason = window.start / window.sample_rate, ""
-        contact = probability(outputs[self._gate], trained.heads[self._gate])
-        if contact < DECISION and self._may_hide_a_touch(row, known):
-            outputs[self._gate] = outputs[self._gate]._replace(value=0.0)  # as likely as not
-            contact = DECISION
+        gate, (pitch, partials) = outputs[self._gate], self._rise(row, known, time - state.accepted)
+        if pitch >= HIDDEN_PITCH and partials >= HIDDEN_PARTIALS:
+            gate = gate._replace(value=max(gate.value, 0.0))
+        contact = probability(gate, trained.heads[self._gate])
+        outputs[self._gate] = gate._replace(value=gate.value + RAISED_ODDS * (pitch >= RAISED_PITCH))
         if trained.faults is not None:
             values, lines = row[self._fault_columns].astype(np.float64), -len(faults.LINES)
             odds = faults.log_odds(values[:lines], values[lines:])
@@ -200,15 +207,12 @@ class Stepper:
             for name, each in estimates.items()
         }
 
-    def _may_hide_a_touch(self, row: Audio, known: Audio) -> bool:
-        """Return whether a window that sounds untouched may be a touch at a node.
-
-        A touch at a node of the partial that the drivers hold leaves that partial alone, at a higher pitch.
-        """
-        if not self._partials or not known[-1]:
-            return False
-        rise = row[self._partials] - known[self._partials]
-        return bool(rise[0] >= HIDDEN_PARTIALS and rise[1] >= HIDDEN_PITCH)
+    def _rise(self, row: Audio, known: Audio, age: Seconds) -> tuple[float, float]:
+        """Return by how much pitch and lowest partial are above those of the reference; 0 if it is old."""
+        if not self._partials or not known[-1] or age > RISE_MEMORY:
+            return 0.0, 0.0
+        pitch, partials = (row[self._partials] - known[self._partials]).tolist()
+        return pitch, partials
 
     def with_length_error(self, estimates: dict[str, Estimate]) -> dict[str, Estimate]:
         """Return estimates with positions on the string's own length, and its error in their standard error.
@@ -339,8 +343,8 @@ class Stepper:
 
     @cached_property
     def _partials(self) -> list[int]:
-        """The columns of the lowest partial's number and of the pitch, in feature and reference alike."""
-        trained, names = self._definition, ("lowest number", "rest")
+        """The columns of the pitch and of the lowest partial's number, in feature and reference alike."""
+        trained, names = self._definition, ("rest", "lowest number")
         shared = (
             trained.reference is not None and trained.reference.feature.columns == trained.feature.columns
         )
