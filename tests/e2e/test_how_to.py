@@ -99,7 +99,15 @@ def shown(name: str) -> list[str]:
 @pytest.fixture(scope="module")
 def reader(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Reader]:
     """Somebody in the workshop, with the drivers on, a force sensor and a robot."""
-    for needed in ("torch", "transformers", "onnxscript"):
+    for needed in (
+        "torch",
+        "transformers",
+        "onnxscript",
+        "distributed",
+        "cyclonedds",
+        "matplotlib",
+        "pyarrow",
+    ):
         pytest.importorskip(needed)
     with ExitStack() as stack:
         patch = stack.enter_context(pytest.MonkeyPatch.context())
