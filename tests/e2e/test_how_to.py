@@ -70,6 +70,7 @@ SUBSTITUTIONS = {
     "web=8420": f"web={PORT}",
     "web=0.0.0.0:8420": f"web=0.0.0.0:{PORT}",
     # less of the same
+    "collect quick": "collect small",
     "collect small --real-time": "collect short.toml --only hold --real-time",
     "collect paper ": "collect short.toml ",
     "--drift 3600": "--drift 10",
@@ -84,7 +85,7 @@ SUBSTITUTIONS = {
 MEANT = {
     "calibrate.md": {"take.wav": "guitar.wav"},
     "command-line.md": {"take.wav": "guitar.wav"},
-    "sessions.md": {"take.wav": "at 48 kHz.wav", "sessions": "monday"},
+    "sessions.md": {"take.wav": "at 48 kHz.wav"},
 }
 """What a page means by a name, where it differs from the other pages."""
 

@@ -132,7 +132,7 @@ class Reader(Newcomer):
         (here / "my_lab" / "lamp.py").write_text(LAMP, encoding="utf-8")
         for line in (
             "monochord tune --source twin --out sensor.toml",
-            "monochord collect small --out monday",
+            "monochord collect small --seed 1 --out monday",
             "monochord collect objects.toml --out objects",
             "monochord collect builds.toml --out builds",
             "monochord calibrate demo --sessions touches.mcap --out mine",
