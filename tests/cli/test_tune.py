@@ -116,6 +116,22 @@ def test_a_file_is_replaced_only_where_asked(
     assert tuned.read_bytes() == before
 
 
+@pytest.mark.parametrize("command", [("tune", "take.wav"), ("doctor", "--recordings", "takes")])
+def test_the_file_of_the_design_is_not_replaced_by_its_own_tuning(
+    command: tuple[str, ...], take: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    Path("takes").mkdir()
+    for name in ("take.wav", "takes/both.wav"):
+        Path(name).write_bytes(take.read_bytes())
+    assert run(["design", "--gauge", "0.254e-3", "--out", "design.toml"]) == 0
+    before = Path("design.toml").read_bytes()
+    line = refusal(capsys, *command, "--sensor", "design.toml", "--out", "design.toml", "--force")
+    assert "design" in line
+    assert Path("design.toml").read_bytes() == before
+
+
 def test_a_sound_that_does_not_tell_writes_nothing(
     take: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

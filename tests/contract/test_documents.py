@@ -23,10 +23,15 @@ def blocks(text: str, language: str) -> list[str]:
     return re.findall(rf"^```{language}\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
 
 
+def shown_commands(text: str) -> list[str]:
+    """Return each command of `monochord` that a page shows, as a line for the shell."""
+    lines = "\n".join(blocks(text, "sh")).replace("\\\n", " ").splitlines()
+    return [line.strip() for line in lines if line.strip().startswith("monochord ")]
+
+
 def command_lines(text: str) -> list[list[str]]:
     """Return the words behind `monochord` of each command that a page shows."""
-    lines = "\n".join(blocks(text, "sh")).replace("\\\n", " ").splitlines()
-    return [shlex.split(line, comments=True)[1:] for line in lines if line.strip().startswith("monochord ")]
+    return [shlex.split(line, comments=True)[1:] for line in shown_commands(text)]
 
 
 def parse(name: str, *arguments: str) -> None:

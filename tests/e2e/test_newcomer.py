@@ -47,10 +47,10 @@ def steps_of_the_guide() -> list[list[str]]:
 class Process:
     """A running command, whose output is read as it comes, each chunk with its time."""
 
-    def __init__(self, words: list[str], folder: Path, environment: dict[str, str]) -> None:
+    def __init__(self, command: list[str], folder: Path, environment: dict[str, str]) -> None:
         pipe = subprocess.PIPE
         self.process = subprocess.Popen(
-            [sys.executable, "-u", "-m", *words],
+            command,
             cwd=folder,
             env=environment,
             stdin=pipe,
@@ -131,12 +131,16 @@ class Newcomer:
 
     def start(self, words: list[str]) -> Process:
         """Start a program before others, as an audio workstation does."""
-        root = Path(__file__).parents[2]
-        paths = os.pathsep.join([str(root), str(root / "src")])
         with ExitStack() as first:
             with suppress(InputError):
                 first.enter_context(before_other_programs())
-            process = Process(words, self.folder, {**self.environment, "PYTHONPATH": paths})
+            return self.process([sys.executable, "-u", "-m", *words])
+
+    def process(self, command: list[str]) -> Process:
+        """Start a command, which ends with the guide."""
+        root = Path(__file__).parents[2]
+        paths = os.pathsep.join([str(root), str(root / "src")])
+        process = Process(command, self.folder, {**self.environment, "PYTHONPATH": paths})
         self._stack.callback(process.close)
         return process
 

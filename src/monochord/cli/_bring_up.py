@@ -25,7 +25,13 @@ from monochord.bringup import (
 from monochord.bringup.page import rows
 from monochord.bringup.takes import OnAudio, ignore_audio
 from monochord.capture.sources import SOURCES
-from monochord.cli._options import first_field, put_source, refuse_unwritable, refuse_without
+from monochord.cli._options import (
+    first_field,
+    put_source,
+    refuse_own_design,
+    refuse_unwritable,
+    refuse_without,
+)
 from monochord.cli._output import echo
 from monochord.core.config import Tree, override
 from monochord.core.errors import InputError
@@ -44,6 +50,7 @@ def bring_up_sensor(options: dict[str, Any], *, as_json: bool) -> int:
     load_sensor(sensor)  # an unknown one is refused before anything is recorded
     if out is not None:
         refuse_unwritable(out, (".toml",))
+        refuse_own_design(out, sensor)
         if not options["force"] and (taken := [p for p in (out, out.with_suffix(".html")) if p.exists()]):
             raise InputError(
                 f"file '{taken[0]}', which already exists", "a new file", "replace it with --force"

@@ -22,7 +22,7 @@ from monochord.live.settings import MODEL, recording_source
 from monochord.perception.estimators import ESTIMATORS
 from monochord.perception.model import folder_of, load
 from monochord.perception.model.bundled import bundled_names
-from monochord.physics.sensors import sensor_names
+from monochord.physics.sensors import sensor_design, sensor_names
 from monochord.physics.strings import string_names
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -383,6 +383,12 @@ def refuse_unwritable(path: Path, suffixes: Iterable[str]) -> None:
         raise InputError(f"file '{path}'", allowed, did_you_mean(path.suffix, known))
     if not path.parent.is_dir():
         raise InputError(f"file '{path}'", "a file in an existing folder", f"create '{path.parent}' first")
+
+
+def refuse_own_design(path: Path, sensor: str) -> None:
+    """Refuse to replace the file of a design by a measured sensor, which refers to that file."""
+    if sensor and path.resolve() == Path(sensor_design(sensor)).resolve():
+        raise InputError(f"file '{path}', the design itself", "another file for --out")
 
 
 def refuse_short(given: str, setup: LiveRun, summary: Summary) -> None:

@@ -12,6 +12,7 @@ from monochord.capture.sources import SOURCES
 from monochord.cli._options import (
     amount,
     put_source,
+    refuse_own_design,
     refuse_unwritable,
     sensor_option,
     set_option,
@@ -72,6 +73,7 @@ def tune(inputs: tuple[str, ...], *, out: Path | None, force: bool, as_json: boo
     refuse_unwritable(path, (".toml",))
     if path.exists() and not force:
         raise InputError(f"file '{path}', which already exists", "a new file", "replace it with --force")
+    refuse_own_design(path, options["sensor"] or "")
     runs = [_run(opened, options) for opened in inputs or (None,)]
     names = [
         opened or SOURCES.name_of(run.source) for opened, run in zip(inputs or (None,), runs, strict=True)
