@@ -5,7 +5,6 @@ sensor and the robot are simulated devices on this machine. ``pytest -m slow tes
 prints each command with its seconds.
 """
 
-import os
 import shlex
 from collections.abc import Iterator
 from contextlib import ExitStack
@@ -117,7 +116,7 @@ def reader(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Reader]:
         folder = tmp_path_factory.mktemp("workshop")
         patch.setenv("MONOCHORD_AST", str(folder / "ast"))
         patch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
-        server = stack.enter_context(empty_server(f"how-to-{os.getpid()}"))
+        server = stack.enter_context(empty_server("how-to"))
         person = Reader(folder, server, stack, SUBSTITUTIONS)
         force = stack.enter_context(NetFtDevice(np.zeros((100, 6)), NetFtSettings(rate=1000.0)))
         person.ports |= {"net_ft": force.address, "http": force.http_port}
