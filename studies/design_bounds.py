@@ -484,9 +484,16 @@ def design_bounds(designs: int, draws: int, scratch: Path, numbers: Path | None,
     heads = ("", "mm, bound", "mm", "N, bound", "N", "times bound", "far off")
     print(*lines_of(heads, [_row(f"{_name(each)}", each) for each in (*drawn, *compared)]), sep="\n")
     if numbers is not None:
-        numbers.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+        numbers.write_text(_text_of(result), encoding="utf-8")
     if out is not None:
         _draw(result, out)
+
+
+def _text_of(result: Mapping[str, Any]) -> str:
+    """Return JSON with a row in each line."""
+    lists = {name: ",\n".join(map(json.dumps, rows)) for name, rows in result.items() if name != "simulated"}
+    parts = ['"simulated": true', *(f'"{name}": [\n{rows}\n]' for name, rows in lists.items())]
+    return "{\n" + ",\n".join(parts) + "\n}\n"
 
 
 def _name(row: Mapping[str, Any]) -> str:
