@@ -160,6 +160,11 @@ OUTSIDE = _finding(
     "The touch is outside the sensing range: only contact is estimated.",
     "Touch the string inside the range. If the touch is already inside, check that both drivers run.",
 )
+UNHEARD = _finding(
+    "warning",
+    "The untouched string was not heard yet, so no touch is estimated.",
+    "Leave the string untouched for a second. If it is untouched, it is out of tune: run monochord tune.",
+)
 TWO_STRINGS = _finding(
     "error",
     "Two strings sound at once.",
@@ -193,6 +198,7 @@ REASONS: Mapping[str, tuple[str, Finding]] = MappingProxyType(
         "hum louder than the string": ("hum", HUMMING),
         "two things seem to touch": ("two_touches", TWO_TOUCHES),
         OUTSIDE_RANGE: ("outside_range", OUTSIDE),
+        "the untouched string was not heard yet": ("untouched_missing", UNHEARD),
         "two strings sound at once": ("two_strings", TWO_STRINGS),
         "something very soft seems to touch": ("soft_touch", SOFT_TOUCH),
         "one driver seems silent": ("driver_silent", ONE_DRIVER),

@@ -121,13 +121,7 @@ def test_a_driver_that_goes_off_is_named_and_outlived(
     ("ratio", "key"),
     [
         (1.02, "detuned"),
-        pytest.param(
-            1.15,
-            "abstaining",
-            marks=pytest.mark.xfail(
-                reason="sounds like a touch outside the range (docs/ROADMAP.md)", strict=True
-            ),
-        ),
+        (1.15, "untouched_missing"),
     ],
 )
 def test_a_string_that_is_detuned_is_followed_or_not_estimated(

@@ -10,10 +10,12 @@ import pytest
 
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Estimates, Floats, Signal, StringParams, Window
+from monochord.metrics import DECISION
 from monochord.perception.estimators import ESTIMATORS
 from monochord.perception.estimators.base import Watching
 from monochord.perception.model import ModelState, load
 from monochord.perception.model.network import estimates_of
+from monochord.perception.model.stream import UNHEARD
 from monochord.perception.tuning import Tuner, TunerState
 from monochord.physics.sensors import load_sensor
 from monochord.physics.theory import open_frequency
@@ -150,6 +152,25 @@ def test_a_model_that_hears_a_touch_first_does_not_err(percent: int) -> None:
     piece = sound[:, start : start + RATE // 2]
     score = Score(piece, late, estimated("model", DESIGN, piece))
     assert score.worst < 5e-3
+
+
+@pytest.mark.parametrize("percent", [-15, -12, 12, 15, 20])
+def test_no_touch_is_stated_on_a_string_that_is_far_out_of_tune(percent: int) -> None:
+    sound, _ = played("prototype", percent, 5)
+    for each in estimated("model", DESIGN, sound):
+        assert not each["position"].valid
+        assert not each["contact"].valid or each["contact"].value < DECISION
+
+
+def test_a_touch_that_began_before_the_stream_is_withheld_until_it_ends() -> None:
+    sound, labels = played("prototype", 0, 2)
+    contact = labels["contact"]
+    began = int(contact.argmax()) + SIZE
+    length = began + int(contact[began:].argmin()) - began
+    estimates = estimated("model", DESIGN, sound[:, began:])
+    held, after = estimates[: length // (SIZE // 2) - 2], estimates[length // (SIZE // 2) :]
+    assert {each.reason for one in held for each in one.values()} == {UNHEARD}
+    assert sum(one["position"].valid for one in after) > 5
 
 
 def test_a_sensor_at_the_pitch_of_the_training_is_read_as_before() -> None:

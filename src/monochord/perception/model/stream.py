@@ -6,8 +6,10 @@ from typing import TYPE_CHECKING
 from monochord.core.errors import InputError
 from monochord.core.types import Estimate, Estimates, Signal, StringParams, Window
 from monochord.core.units import Samples
+from monochord.metrics import DECISION
 from monochord.perception.estimators.base import Condition, Watching
 from monochord.perception.model.context import ModelState
+from monochord.perception.model.faults import OF_REASON
 from monochord.perception.model.stepping import Entry, step_all
 from monochord.perception.tuning import Tuner, TunerState, Tuning
 from monochord.perception.tuning.sessions import HIGHEST, LOWEST
@@ -18,6 +20,9 @@ if TYPE_CHECKING:
     from monochord.perception.model.model import Model
 
 EXPECTED_PITCH = "the pitch that this model expects"
+UNHEARD = "the untouched string was not heard yet"
+"""Reason to withhold touches from a stream without an untouched window that the model can read. A string that
+is out of tune by more than a tenth sounds like one that is touched, and has none."""
 
 
 class ModelStream(ABC):
@@ -60,12 +65,13 @@ class Followed(ModelStream, Watching):
         self._trained, self._string = model, self._tuner.string
         self._stepper, self._pitch = model.stepper, self._tuner.nominal
         self._state, self._tuned = ModelState(), TunerState()
-        self._reason = ""
+        self._reason, self._heard = "", self._needs_no_reference
 
     def before(self, window: Window) -> Entry:
         """Update the pitch from the window, and return its entry into the model for this pitch."""
         if window.start <= self._state.start:
             self._use(self._trained, self._string)
+            self._heard = self._needs_no_reference
         entry = self._stepper.entry(self._state, window)
         before, self._tuned = self._tuned.tuning, self._tuner.step(self._tuned, window, entry.spectrum)
         tuning = self._tuned.tuning
@@ -75,11 +81,20 @@ class Followed(ModelStream, Watching):
         return self._stepper.entry(self._state, window, entry.spectrum)
 
     def after(self, state: ModelState, estimates: Estimates) -> Estimates:
-        """Store the state, and return the estimates; abstentions if the pitch cannot be followed."""
-        self._state = state
-        if not self._reason:
+        """Store the state, and return the estimates; abstentions if the pitch cannot be followed.
+
+        Under a touch they are abstentions, too, until the untouched string was heard.
+        """
+        self._state, self._heard = state, self._heard or state.median is not None
+        if self._reason:
+            return {name: Estimate.abstain(each.unit, self._reason) for name, each in estimates.items()}
+        contact = estimates[self._trained.definition.gate]
+        if self._heard or not contact.valid or contact.value < DECISION:
             return estimates
-        return {name: Estimate.abstain(each.unit, self._reason) for name, each in estimates.items()}
+        return {
+            name: each if each.reason in OF_REASON else Estimate.abstain(each.unit, UNHEARD)
+            for name, each in estimates.items()
+        }
 
     @property
     def condition(self) -> Condition:
@@ -89,6 +104,10 @@ class Followed(ModelStream, Watching):
             return Condition(follows=not self._reason)
         deviation = tuning.deviation(self._string)
         return Condition(open_frequency=tuning.open_frequency, deviation=deviation, follows=not self._reason)
+
+    @property
+    def _needs_no_reference(self) -> bool:
+        return self._trained.definition.reference is None
 
     def _use(self, model: "Model", string: StringParams) -> None:
         """Read the windows to come by the model for a string."""
