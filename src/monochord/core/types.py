@@ -202,6 +202,9 @@ def _with_error(value: float, std: float) -> str:
 
 OUTSIDE_RANGE = "outside the sensing range"
 """Abstention reason of position, force and slip for a touch where the sensor cannot resolve position."""
+UNHEARD = "the untouched string was not heard yet"
+"""Abstention reason of a touch in a stream whose untouched string is not known: a string that is more than a
+tenth out of tune sounds like one that is touched."""
 Estimates: TypeAlias = Mapping[str, Estimate]
 """An estimator's estimates by name; further names may occur."""
 NO_ESTIMATES: Estimates = MappingProxyType({})

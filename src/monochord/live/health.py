@@ -16,7 +16,7 @@ import numpy as np
 from monochord.core.clock import MIN_CLOCK_STEP
 from monochord.core.ranges import Checked, NonNegative
 from monochord.core.silence import SILENT_LEVEL
-from monochord.core.types import OUTSIDE_RANGE, Estimates, StreamHealth, Window
+from monochord.core.types import OUTSIDE_RANGE, UNHEARD, Estimates, StreamHealth, Window
 from monochord.core.units import Seconds
 from monochord.live.filter import CONTACT, FilterState
 from monochord.perception.estimators.base import Condition
@@ -160,7 +160,7 @@ OUTSIDE = _finding(
     "The touch is outside the sensing range: only contact is estimated.",
     "Touch the string inside the range. If the touch is already inside, check that both drivers run.",
 )
-UNHEARD = _finding(
+NO_UNTOUCHED = _finding(
     "warning",
     "The untouched string was not heard yet, so no touch is estimated.",
     "Leave the string untouched for a second. If it is untouched, it is out of tune: run monochord tune.",
@@ -198,7 +198,7 @@ REASONS: Mapping[str, tuple[str, Finding]] = MappingProxyType(
         "hum louder than the string": ("hum", HUMMING),
         "two things seem to touch": ("two_touches", TWO_TOUCHES),
         OUTSIDE_RANGE: ("outside_range", OUTSIDE),
-        "the untouched string was not heard yet": ("untouched_missing", UNHEARD),
+        UNHEARD: ("untouched_missing", NO_UNTOUCHED),
         "two strings sound at once": ("two_strings", TWO_STRINGS),
         "something very soft seems to touch": ("soft_touch", SOFT_TOUCH),
         "one driver seems silent": ("driver_silent", ONE_DRIVER),

@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 
 from monochord.core.errors import InputError
-from monochord.core.types import Audio, Estimates, Floats, Signal, StringParams, Window
+from monochord.core.types import UNHEARD, Audio, Estimates, Floats, Signal, StringParams, Window
 from monochord.metrics import DECISION
 from monochord.perception.estimators import ESTIMATORS
-from monochord.perception.estimators.base import Watching
+from monochord.perception.estimators.base import PATIENCE, Watching
 from monochord.perception.model import ModelState, load
 from monochord.perception.model.network import estimates_of
-from monochord.perception.model.stream import UNHEARD
 from monochord.perception.tuning import Tuner, TunerState
 from monochord.physics.sensors import load_sensor
 from monochord.physics.theory import open_frequency
@@ -154,23 +153,37 @@ def test_a_model_that_hears_a_touch_first_does_not_err(percent: int) -> None:
     assert score.worst < 5e-3
 
 
+@pytest.mark.parametrize("name", ESTIMATED)
 @pytest.mark.parametrize("percent", [-15, -12, 12, 15, 20])
-def test_no_touch_is_stated_on_a_string_that_is_far_out_of_tune(percent: int) -> None:
+def test_no_touch_is_stated_on_a_string_that_is_far_out_of_tune(name: str, percent: int) -> None:
     sound, _ = played("prototype", percent, 5)
-    for each in estimated("model", DESIGN, sound):
-        assert not each["position"].valid
-        assert not each["contact"].valid or each["contact"].value < DECISION
+    stated = zip(windows(sound), estimated(name, DESIGN, sound), strict=True)
+    later = [each for window, each in stated if window.start > PATIENCE * RATE]
+    assert not any(each["position"].valid for each in later)
+    assert not any(each["contact"].valid and each["contact"].value >= DECISION for each in later)
 
 
-def test_a_touch_that_began_before_the_stream_is_withheld_until_it_ends() -> None:
-    sound, labels = played("prototype", 0, 2)
-    contact = labels["contact"]
-    began = int(contact.argmax()) + SIZE
-    length = began + int(contact[began:].argmin()) - began
-    estimates = estimated("model", DESIGN, sound[:, began:])
-    held, after = estimates[: length // (SIZE // 2) - 2], estimates[length // (SIZE // 2) :]
-    assert {each.reason for one in held for each in one.values()} == {UNHEARD}
-    assert sum(one["position"].valid for one in after) > 5
+@pytest.mark.parametrize("name", ESTIMATED)
+def test_a_stream_that_goes_on_touched_from_its_beginning_is_withheld_until_it_rests(name: str) -> None:
+    twin = VirtualSensor("prototype", seed=1)
+    twin.advance(0.5)
+    twin.press(0.08, 1.0)
+    twin.advance(0.3)
+    takes = [twin.advance(PATIENCE + 1.0)[0]]
+    twin.release()
+    takes.append(twin.advance(1.5)[0])
+    twin.press(0.09, 1.0)
+    takes.append(twin.advance(1.0)[0])
+    sound = np.concatenate(takes, axis=1)
+    stated = [*zip(windows(sound), estimated(name, DESIGN, sound), strict=True)]
+
+    def between(begin: float, end: float) -> list[Estimates]:
+        return [each for window, each in stated if begin * RATE < window.start < end * RATE - SIZE]
+
+    assert all(abs(each["position"].value - 0.08) < 1e-3 for each in between(0.0, PATIENCE))
+    late = between(PATIENCE, PATIENCE + 1.0)
+    assert {each.reason for one in late for each in one.values()} == {UNHEARD}
+    assert all(abs(each["position"].value - 0.09) < 1e-3 for each in between(PATIENCE + 2.8, PATIENCE + 3.5))
 
 
 def test_a_sensor_at_the_pitch_of_the_training_is_read_as_before() -> None:

@@ -9,14 +9,14 @@ import numpy as np
 from msgspec import Meta
 
 from monochord.core.errors import InputError
-from monochord.core.types import Estimate, Estimates, Prepared, Signal, StringParams, Window
+from monochord.core.types import UNHEARD, Estimate, Estimates, Prepared, Signal, StringParams, Window
 from monochord.core.units import Hertz, KilogramsPerMetre, Metres, Newtons, Samples
 from monochord.perception.closed_form import both_segments, far_segment
 from monochord.perception.closed_form.both_segments import MIN_CONTACT, MIN_UNTOUCHED, BothSegments
 from monochord.perception.closed_form.explanations import RANGE
 from monochord.perception.closed_form.far_segment import FarReader, FarSegment
 from monochord.perception.closed_form.one_note import NO_SIDES, SidesReader
-from monochord.perception.estimators.base import Condition, Estimator, Watching
+from monochord.perception.estimators.base import Condition, Estimator, Hearing, Watching
 from monochord.perception.tuning import Tuner, TunerState
 from monochord.perception.tuning.tuner import detuned
 from monochord.perception.usable import unusable_reason
@@ -114,7 +114,8 @@ class ClosedForm(Estimator):
         if self.sides == "far" or signal.channels != 2:
             return estimate
         with suppress(InputError):  # windows too short or a rate too low for two segments
-            both_sides = _Followed(self, replace(signal, string=_string_of(far, signal.string)), size)
+            string = _string_of(far, signal.string)
+            both_sides = _Followed(self, replace(signal, string=string), size, is_known=True)
             reader = SidesReader(sample_rate=signal.sample_rate, size=size)
             return _Either(estimate, both_sides, reader, knows_density=signal.string is not None)
         return estimate
@@ -153,11 +154,14 @@ class ClosedForm(Estimator):
 class _Followed(Watching):
     """The two-sided form on one stream of windows; it follows the tuning of untouched windows.
 
+    Where the pitch `is_known`, as one that the user gave, touches are stated before that tuning is measured.
+
     `opposed` says whether the last window had two segments, each louder at its own microphone. `detuned` says
     whether it came from a detuned string.
     """
 
-    def __init__(self, options: ClosedForm, signal: Signal, size: Samples) -> None:
+    def __init__(self, options: ClosedForm, signal: Signal, size: Samples, *, is_known: bool = False) -> None:
+        self._may_state, self._is_known = Hearing(signal.sample_rate), is_known
         self._tuner, self._state = Tuner.of(signal, size), TunerState()
         self._untuned = self._reader = BothSegments.of(
             self._tuner.string,
@@ -178,6 +182,7 @@ class _Followed(Watching):
         elif tuning is not before:
             string = tuning.tuned(self._tuner.string)
             self._reader = self._untuned.tuned(string, tuning.frequency_std / tuning.frequency)
+        may_state = self._may_state(window.start, heard=self._is_known or tuning is not None)
         reason = unusable_reason(window)
         if reason:
             return both_segments.abstain(reason)
@@ -186,6 +191,8 @@ class _Followed(Watching):
             self.detuned = True
             return both_segments.abstain(detuned(reading.detuning, EXPECTED_PITCH))
         self.opposed = reading is not None and reading.is_opposed and reading.contact > MIN_CONTACT
+        if reading is not None and reading.contact > MIN_CONTACT and not may_state:
+            return both_segments.abstain(UNHEARD)
         return self._reader.estimates(reading)
 
     @property

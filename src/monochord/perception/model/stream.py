@@ -4,10 +4,10 @@ from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING
 
 from monochord.core.errors import InputError
-from monochord.core.types import Estimate, Estimates, Signal, StringParams, Window
+from monochord.core.types import UNHEARD, Estimate, Estimates, Signal, StringParams, Window
 from monochord.core.units import Samples
 from monochord.metrics import DECISION
-from monochord.perception.estimators.base import Condition, Watching
+from monochord.perception.estimators.base import Condition, Hearing, Watching
 from monochord.perception.model.context import ModelState
 from monochord.perception.model.faults import OF_REASON
 from monochord.perception.model.stepping import Entry, step_all
@@ -20,9 +20,6 @@ if TYPE_CHECKING:
     from monochord.perception.model.model import Model
 
 EXPECTED_PITCH = "the pitch that this model expects"
-UNHEARD = "the untouched string was not heard yet"
-"""Reason to withhold touches from a stream without an untouched window that the model can read. A string that
-is out of tune by more than a tenth sounds like one that is touched, and has none."""
 
 
 class ModelStream(ABC):
@@ -65,13 +62,12 @@ class Followed(ModelStream, Watching):
         self._trained, self._string = model, self._tuner.string
         self._stepper, self._pitch = model.stepper, self._tuner.nominal
         self._state, self._tuned = ModelState(), TunerState()
-        self._reason, self._heard = "", self._needs_no_reference
+        self._reason, self._may_state = "", Hearing(signal.sample_rate)
 
     def before(self, window: Window) -> Entry:
         """Update the pitch from the window, and return its entry into the model for this pitch."""
         if window.start <= self._state.start:
             self._use(self._trained, self._string)
-            self._heard = self._needs_no_reference
         entry = self._stepper.entry(self._state, window)
         before, self._tuned = self._tuned.tuning, self._tuner.step(self._tuned, window, entry.spectrum)
         tuning = self._tuned.tuning
@@ -83,13 +79,14 @@ class Followed(ModelStream, Watching):
     def after(self, state: ModelState, estimates: Estimates) -> Estimates:
         """Store the state, and return the estimates; abstentions if the pitch cannot be followed.
 
-        Under a touch they are abstentions, too, until the untouched string was heard.
+        Under a touch they are abstentions, too, in a stream whose untouched string was not heard.
         """
-        self._state, self._heard = state, self._heard or state.median is not None
+        self._state, trained = state, self._trained.definition
+        may_state = self._may_state(state.start, heard=trained.reference is None or state.median is not None)
         if self._reason:
             return {name: Estimate.abstain(each.unit, self._reason) for name, each in estimates.items()}
-        contact = estimates[self._trained.definition.gate]
-        if self._heard or not contact.valid or contact.value < DECISION:
+        contact = estimates[trained.gate]
+        if may_state or not contact.valid or contact.value < DECISION:
             return estimates
         return {
             name: each if each.reason in OF_REASON else Estimate.abstain(each.unit, UNHEARD)
@@ -104,10 +101,6 @@ class Followed(ModelStream, Watching):
             return Condition(follows=not self._reason)
         deviation = tuning.deviation(self._string)
         return Condition(open_frequency=tuning.open_frequency, deviation=deviation, follows=not self._reason)
-
-    @property
-    def _needs_no_reference(self) -> bool:
-        return self._trained.definition.reference is None
 
     def _use(self, model: "Model", string: StringParams) -> None:
         """Read the windows to come by the model for a string."""
