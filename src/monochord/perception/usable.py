@@ -1,4 +1,4 @@
-"""Whether a window can be used at all, before anything is estimated from it."""
+"""Whether a window can be used at all, and whether touches of a stream may be stated."""
 
 import math
 
@@ -7,9 +7,13 @@ import numpy as np
 from monochord.core.kernels import kernel, part
 from monochord.core.silence import SILENT_LEVEL
 from monochord.core.types import Audio, Window
+from monochord.core.units import Samples, Seconds
 
 CLIPPED_SHARE = 0.1
 """Share of samples at the very top and bottom values from which a window is too clipped to trust."""
+PATIENCE: Seconds = 3.0
+"""How long a stream may begin with a touch. A string that is more than a tenth out of tune always sounds like
+one that is touched."""
 
 
 def unusable_reason(window: Window) -> str:
@@ -29,6 +33,32 @@ def unusable_reason(window: Window) -> str:
     if extreme > CLIPPED_SHARE:
         return "clipped"
     return ""
+
+
+class Hearing:
+    """Whether a stream's touches may be stated: its untouched string was heard, or may still be to come.
+
+    Examples
+    --------
+    >>> may_state = Hearing(sample_rate=44100)
+    >>> [may_state(round(44100 * at), heard=at == 6.0) for at in (0.0, 2.0, 5.0, 6.0, 7.0)]
+    [True, True, False, True, True]
+    """
+
+    def __init__(self, sample_rate: int) -> None:
+        self._patience = PATIENCE * sample_rate
+        self._first = self._last = -1
+        self._heard = False
+
+    def __call__(self, start: Samples, *, heard: bool) -> bool:
+        """Return whether touches may be stated in a window; see `Estimator.prepare` on streams.
+
+        `start` is the window's first frame. `heard` says whether the untouched string is known there.
+        """
+        if start <= self._last or self._last < 0:
+            self._first, self._heard = start, False
+        self._last, self._heard = start, self._heard or heard
+        return self._heard or start - self._first <= self._patience
 
 
 @kernel(fastmath={"reassoc"})

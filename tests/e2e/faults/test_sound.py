@@ -117,13 +117,7 @@ def test_a_driver_that_goes_off_is_named_and_outlived(
     assert sum(map(wrong, live.rows())) < 100, "1 s"
 
 
-@pytest.mark.parametrize(
-    ("ratio", "key"),
-    [
-        (1.02, "detuned"),
-        (1.15, "untouched_missing"),
-    ],
-)
+@pytest.mark.parametrize(("ratio", "key"), [(1.02, "detuned"), (1.15, "untouched_missing")])
 def test_a_string_that_is_detuned_is_followed_or_not_estimated(
     play: Any, tmp_path: Path, start_live: StartLive, ratio: float, key: str
 ) -> None:

@@ -7,19 +7,22 @@ from monochord.core.errors import InputError
 from monochord.core.types import UNHEARD, Estimate, Estimates, Signal, StringParams, Window
 from monochord.core.units import Samples
 from monochord.metrics import DECISION
-from monochord.perception.estimators.base import Condition, Hearing, Watching
+from monochord.perception.estimators.base import Condition, Watching
 from monochord.perception.model.context import ModelState
 from monochord.perception.model.faults import OF_REASON
 from monochord.perception.model.stepping import Entry, step_all
 from monochord.perception.tuning import Tuner, TunerState, Tuning
 from monochord.perception.tuning.sessions import HIGHEST, LOWEST
 from monochord.perception.tuning.tuner import detuned
+from monochord.perception.usable import Hearing
 from monochord.physics.theory import open_frequency
 
 if TYPE_CHECKING:
     from monochord.perception.model.model import Model
 
 EXPECTED_PITCH = "the pitch that this model expects"
+LASTING = {reason for reason, fault in OF_REASON.items() if not fault.brief}
+"""Reasons of faults that do not end with a touch."""
 
 
 class ModelStream(ABC):
@@ -63,6 +66,7 @@ class Followed(ModelStream, Watching):
         self._stepper, self._pitch = model.stepper, self._tuner.nominal
         self._state, self._tuned = ModelState(), TunerState()
         self._reason, self._may_state = "", Hearing(signal.sample_rate)
+        self._gate, self._has_reference = model.definition.gate, model.definition.reference is not None
 
     def before(self, window: Window) -> Entry:
         """Update the pitch from the window, and return its entry into the model for this pitch."""
@@ -81,17 +85,16 @@ class Followed(ModelStream, Watching):
 
         Under a touch they are abstentions, too, in a stream whose untouched string was not heard.
         """
-        self._state, trained = state, self._trained.definition
-        may_state = self._may_state(state.start, heard=trained.reference is None or state.median is not None)
-        if self._reason:
-            return {name: Estimate.abstain(each.unit, self._reason) for name, each in estimates.items()}
-        contact = estimates[trained.gate]
-        if may_state or not contact.valid or contact.value < DECISION:
+        self._state = state
+        may_state = self._may_state(state.start, heard=state.median is not None or not self._has_reference)
+        contact, reason = estimates[self._gate], self._reason
+        if not reason and not may_state and contact.valid and contact.value >= DECISION:
+            # One that lasts tells more: a silent driver may be why no untouched string is heard.
+            faults = {each.reason for each in estimates.values() if each.reason in LASTING}
+            reason = faults.pop() if faults else UNHEARD
+        if not reason:
             return estimates
-        return {
-            name: each if each.reason in OF_REASON else Estimate.abstain(each.unit, UNHEARD)
-            for name, each in estimates.items()
-        }
+        return {name: Estimate.abstain(each.unit, reason) for name, each in estimates.items()}
 
     @property
     def condition(self) -> Condition:
