@@ -268,8 +268,7 @@ def _between_taps(dataset: Dataset, session: int) -> Audio:
 
     Taps sound the same in all sessions, at every frequency: they would make almost every pair a candidate.
     """
-    part = dataset.manifest.parts[session]
-    rows = slice(part.first, part.first + part.windows)
+    rows = dataset.rows_of(session)
     taps = dataset.start[rows][dataset.label("calibrating")[rows] == 1.0]
     samples = dataset.mapped(session)
     if not taps.size:

@@ -98,6 +98,11 @@ class Dataset:
         """Mask (n,) of windows without lost or non-finite samples."""
         return ~(self.has_gap | self.not_finite)
 
+    def rows_of(self, session: int) -> slice:
+        """Return the rows of a session's windows."""
+        part = self.manifest.parts[session]
+        return slice(part.first, part.first + part.windows)
+
     def audio(self, session: int) -> Audio:
         """Return all samples (2, n) of a session, memory-mapped and read-only."""
         tracks = self._tracks
