@@ -275,10 +275,10 @@ def take(job: Job) -> Taken:
     rate, samples = description.sample_rate, session.audio.samples
     size = round(options.window * rate)
     starts = window_starts(samples.shape[1], size, round(options.hop * rate))
-    table = {"start": starts, **_flags(session.audio, starts, size)}
+    flags = _flags(session.audio, starts, size)
     labels = _labels(session.audio, truth, starts, size, options.rules)
-    usable = ~(table["has_gap"] | table["not_finite"])
-    write_array(job.rows, session_rows(table, labels))
+    usable = ~(flags["has_gap"] | flags["not_finite"])
+    write_array(job.rows, session_rows({"start": starts, **flags}, labels))
     write_array(job.audio, samples)
     late = truth.alignment.lateness.get(AUDIO)
     part = Part(
@@ -311,7 +311,7 @@ def take(job: Job) -> Taken:
         part=part,
         form=(rate, description.channels),
         columns=tuple(labels),
-        counts=counts_of(kinds_of(labels, usable)) | {"clipped": int(table["clipped"].sum())},
+        counts=counts_of(kinds_of(labels, usable)) | {"clipped": int(flags["clipped"].sum())},
         sums=file_sums(job.audio),
     )
 
