@@ -115,7 +115,7 @@ def audit(dataset: Dataset, split: Split, *, duplicates: bool = True) -> Audit:
     dataset, split
         The dataset and split to check.
     duplicates
-        Whether to compare sounds, which takes most of the time: some 2 ms for each pair of minutes.
+        Whether to compare sounds, which takes most of the time: some 0.15 s for each minute of sound.
 
     Returns
     -------
