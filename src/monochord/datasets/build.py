@@ -104,14 +104,24 @@ def recorded_tension(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Job:
-    """A session to read: its name, its file, and the destinations of its samples and its rows."""
+    """A session to read: its name, its file, and the folder that receives its samples and its rows."""
 
     name: str
+    number: int
     path: Path
-    audio: Path
-    rows: Path
+    folder: Path
     options: BuildOptions
     listen: Listen
+
+    @property
+    def audio(self) -> Path:
+        """File of its samples."""
+        return self.folder / f"taken-{self.number}.npy"
+
+    @property
+    def rows(self) -> Path:
+        """File of its rows, see `monochord.datasets.store.session_rows`."""
+        return self.folder / f"rows-{self.number}.npy"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -207,14 +217,7 @@ def build_dataset(
     with part_folder(out) as part:
         (part / "audio").mkdir()
         jobs = [
-            Job(
-                name=name,
-                path=path,
-                audio=part / f"taken-{number}.npy",
-                rows=part / f"rows-{number}.npy",
-                options=options,
-                listen=listen,
-            )
+            Job(name=name, number=number, path=path, folder=part, options=options, listen=listen)
             for number, (name, path) in enumerate(files.items())
         ]
         taken: dict[str, Taken] = {}

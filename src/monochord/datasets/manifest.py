@@ -129,8 +129,9 @@ class Manifest:
 
     def write(self, folder: Path) -> None:
         """Write the manifest into a folder, keys sorted, so that equal datasets have equal bytes."""
-        text = json.dumps(to_tree(self), indent=1, sort_keys=True, ensure_ascii=False)
-        (folder / FILE).write_text(text + "\n", encoding="utf-8")
+        with (folder / FILE).open("w", encoding="utf-8") as stream:
+            json.dump(to_tree(self), stream, indent=1, sort_keys=True, ensure_ascii=False)
+            stream.write("\n")
 
     @classmethod
     def read(cls, folder: Path) -> "Manifest":
