@@ -14,7 +14,7 @@ from tests.datasets.conftest import Make
 from monochord.core.errors import InputError
 from monochord.datasets.audit import audit
 from monochord.datasets.split import Split, split_dataset
-from monochord.datasets.store import Dataset, open_dataset, write_table
+from monochord.datasets.store import Dataset, open_dataset, session_rows
 
 LITTLE = 16 << 20
 """Bytes that a refusal may take."""
@@ -174,7 +174,7 @@ def test_a_label_whose_name_leaves_the_folder_is_not_built(make: Make, tmp_path:
         make({"one": {"labels": labels}})
     assert not list(tmp_path.parent.glob("stray*"))
     with pytest.raises(InputError, match="label"):
-        write_table(tmp_path, {}, {"a/b": np.zeros(3)})
+        session_rows({"start": np.zeros(3, np.int64)}, {"a/b": np.zeros(3)})
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,6 @@
 """A copy differs from another take of the same string, which is as periodic."""
 
 from functools import cache
-from itertools import combinations
 
 import numpy as np
 
@@ -38,8 +37,8 @@ def take(touches: int, seed: int, *, lifted: bool = False) -> Audio:
 
 
 def duplicates(*takes: Audio) -> list[tuple[int, int, int]]:
-    pairs = combinations(range(len(takes)), 2)
-    return [(each.first, each.second, each.lag) for each in find_duplicates(takes.__getitem__, pairs)]
+    parts = [1 << number for number in range(len(takes))]
+    return [(each.first, each.second, each.lag) for each in find_duplicates(takes.__getitem__, parts)]
 
 
 def test_takes_of_one_string_are_no_copies_of_each_other() -> None:

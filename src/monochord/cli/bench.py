@@ -1,7 +1,6 @@
 """The command `bench`: benchmark results beside their baselines, and the machine they were measured on."""
 
 import json
-import os
 import platform
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,6 +14,7 @@ from monochord.cli._moved import refuse_moved
 from monochord.cli._options import completes, set_option
 from monochord.cli._output import echo
 from monochord.core.config import override
+from monochord.core.cores import available_cores
 from monochord.core.errors import InputError, MonochordError
 
 
@@ -80,9 +80,8 @@ def _number(value: float) -> str:
 
 
 def _machine() -> str:
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     return (
-        f"machine: {_processor()}, {cores} cores, {platform.system()} {platform.release()}, "
+        f"machine: {_processor()}, {available_cores()} cores, {platform.system()} {platform.release()}, "
         f"Python {platform.python_version()}, NumPy {np.__version__}"
     )
 

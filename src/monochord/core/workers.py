@@ -2,7 +2,6 @@
 
 import logging
 import multiprocessing
-import os
 import socket
 import warnings
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
@@ -24,6 +23,7 @@ from monochord.core._worker import (
     unreadable,
     without_main,
 )
+from monochord.core.cores import available_cores
 from monochord.core.errors import DeviceError, InputError, MissingLibraryError
 from monochord.core.units import Seconds
 
@@ -63,7 +63,8 @@ def run_all(
     cluster
         Address of a running dask scheduler, such as ``"tcp://10.0.0.5:8786"``; empty for this machine.
     workers
-        Number of processes on this machine; by default one per core, or none inside a job.
+        Number of processes on this machine; by default one per core that this process may use, or none inside
+        a job.
 
     Yields
     ------
@@ -86,7 +87,7 @@ def run_all(
     if cluster:
         _require_dask(f"Cluster {cluster}")
         return _on_cluster(jobs, work, cluster)
-    cores = 1 if multiprocessing.parent_process() else len(os.sched_getaffinity(0))
+    cores = 1 if multiprocessing.parent_process() else available_cores()
     number = min(workers or cores, len(jobs))
     if number <= 1:
         return ((job, work(job)) for job in jobs)

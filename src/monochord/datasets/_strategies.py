@@ -156,8 +156,7 @@ def _strata(dataset: Dataset) -> list[str]:
     strata: list[str] = []
     contact, slip = dataset.label("contact"), dataset.label("slip")
     for number, part in enumerate(dataset.manifest.parts):
-        rows = slice(part.first, part.first + part.windows)
-        assert (dataset.session[rows] == number).all()
+        rows = dataset.rows_of(number)
         slides, touches = np.sum(slip[rows] == 1.0), np.sum(contact[rows] == 1.0)
         kind = "sliding" if slides > 0.2 * max(touches, 1) else "static" if touches else "untouched"
         strata.append(f"{part.body}/{kind}")

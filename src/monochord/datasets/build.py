@@ -2,17 +2,17 @@
 
 import hashlib
 import json
-from collections.abc import Callable, Iterable, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from glob import glob
 from importlib.metadata import version
 from math import inf
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
 from msgspec import Meta
-from numpy.typing import NDArray
 
 from monochord.core import labels as label_rules
 from monochord.core.errors import InputError
@@ -24,13 +24,14 @@ from monochord.core.units import Metres, Newtons, Samples, Seconds
 from monochord.core.workers import run_all
 from monochord.datasets.checksums import FileSums, file_sums
 from monochord.datasets.kinds import counts_of, kinds_of
-from monochord.datasets.manifest import TABLE, Manifest, Part, audio_name, file_checksum
+from monochord.datasets.manifest import Manifest, Part, audio_name, file_checksum
 from monochord.datasets.measured import Thresholds
 from monochord.datasets.store import (
     Dataset,
     Flags,
     Indices,
     open_dataset,
+    session_rows,
     window_starts,
     write_array,
     write_table,
@@ -103,27 +104,39 @@ def recorded_tension(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Job:
-    """A session to read: its name, its file, and the destination of its samples."""
+    """A session to read: its name, its file, and the folder that receives its samples and its rows."""
 
     name: str
+    number: int
     path: Path
-    audio: Path
+    folder: Path
     options: BuildOptions
     listen: Listen
+
+    @property
+    def audio(self) -> Path:
+        """File of its samples."""
+        return self.folder / f"taken-{self.number}.npy"
+
+    @property
+    def rows(self) -> Path:
+        """File of its rows, see `monochord.datasets.store.session_rows`."""
+        return self.folder / f"rows-{self.number}.npy"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Taken:
-    """A session's contribution besides its samples, which are on disk; `refused` says why it is unusable.
+    """A session's contribution besides its samples and rows, which are on disk.
 
-    `part` is not yet placed among the others: its `first` is 0, and its `audio` empty.
+    `refused` says why it is unusable. `part` is not yet placed among the others: its `first` is 0, and its
+    `audio` empty. `columns` names the labels, and `counts` is the number of windows of each kind.
     """
 
     refused: str = ""
     part: Part | None = None
     form: tuple[int, int] = (0, 0)
-    table: dict[str, NDArray[Any]] = field(default_factory=dict[str, NDArray[Any]])
-    columns: LabelColumns = field(default_factory=dict[str, Any])
+    columns: tuple[str, ...] = ()
+    counts: Mapping[str, int] = field(default_factory=dict[str, int])
     sums: FileSums | None = None
 
 
@@ -204,7 +217,7 @@ def build_dataset(
     with part_folder(out) as part:
         (part / "audio").mkdir()
         jobs = [
-            Job(name=name, path=path, audio=part / f"taken-{number}.npy", options=options, listen=listen)
+            Job(name=name, number=number, path=path, folder=part, options=options, listen=listen)
             for number, (name, path) in enumerate(files.items())
         ]
         taken: dict[str, Taken] = {}
@@ -229,14 +242,13 @@ def named_sessions(sessions: Sequence[Path]) -> dict[str, Path]:
     ['a/take', 'b/take', 'other']
     """
     plain = [(path.stem, path) for path in sessions]
-    stems = [name for name, _ in plain]
+    stems = Counter(name for name, _ in plain)
     named = [
-        (f"{path.absolute().parent.name}/{name}" if stems.count(name) > 1 else name, path)
-        for name, path in plain
+        (f"{path.absolute().parent.name}/{name}" if stems[name] > 1 else name, path) for name, path in plain
     ]
-    names = [name for name, _ in named]
+    names = Counter(name for name, _ in named)
     for name, path in named:
-        if names.count(name) > 1:
+        if names[name] > 1:
             raise InputError(f"two sessions called {name}, one of them {path}", "unique names", "rename one")
     return dict(sorted(named))
 
@@ -266,6 +278,10 @@ def take(job: Job) -> Taken:
     rate, samples = description.sample_rate, session.audio.samples
     size = round(options.window * rate)
     starts = window_starts(samples.shape[1], size, round(options.hop * rate))
+    flags = _flags(session.audio, starts, size)
+    labels = _labels(session.audio, truth, starts, size, options.rules)
+    usable = ~(flags["has_gap"] | flags["not_finite"])
+    write_array(job.rows, session_rows({"start": starts, **flags}, labels))
     write_array(job.audio, samples)
     late = truth.alignment.lateness.get(AUDIO)
     part = Part(
@@ -297,8 +313,8 @@ def take(job: Job) -> Taken:
     return Taken(
         part=part,
         form=(rate, description.channels),
-        table={"start": starts, **_flags(session.audio, starts, size)},
-        columns=_labels(session.audio, truth, starts, size, options.rules),
+        columns=tuple(labels),
+        counts=counts_of(kinds_of(labels, usable)) | {"clipped": int(flags["clipped"].sum())},
         sums=file_sums(job.audio),
     )
 
@@ -306,7 +322,7 @@ def take(job: Job) -> Taken:
 def _write(folder: Path, options: BuildOptions, taken: Sequence[tuple[Job, Taken]]) -> None:
     """Combine the sessions in order, and write everything except their sound."""
     parts, files, refused = list[Part](), dict[str, FileSums](), dict[str, str]()
-    tables, columns = list[dict[str, NDArray[Any]]](), list[LabelColumns]()
+    rows, labels, counts = list[Path](), dict[str, None](), Counter[str]()
     form: tuple[int, int] | None = None
     windows = 0
     for job, each in taken:
@@ -318,20 +334,21 @@ def _write(folder: Path, options: BuildOptions, taken: Sequence[tuple[Job, Taken
         except InputError as error:
             refused[job.name] = str(error)
             job.audio.unlink()
+            job.rows.unlink()
             continue
         file = audio_name(len(parts))
         job.audio.rename(folder / file)
         files[file] = each.sums
-        tables.append({"session": np.full(each.part.windows, len(parts)), **each.table})
-        columns.append(each.columns)
+        rows.append(job.rows)
+        labels |= dict.fromkeys(each.columns)
+        counts.update(each.counts)
         parts.append(replace(each.part, audio=file, first=windows))
         windows += each.part.windows
     if form is None:
         raise InputError("no usable session", "one or more", next(iter(refused.values()), ""))
-    labels = _joined(columns, [part.windows for part in parts])
-    table = {name: np.concatenate([each[name] for each in tables]) for name in TABLE}
-    usable = ~(table["has_gap"] | table["not_finite"])
-    write_table(folder, table, labels)
+    write_table(folder, rows, windows, tuple(labels))
+    for each in rows:
+        each.unlink()
     for path in sorted(folder.glob("*/*.npy")):
         name = path.relative_to(folder).as_posix()
         if name not in files:
@@ -348,7 +365,7 @@ def _write(folder: Path, options: BuildOptions, taken: Sequence[tuple[Job, Taken
         labelling=label_rules.__doc__ or "",
         parts=tuple(parts),
         files=files,
-        counts=counts_of(kinds_of(labels, usable)) | {"clipped": int(table["clipped"].sum())},
+        counts=dict(counts),
         refused=refused,
         thresholds=options.thresholds,
         forced=options.force,
@@ -435,13 +452,3 @@ def _labels(
     columns = window_labels(truth.labels, begin, end, rules)
     labels = {name: np.where(calibrating, np.nan, values) for name, values in columns.items()}
     return {**labels, "calibrating": calibrating.astype(np.float64)}
-
-
-def _joined(columns: list[LabelColumns], counts: list[int]) -> LabelColumns:
-    """Return the labels of all sessions; NaN where a session lacks a column."""
-    parts = list(zip(columns, counts, strict=True))
-    names = dict.fromkeys(name for each in columns for name in each)
-    return {
-        name: np.concatenate([each.get(name, np.full(count, np.nan)) for each, count in parts])
-        for name in names
-    }

@@ -1,17 +1,24 @@
 """Block checksums of a dataset's files, so that damage is found without reading everything."""
 
+import errno
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 
-from monochord.core.errors import InputError
+from monochord.core.errors import DeviceError, InputError, MonochordError
 
 BLOCK = 1 << 20
 """Bytes covered by one checksum."""
 DIGITS = 16
 """Hexadecimal digits of SHA-256 stored per block: 64 bits, enough against damage."""
 REMEDY = "build the dataset again"
+LIMITS = {
+    errno.EMFILE: "raise it, such as with: ulimit -n 4096",
+    errno.ENFILE: "end programs that hold many files open",
+    errno.ENOMEM: "end programs that use much memory",
+}
+"""What to do where a machine is short of something, which says nothing about the file, by error number."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,10 +60,23 @@ def check_blocks(folder: Path, files: Mapping[str, FileSums], chosen: Iterable[t
                 stream.seek(number * BLOCK)
                 own = _sum(stream.read(BLOCK))
         except OSError as error:
-            raise InputError(f"{file} ({error.strerror})", "a readable file", REMEDY) from error
+            raise unreadable(file, error) from error
         if own != files[name].blocks[number]:
             at = f"wrong checksum of the bytes from {number * BLOCK} on"
             raise InputError(f"{file} (damaged: {at})", "the unchanged file", REMEDY)
+
+
+def unreadable(file: Path, error: OSError) -> MonochordError:
+    """Return the error for a dataset's file that cannot be read; only a missing file is called so.
+
+    >>> print(unreadable(Path("audio/0000.npy"), OSError(errno.EMFILE, "Too many open files")))
+    audio/0000.npy (Too many open files): a limit of this machine; raise it, such as with: ulimit -n 4096
+    """
+    if error.errno in LIMITS:
+        return DeviceError(f"{file} ({error.strerror}): a limit of this machine; {LIMITS[error.errno]}")
+    if isinstance(error, FileNotFoundError):
+        return InputError(f"{file} (missing)", "a whole dataset", REMEDY)
+    return InputError(f"{file} ({error.strerror})", "a readable file")
 
 
 def _sum(block: bytes) -> str:

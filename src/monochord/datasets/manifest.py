@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import accumulate
 from pathlib import Path, PurePath
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -23,7 +23,7 @@ FILE = "manifest.json"
 MAX_WINDOWS = 1 << 26
 """Most windows in a dataset: 77 days of them, 0.1 s apart, take 0.5 GB per column."""
 MAX_RATE, MAX_CHANNELS = 10_000_000, 256
-Layout: TypeAlias = tuple[type[np.generic], tuple[int, ...]]
+Layout: TypeAlias = tuple[type[np.generic] | np.dtype[Any], tuple[int, ...]]
 """Type and shape of a file's array."""
 TABLE: dict[str, type[np.generic]] = {
     "session": np.int32,
@@ -129,8 +129,9 @@ class Manifest:
 
     def write(self, folder: Path) -> None:
         """Write the manifest into a folder, keys sorted, so that equal datasets have equal bytes."""
-        text = json.dumps(to_tree(self), indent=1, sort_keys=True, ensure_ascii=False)
-        (folder / FILE).write_text(text + "\n", encoding="utf-8")
+        with (folder / FILE).open("w", encoding="utf-8") as stream:
+            json.dump(to_tree(self), stream, indent=1, sort_keys=True, ensure_ascii=False)
+            stream.write("\n")
 
     @classmethod
     def read(cls, folder: Path) -> "Manifest":

@@ -13,10 +13,12 @@ read, so that a smaller hop needs no extra space.
 """
 
 from collections import OrderedDict
-from collections.abc import Mapping
+from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
+from resource import RLIM_INFINITY, RLIMIT_NOFILE, getrlimit
 from stat import S_ISREG
 from typing import Any
 
@@ -27,11 +29,11 @@ from monochord.core.errors import InputError, did_you_mean
 from monochord.core.notebook import html_table, lines
 from monochord.core.types import Audio, Flags, Floats, Indices
 from monochord.core.units import Samples
-from monochord.datasets.checksums import REMEDY, check_blocks
+from monochord.datasets.checksums import REMEDY, check_blocks, unreadable
 from monochord.datasets.manifest import FILE, TABLE, Layout, Manifest, file_checksum, is_column_name
 
 MAX_OPEN_FILES = 256
-"""Most audio files mapped at once: each holds one of the process's file descriptors."""
+"""Most audio files mapped at once; fewer where a process may open fewer than four times as many."""
 SAMPLED_BLOCKS = 128
 """Number of 1 MiB audio blocks compared with their checksums when a dataset is opened."""
 
@@ -96,12 +98,17 @@ class Dataset:
         """Mask (n,) of windows without lost or non-finite samples."""
         return ~(self.has_gap | self.not_finite)
 
+    def rows_of(self, session: int) -> slice:
+        """Return the rows of a session's windows."""
+        part = self.manifest.parts[session]
+        return slice(part.first, part.first + part.windows)
+
     def audio(self, session: int) -> Audio:
         """Return all samples (2, n) of a session, memory-mapped and read-only."""
         tracks = self._tracks
         if session in tracks:
             return tracks[session]
-        while len(tracks) >= MAX_OPEN_FILES:
+        while len(tracks) >= _most_open_files():
             tracks.popitem(last=False)
         tracks[session] = self.mapped(session)
         return tracks[session]
@@ -159,9 +166,13 @@ def open_dataset(path: Path, *, sampled: int = SAMPLED_BLOCKS, seed: int | None 
     """
     path = Path(path).absolute()
     manifest = Manifest.read(path)
-    arrays: dict[str, Any] = {name: _mapped(path, name, layout) for name, layout in manifest.arrays().items()}
+    audio, arrays = {part.audio for part in manifest.parts}, dict[str, Any]()
+    for name, layout in manifest.arrays().items():
+        if name in audio:  # mapped when it is read: a process may open some hundreds of files at once
+            _check_header(path, name, layout)
+        else:
+            arrays[name] = _mapped(path, name, layout)
     blocks = [(name, number) for name, sums in manifest.files.items() for number in range(len(sums.blocks))]
-    audio = {part.audio for part in manifest.parts}
     check_blocks(path, manifest.files, (block for block in blocks if block[0] not in audio))
     if sampled:
         spoken = [block for block in blocks if block[0] in audio]
@@ -181,6 +192,12 @@ def open_dataset(path: Path, *, sampled: int = SAMPLED_BLOCKS, seed: int | None 
     )
     _refuse_outside(dataset)
     return dataset
+
+
+def _most_open_files() -> int:
+    """Return how many audio files may be mapped at once: a quarter of the files that a process may open."""
+    allowed, _ = getrlimit(RLIMIT_NOFILE)
+    return MAX_OPEN_FILES if allowed == RLIM_INFINITY else max(1, min(MAX_OPEN_FILES, allowed // 4))
 
 
 def _reopened(path: Path) -> Dataset:
@@ -204,32 +221,90 @@ def _refuse_outside(dataset: Dataset) -> None:
         )
 
 
-def write_table(folder: Path, table: Mapping[str, NDArray[Any]], labels: Mapping[str, Floats]) -> None:
-    """Write the window table and the labels, each (n,), with their masks.
+def session_rows(table: Mapping[str, NDArray[Any]], labels: Mapping[str, Floats]) -> NDArray[np.void]:
+    """Return a session's rows of the window table and its labels as one structured array (windows,).
 
     Raises `InputError` for a label name that is unusable as a file name.
     """
     for name in labels:
         if not is_column_name(name):
             raise InputError(f"label {name!r}", "a valid file name", "rename it in the sessions")
+    kinds = {name: kind for name, kind in TABLE.items() if name in table}
+    fields = [*kinds.items(), *((_label_field(name), np.float64) for name in labels)]
+    rows = np.empty(len(table["start"]), fields)
+    for name in kinds:
+        rows[name] = table[name]
+    for name, values in labels.items():
+        rows[_label_field(name)] = values
+    return rows
+
+
+def write_table(folder: Path, sessions: Sequence[Path], windows: Samples, labels: Sequence[str]) -> None:
+    """Write the window table and the labels with their masks, one session in memory at a time.
+
+    Parameters
+    ----------
+    folder
+        Folder of the dataset.
+    sessions
+        Files of the arrays of `session_rows`, in order.
+    windows
+        Number of windows of all sessions.
+    labels
+        Names of the labels, NaN where a session lacks one.
+    """
+    kinds = {f"windows/{name}": kind for name, kind in TABLE.items()}
+    kinds |= {f"labels/{name}": np.float64 for name in labels} | {
+        f"valid/{name}": np.bool_ for name in labels
+    }
     for name in ("windows", "labels", "valid"):
         (folder / name).mkdir(exist_ok=True)
-    for name, kind in TABLE.items():
-        write_array(folder / "windows" / f"{name}.npy", table[name].astype(kind))
-    for name, values in labels.items():
-        write_array(folder / "labels" / f"{name}.npy", values.astype(np.float64))
-        write_array(folder / "valid" / f"{name}.npy", np.isfinite(values))
+    with ExitStack() as stack:
+        write = {
+            name: stack.enter_context(_array_writer(folder / f"{name}.npy", (kind, (windows,))))
+            for name, kind in kinds.items()
+        }
+        for number, file in enumerate(sessions):
+            rows = np.load(file)
+            write["windows/session"](np.full(len(rows), number, np.int32))
+            for name in TABLE:
+                if name != "session":
+                    write[f"windows/{name}"](rows[name])
+            for name in labels:
+                known = _label_field(name) in rows.dtype.names
+                values = rows[_label_field(name)] if known else np.full(len(rows), np.nan)
+                write[f"labels/{name}"](values)
+                write[f"valid/{name}"](np.isfinite(values))
+
+
+def _label_field(name: str) -> str:
+    """Return the field of a label in `session_rows`, unlike any of the table's."""
+    return f"labels/{name}"
 
 
 def write_array(file: Path, values: NDArray[Any]) -> None:
     """Write an array as `numpy.save` does; errors name the file, and report a full disk."""
-    values = np.ascontiguousarray(values)
-    try:
-        with file.open("wb") as out:
-            out.write(_header((values.dtype.type, values.shape)))
-            out.write(values.reshape(-1).view(np.uint8).data)
-    except OSError as error:
-        raise OSError(error.errno, error.strerror, str(file)) from error
+    with _array_writer(file, (values.dtype, values.shape)) as write:
+        write(values)
+
+
+@contextmanager
+def _array_writer(file: Path, layout: Layout) -> Generator[Callable[[NDArray[Any]], None]]:
+    """Yield the function that appends to an array's file; errors name the file, and report a full disk."""
+    with file.open("wb", buffering=0) as out:
+
+        def write(values: NDArray[Any]) -> None:
+            put(np.ascontiguousarray(values).reshape(-1).view(np.uint8).data)
+
+        def put(data: memoryview) -> None:
+            try:
+                while data:  # of which the disk may take less at once
+                    data = data[out.write(data) :]
+            except OSError as error:
+                raise OSError(error.errno, error.strerror, str(file)) from error
+
+        put(memoryview(_header(layout)))
+        yield write
 
 
 def window_starts(frames: Samples, window: Samples, hop: Samples) -> Indices:
@@ -252,8 +327,8 @@ def _header(layout: Layout) -> bytes:
     return out.getvalue()
 
 
-def _mapped(folder: Path, name: str, layout: Layout) -> NDArray[Any]:
-    """Return a file's array, memory-mapped; the header is compared, not interpreted."""
+def _check_header(folder: Path, name: str, layout: Layout) -> int:
+    """Compare the size and the header of a file with its array's, and return the header's size in bytes."""
     file, header, (kind, shape) = folder / name, _header(layout), layout
     size = len(header) + int(np.prod(shape, dtype=object)) * np.dtype(kind).itemsize
     try:
@@ -265,9 +340,17 @@ def _mapped(folder: Path, name: str, layout: Layout) -> NDArray[Any]:
             if stream.read(len(header)) != header:
                 given = f"{file} (damaged: its header differs)"
                 raise InputError(given, f"a .npy array of {np.dtype(kind).name} {shape}", REMEDY)
-        if size == len(header):
-            return np.zeros(shape, kind)
-        return np.asarray(np.memmap(file, kind, "r", len(header), shape))
     except OSError as error:
-        given = f"{file} (missing or damaged: {error.strerror})"
-        raise InputError(given, "a whole dataset", REMEDY) from error
+        raise unreadable(file, error) from error
+    return len(header)
+
+
+def _mapped(folder: Path, name: str, layout: Layout) -> NDArray[Any]:
+    """Return a file's array, memory-mapped; the header is compared, not interpreted."""
+    begin, (kind, shape) = _check_header(folder, name, layout), layout
+    if 0 in shape:
+        return np.zeros(shape, kind)
+    try:
+        return np.asarray(np.memmap(folder / name, kind, "r", begin, shape))
+    except OSError as error:
+        raise unreadable(folder / name, error) from error

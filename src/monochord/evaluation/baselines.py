@@ -152,7 +152,7 @@ def _features_of_session(
     number, session = job
     (selection,), noise = conditions[number].selections, conditions[number].disturbance
     dataset, size = selection.dataset, selection.dataset.manifest.window
-    starts = dataset.start[selection.rows[dataset.session[selection.rows] == session]]
+    starts = dataset.start[selection.rows_of(session)]
     signal, scale = selection.signal_of(session), np.ones((len(starts), 2))
     if design is not None and signal.string is not None and signal.string != design:
         scale[:] = signal.string.length / design.length, force_scale(signal.string, design)
@@ -227,7 +227,7 @@ def _training_features_of_session(
         own = at_length_of(strings[session], training.string) if training.string else strings[session]
         signal = replace(signal, string=own, design=training.string)
     extractor = prepared(feature, signal, dataset.manifest.window)
-    own = training.rows[dataset.session[training.rows] == session]
+    own = training.rows_of(session)
     return np.concatenate(
         [extractor(dataset.batch(own[at : at + BATCH])) for at in range(0, len(own), BATCH)]
     )

@@ -83,6 +83,11 @@ class Selection:
         """Numbers of the sessions with a row, in rising order."""
         return np.unique(self.dataset.session[self.rows]).tolist()
 
+    def rows_of(self, session: int) -> Indices:
+        """Return the rows of a session."""
+        rows = self.dataset.rows_of(session)
+        return self.rows[slice(*np.searchsorted(self.rows, (rows.start, rows.stop)).tolist())]
+
     @property
     def without_ambient_noise(self) -> "Selection | None":
         """The rows of sessions without ambient noise; None if there are none."""
@@ -248,7 +253,7 @@ def _replayed(
     selections, disturbance = conditions[number].selections, conditions[number].disturbance
     first, dataset = selections[0], selections[0].dataset
     prepared = [each.prepare(first.signal_of(session), dataset.manifest.window) for each in estimators]
-    wanted = [set(each.rows[dataset.session[each.rows] == session].tolist()) for each in selections]
+    wanted = [set(each.rows_of(session).tolist()) for each in selections]
     audio = disturbed_audio(dataset, session, disturbance)
     estimates: list[list[Estimates]] = [[] for _ in selections]
     for row, window in _windows(dataset, session, audio, max(set().union(*wanted))):
@@ -316,7 +321,8 @@ def disturbed_audio(dataset: Dataset, session: int, disturbance: Disturbance | N
     audio = dataset.audio(session)
     if disturbance is None:
         return audio
-    rows = np.flatnonzero(dataset.session == session)
+    part = dataset.rows_of(session)
+    rows = np.arange(part.start, part.stop)
     touched = rows[(dataset.labels["contact"][rows] == 1.0) & dataset.usable[rows]]
     measured = touched if touched.size else rows[dataset.usable[rows]]
     powers = [np.mean(np.square(dataset.window(row), dtype=np.float64)) for row in measured.tolist()]

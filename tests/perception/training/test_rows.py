@@ -42,7 +42,7 @@ def rows_of(dataset: Dataset, folder: Path, factor: float = 1.0, **options: Any)
     inner = FEATURES.build("bands", options).prepare(signal, dataset.manifest.window)
     extractor = Counting(inner, factor)
     about: Any = {"dataset": dataset, "signal": signal, "name": "bands", "options": options}
-    return Rows(**about, extractor=extractor, folder=folder), extractor
+    return Rows(**about, extractor=extractor, folder=folder, prepare=lambda _string: extractor), extractor
 
 
 SOME = np.arange(40, 140)

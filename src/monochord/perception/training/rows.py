@@ -10,9 +10,9 @@ array.
 import hashlib
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import lru_cache, partial
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,7 @@ import numpy as np
 
 from monochord.core.config import to_tree
 from monochord.core.errors import InputError
-from monochord.core.types import Audio, Indices, Progress, Signal
+from monochord.core.types import Audio, Indices, Progress, Signal, StringParams
 from monochord.core.units import Samples
 from monochord.core.workers import run_all
 from monochord.datasets.augment import Augmentation
@@ -38,6 +38,8 @@ CHUNK = 2048
 MIN_FILES_FOR_WORKERS = 8
 """Number of files from which starting several processes pays off."""
 BATCH = 64
+MAX_PREPARED = 64
+"""Most extractors of retuned strings held at once."""
 SEAL, MAX_HEADER = 32, 1024
 """Number of bytes of the SHA-256 after the array, and largest number of bytes before it."""
 
@@ -66,9 +68,10 @@ class Noise:
 class Rows:
     """A feature of a dataset, with the name and options of the feature.
 
-    `retuned` holds the extractors, by session number, of sessions whose string is not tuned as designed;
-    `extractor` serves all others. `workers` and `cluster` are passed to `monochord.core.workers.run_all`. If
-    neither is given, fewer than `MIN_FILES_FOR_WORKERS` files are computed in this process.
+    `retuned` holds the strings, by session number, of sessions whose string is not tuned as designed, and
+    `prepare` returns a string's extractor; `extractor` serves all other sessions. `workers` and `cluster` are
+    passed to `monochord.core.workers.run_all`. If neither is given, fewer than `MIN_FILES_FOR_WORKERS` files
+    are computed in this process.
     """
 
     dataset: Dataset
@@ -77,7 +80,8 @@ class Rows:
     options: dict[str, object]
     extractor: Extractor
     folder: Path
-    retuned: Mapping[int, Extractor] = field(default_factory=dict[int, Extractor])
+    prepare: Callable[[StringParams], Extractor]
+    retuned: Mapping[int, StringParams] = field(default_factory=dict[int, StringParams])
     workers: int | None = None
     cluster: str = ""
 
@@ -107,6 +111,11 @@ class Rows:
         feature, size, design = FEATURES.build(name, options), dataset.manifest.window, signal.string
         own = retuned_strings(dataset, design) if design else {}
         strings = {number: at_length_of(string, design) for number, string in own.items() if design}
+
+        @lru_cache(MAX_PREPARED)
+        def prepare(string: StringParams) -> Extractor:
+            return feature.prepare(replace(signal, string=string, design=design), size)
+
         return cls(
             dataset=dataset,
             signal=signal,
@@ -114,11 +123,8 @@ class Rows:
             options=options,
             extractor=feature.prepare(signal, size),
             folder=folder,
-            retuned={
-                number: feature.prepare(replace(signal, string=string, design=design), size)
-                for number, string in strings.items()
-                if string != design
-            },
+            prepare=prepare,
+            retuned={number: string for number, string in strings.items() if string != design},
             workers=workers,
             cluster=cluster,
         )
@@ -174,12 +180,14 @@ class Rows:
     def _features(self, windows: Audio, rows: Indices) -> Audio:
         """Return the feature of windows (n, channels, size), each by the extractor of its session."""
         session = self.dataset.session[rows]
-        if not self.retuned or not np.isin(session, list(self.retuned)).any():
+        numbers = np.unique(session).tolist()
+        if not any(number in self.retuned for number in numbers):
             return self.extractor(windows)
         result = np.empty((len(rows), len(self.extractor.columns)), np.float32)
-        for number in np.unique(session).tolist():
-            chosen = session == number
-            result[chosen] = self.retuned.get(number, self.extractor)(windows[chosen])
+        for number in numbers:
+            chosen, string = session == number, self.retuned.get(number)
+            extractor = self.extractor if string is None else self.prepare(string)
+            result[chosen] = extractor(windows[chosen])
         return result
 
     def _key(self, rows: Indices, noise: Noise | None) -> str:

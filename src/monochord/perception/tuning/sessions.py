@@ -139,7 +139,7 @@ def force_scales(dataset: "Dataset", design: StringParams) -> Floats:
     """Return the divisor (n,) that converts the force in each window to the design's string."""
     scales = np.ones(len(dataset))
     for number, string in retuned_strings(dataset, design).items():
-        scales[dataset.session == number] = force_scale(string, design)
+        scales[dataset.rows_of(number)] = force_scale(string, design)
     return scales
 
 
@@ -147,7 +147,7 @@ def length_scales(dataset: "Dataset", design: StringParams) -> Floats:
     """Return the divisor (n,) that converts the position in each window to the design's length."""
     scales = np.ones(len(dataset))
     for number, string in retuned_strings(dataset, design).items():
-        scales[dataset.session == number] = string.length / design.length
+        scales[dataset.rows_of(number)] = string.length / design.length
     return scales
 
 

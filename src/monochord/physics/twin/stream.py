@@ -5,7 +5,6 @@ and how several twins run side by side.
 """
 
 import itertools
-import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -15,6 +14,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from monochord.core.cores import available_cores
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Floats, StringParams
 from monochord.core.units import Hertz, Metres, Samples
@@ -286,7 +286,7 @@ def _side_by_side(twins: Sequence[Twin], frames: Samples, cores: int | None) -> 
     out = empty_out(len(twins), len(twins[0].scene.touches), frames)
     run = kernel(2 * padded(twins[0].plan.count))
     arguments = parameters, state, more, out, np.array([twin.start for twin in twins])
-    cores = cores or len(os.sched_getaffinity(0))
+    cores = cores or available_cores()
     edges = np.linspace(0, len(twins), min(len(twins), SHARES_A_CORE * cores) + 1).astype(int)
     with ThreadPoolExecutor(cores) as pool:
         list(pool.map(lambda pair: run(*arguments, *pair), itertools.pairwise(edges)))
