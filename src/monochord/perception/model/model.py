@@ -274,7 +274,7 @@ class Model:
         >>> from monochord.physics.twin.virtual_sensor import VirtualSensor
         >>> from monochord.perception.model import load
         >>> twin = VirtualSensor("prototype", seed=1)
-        >>> _ = twin.press(0.08, 1.0, material="plastic")
+        >>> _ = twin.press(0.09, 1.0, material="plastic")
         >>> sound, truth = twin.advance(1.0)
         >>> load("demo").score(sound, truth, sensor="prototype") > 0.5
         True

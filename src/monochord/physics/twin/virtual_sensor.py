@@ -43,8 +43,8 @@ class VirtualSensor:
         Seeds of another build within the design's tolerances, and of another day; None is the design itself.
     world
         ``ideal``, or ``plausible``: what a real build brings besides, see `monochord.physics.twin.world`. The
-        mounts and surfaces of its objects are drawn by `seed` and material. ``plausible_1`` draws as the
-        bundled model's training did.
+        mounts and surfaces of its objects are drawn by `seed` and material. ``plausible_1`` draws as plans of
+        earlier models do.
     sample_rate
         In Hz, 16000 to 192000.
 
@@ -61,7 +61,7 @@ class VirtualSensor:
     Examples
     --------
     >>> twin = VirtualSensor("prototype", seed=1)
-    >>> _ = twin.press(0.08, 1.0, material="plastic")
+    >>> _ = twin.press(0.09, 1.0, material="plastic")
     >>> sound, labels = twin.advance(0.2)
     >>> sound.shape, bool(labels["contact"][-1])
     ((2, 8820), True)
