@@ -6,7 +6,7 @@ Run it: python examples/press_and_follow.py
 import monochord as mc
 
 PRESS, SLIDE, RELEASE, END = 0.6, 1.2, 1.8, 2.4  # s
-PLACE, FORCE, SPEED = 0.08, 1.0, 0.05  # m, N, m/s
+PLACE, FORCE, SPEED = 0.09, 1.0, 0.05  # m, N, m/s
 
 
 def main() -> None:

@@ -16,7 +16,7 @@ def main() -> None:
     print("          mic 1     mic 2   contact   slip    force   speed   settled   (simulated)")
     for step in range(13):
         if step == 2:
-            twin.press(0.08, 1.0, material="wood")
+            twin.press(0.09, 1.0, material="wood")
         if step == 6:
             twin.slide(0.3, across=0.02)  # across the string at 20 mm/s
         if step == 10:

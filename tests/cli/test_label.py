@@ -87,7 +87,7 @@ def touches(session: Path) -> list[tuple[float, float]]:
 def test_position_and_force_are_typed_and_corrected(sound: Path, tmp_path: Path) -> None:
     out = tmp_path / "touches.mcap"
     with labelling(sound, out, "--touches", "3", "--object", "rod", "--unit", "g") as person:
-        assert "100 mm with about 77 g" in person.until("Press near")
+        assert "103 mm with about 77 g" in person.until("Press near")
         person.until("Recorded")
         person.type("100 9000")  # 88 N
         assert "impossible" in person.until("impossible")

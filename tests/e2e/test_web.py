@@ -322,7 +322,11 @@ def test_a_screen_reader_finds_the_string_the_meters_and_the_status(page: Page) 
 
 @pytest.mark.parametrize(
     ("contact", "shown_as"),
-    [("null", [NONE, "microphone 1 is silent"]), ("0.97", ["touched", "97 % likely"])],
+    [
+        ("null", [NONE, "microphone 1 is silent"]),
+        ("0.97", ["touched", "97 % likely"]),
+        ("0.004", ["untouched", "99.6 % likely"]),
+    ],
 )
 def test_where_contact_is_not_known_it_is_not_called_untouched(
     page: Page, contact: str, shown_as: list[str]

@@ -95,3 +95,18 @@ def test_errors_and_abstentions_are_scored() -> None:
     assert (tree["slip_accuracy"], tree["slip_area"]) == (pytest.approx(19 / 37), 0.5)
     assert (tree["position_mae"], tree["position_within_5mm"]) == (pytest.approx(0.006), 0.0)
     assert (tree["position_coverage"], tree["force_mae"]) == (0.0, None)
+    assert (tree["position_told"], tree["position_right"]) == (1.0, 0.0)
+    assert (tree["force_told"], tree["force_right"]) == (0.0, None)
+
+
+def test_a_withheld_window_is_not_told_and_not_wrong() -> None:
+    score = session(Scorer(), contact=None)
+    tree, lines = score.tree(), score.lines()
+    assert (tree["contact_told"], tree["contact_right"]) == (pytest.approx(20 / 58), 1.0)
+    for name in ("position", "force", "slip"):
+        assert (tree[f"{name}_told"], tree[f"{name}_right"]) == (1.0, 1.0)
+    contact, position, force, slip = lines
+    assert contact.startswith("contact  told in 34.5 % of 58 windows, of these 100.0 % right")
+    assert "100.0 % right within 5 mm" in position
+    assert "100.0 % right within 0.2 N" in force
+    assert slip.startswith("slip     told in 100.0 %")

@@ -143,6 +143,8 @@ def test_touches_are_proposed_within_the_sensing_range_and_the_forces(name: str)
     places, forces = np.array(proposed).T
     assert low < places.min() < places.max() < high
     assert places.max() - places.min() > 0.8 * (high - low)
+    nodes = sensor.string.length * np.array([k / n for n in range(2, 6) for k in range(1, n)])
+    assert np.abs(places[:, None] - nodes).min() >= 0.0149 * sensor.string.length
     assert 0.2 <= forces.min() < 0.3
     assert 0.9 < forces.max() <= 1.0
     assert abs(np.corrcoef(places, forces)[0, 1]) < 0.5

@@ -14,7 +14,6 @@ from typing import Annotated
 
 import numpy as np
 from msgspec import Meta
-from rich.console import Console
 
 from monochord.benchmarks._process import resident
 from monochord.benchmarks.base import Benchmark, Row, row
@@ -23,6 +22,7 @@ from monochord.capture.instruments.base import Instrument
 from monochord.capture.recording import Progress, RecordingJob, RecordingSummary, record
 from monochord.capture.recording.view import viewed
 from monochord.capture.sources import SOURCES
+from monochord.core.screen import console_of
 from monochord.core.units import FINITE, Hertz, Seconds
 from monochord.lab.net_ft_device import NetFtSettings, write_script
 from monochord.sessions import Event
@@ -83,7 +83,7 @@ class Recording(Benchmark):
         )
         meter = _Meter(settled=0.2 * self.seconds)
         shown = {"TERM": "xterm-256color", "COLUMNS": "100", "LINES": "30"}
-        console = Console(file=_Nowhere(), force_terminal=True, _environ=shown)
+        console = console_of(_Nowhere(), shown)
         with viewed(path, console) as view:
 
             def show(now: Progress, notices: Sequence[Event]) -> None:
@@ -125,6 +125,9 @@ class _Nowhere(io.StringIO):
     """A terminal whose pictures are discarded."""
 
     encoding = "utf-8"
+
+    def isatty(self) -> bool:
+        return True
 
     def write(self, text: str) -> int:
         return len(text)

@@ -48,7 +48,7 @@ STEPS = (
     Step(
         name="press",
         seconds=3.0,
-        instruction="Both drivers on. Press a smooth rod a third of the way from microphone 1; hold it.",
+        instruction="Both drivers on. Press a smooth rod just over a third of the way from mic 1; hold it.",
     ),
     Step(
         name="damped",

@@ -53,7 +53,7 @@ UNWATCHED = 20.0
 @click.option(
     "--world",
     type=click.Choice(get_args(World)),
-    help="A perfect sensor, or one with the tolerances and noise of a real build.  [default: plausible_1]",
+    help="A perfect sensor, or one with the tolerances and noise of a real build.  [default: plausible]",
 )
 @click.option(
     "--build",
@@ -91,8 +91,9 @@ def demo(sensor: str, **options: Any) -> None:
 
     SENSOR is a sensor of 'monochord list sensors', by default the prototype. Its digital twin, a simulation,
     replaces the string, the drivers, the microphones and the touching objects; everything else runs as in
-    'monochord live'. The sensor is tuned first. Objects then press, slide and roll at random, and a bundled
-    model estimates contact, position, normal force and slip. It was trained on other builds of this sensor.
+    'monochord live'. The sensor is tuned first, and its length is told as a ruler says. Objects then press,
+    slide and roll at random, and a bundled model estimates contact, position, normal force and slip. It was
+    trained on other builds of this sensor.
 
     A page opens in the browser; press on its string with the mouse or a finger to touch it yourself. Over
     ssh, or without a display, open the printed address. Control-C ends the demonstration and prints a score.

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import click
-from rich.console import Console
 
 from monochord.capture.instruments import INSTRUMENTS
 from monochord.capture.recording import RecordingJob
@@ -24,6 +23,7 @@ from monochord.cli._options import (
 from monochord.cli._output import echo
 from monochord.core.config import Tree, load_toml
 from monochord.core.errors import DeviceError
+from monochord.core.screen import console_of
 from monochord.front.record import recording_job
 
 
@@ -63,7 +63,7 @@ def record(out: Path, **options: Any) -> None:
     monochord record take.mcap --instrument left:pose_udp=9871 --instrument right:pose_udp=9872
     """  # noqa: D301
     job = _job(out, options)
-    with viewed(out, Console(file=sys.stderr, highlight=False)) as view:
+    with viewed(out, console_of(sys.stderr)) as view:
         summary = run(job, view.show)
     echo(*([json.dumps(summary.tree())] if options["as_json"] else summary.lines()))
     if summary.failure:

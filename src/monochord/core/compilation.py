@@ -82,4 +82,8 @@ class Bar:
 
 def _is_terminal(file: TextIO | None) -> bool:
     """Return whether a file is a terminal visible to the user; a program may have closed or removed it."""
-    return file is not None and not file.closed and file.isatty() and parent_process() is None
+    if file is None or file.closed or not file.isatty() or parent_process() is not None:
+        return False
+    from monochord.core.screen import can_draw, console_of  # noqa: PLC0415
+
+    return can_draw(console_of(file))

@@ -1,7 +1,8 @@
-"""Display of objects in a notebook: HTML tables, and axes for plots."""
+"""Display of objects at a prompt and in a notebook: short texts, HTML tables, and axes for plots."""
 
 from collections.abc import Iterable, Sequence
 from html import escape
+from textwrap import shorten, wrap
 from typing import TYPE_CHECKING
 
 from monochord.core.errors import MissingLibraryError
@@ -11,6 +12,8 @@ if TYPE_CHECKING:
 
 ROW_HEIGHT, WIDTH = 1.8, 7.2
 """Size of a panel in inches."""
+COLUMNS = 120
+"""Longest line of a text at a prompt, in characters."""
 
 
 def html_table(title: str, rows: Iterable[Sequence[str]], header: Sequence[str] = ()) -> str:
@@ -29,12 +32,16 @@ def _row(cells: Sequence[str], tag: str) -> str:
 
 
 def lines(title: str, facts: Iterable[tuple[str, str]]) -> str:
-    r"""Return a title and facts as text, one line each.
+    r"""Return a title and facts as text for a prompt: three lines, of `COLUMNS` characters each, at most.
 
-    >>> lines("model", [("sensor", "prototype")])
-    'model\n  sensor: prototype'
+    Facts without a text are left out, and so are, with a mark, those that do not fit.
+
+    >>> lines("Model", [("sensor", "prototype"), ("notes", ""), ("training", "12 sessions")])
+    'Model\n  sensor: prototype; training: 12 sessions'
     """
-    return "\n".join([title, *(f"  {name}: {value}" for name, value in facts)])
+    text = "; ".join(f"{name}: {value}" for name, value in facts if value)
+    rows = wrap(text, COLUMNS, initial_indent="  ", subsequent_indent="  ", max_lines=2, placeholder=" ...")
+    return "\n".join([shorten(title, COLUMNS, placeholder=" ..."), *rows])
 
 
 def panels(names: Sequence[str], across: str = "time (s)") -> "tuple[Axes, ...]":

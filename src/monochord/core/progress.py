@@ -17,7 +17,9 @@ REFRESH: Seconds = 0.1
 
 def shows_progress() -> bool:
     """Return whether a bar can be shown: standard error on a terminal, or a notebook."""
-    return in_notebook() or sys.stderr.isatty()
+    from monochord.core.screen import can_draw, console_of  # noqa: PLC0415
+
+    return in_notebook() or (sys.stderr.isatty() and can_draw(console_of(sys.stderr)))
 
 
 def in_notebook() -> bool:
@@ -40,13 +42,14 @@ def progress_bar(unit: str = "sessions", progress: Progress | None = None) -> Ge
     if in_notebook():
         yield from _notebook_bar(unit)
         return
-    from rich.console import Console  # noqa: PLC0415
     from rich.markup import escape  # noqa: PLC0415
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn  # noqa: PLC0415
     from rich.progress import Progress as Bar  # noqa: PLC0415
 
+    from monochord.core.screen import console_of  # noqa: PLC0415
+
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
+    with Bar(*columns, console=console_of(sys.stderr), transient=True) as bar:
         task = bar.add_task(unit, total=None)
         shown = ""
 

@@ -1,8 +1,10 @@
-"""A picture at the bottom of a terminal; an update rewrites only changed lines."""
+"""Consoles, and a picture at the bottom of a terminal; an update rewrites only changed lines."""
 
-from collections.abc import Sequence
+import os
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
 from types import TracebackType
+from typing import IO
 
 from rich.color import ColorSystem
 from rich.console import COLOR_SYSTEMS, Console
@@ -12,6 +14,25 @@ from monochord.core.printable import printable
 
 HIDE_CURSOR, SHOW_CURSOR = "\x1b[?25l", "\x1b[?25h"
 CLEAR_LINE, CLEAR_BELOW = "\x1b[K", "\x1b[J"
+
+
+def console_of(file: IO[str], environment: Mapping[str, str] = os.environ) -> Console:
+    """Return the console of a stream: a terminal where the stream is one, whatever ``FORCE_COLOR`` says.
+
+    A pipe, a file or a log gets no control sequences. Of the environment, ``NO_COLOR``, ``TERM`` and the size
+    count.
+
+    >>> from io import StringIO
+    >>> can_draw(console_of(StringIO()))
+    False
+    """
+    return Console(
+        file=file,
+        highlight=False,
+        force_terminal=file.isatty(),
+        force_jupyter=False,
+        _environ=environment,
+    )
 
 
 def can_draw(console: Console) -> bool:

@@ -106,6 +106,10 @@ class Block:
     adc_time: Seconds | None = None
     frame_time: Samples | None = None
 
+    def __repr__(self) -> str:
+        lost = f", {self.dropped} frames lost before" if self.dropped else ""
+        return f"Block: samples {np.shape(self.samples)} from frame {self.start}{lost}"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Window:
@@ -127,6 +131,14 @@ class Window:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "samples", sound(self.samples))
+
+    def __repr__(self) -> str:
+        channels, frames = self.samples.shape
+        gap = ", with a gap" if self.has_gap else ""
+        begin = self.start / self.sample_rate
+        return (
+            f"Window: {frames} frames of {channels} channels at {self.sample_rate} Hz from {begin:.3f} s{gap}"
+        )
 
     @property
     def duration(self) -> Seconds:

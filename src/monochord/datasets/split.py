@@ -26,6 +26,7 @@ import numpy as np
 
 from monochord.core.config import from_tree, load_json
 from monochord.core.errors import InputError, did_you_mean
+from monochord.core.notebook import lines
 from monochord.core.types import Indices
 from monochord.core.units import Samples, Seconds
 from monochord.datasets._strategies import (
@@ -65,6 +66,13 @@ class Split:
     left_out: int = 0
     dataset: str = ""
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
+
+    def __repr__(self) -> str:
+        parts = ", ".join(f"{name} {len(rows)}" for name, rows in self.parts.items())
+        held_out = ", ".join(self.held_out)
+        return lines(
+            f"Split: by {self.by}", [("windows", parts), ("held out", held_out), ("seed", str(self.seed))]
+        )
 
     @property
     def train(self) -> Indices:

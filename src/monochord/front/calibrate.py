@@ -21,6 +21,8 @@ class CalibratedModel(Model):
     calibration: Adaptation = field(repr=False)
     out: Path | None = None
 
+    __repr__ = Model.__repr__
+
     def tree(self) -> dict[str, Any]:
         """Return the result as plain values."""
         result = self.calibration

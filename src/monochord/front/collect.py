@@ -221,15 +221,14 @@ def _reported(
 
 def _played(sessions: Sequence[Assignment], out: Path, server: str) -> Iterator[CollectedSession]:
     """Yield the sessions as they are played and recorded in real time, showing the recorder's view."""
-    from rich.console import Console  # noqa: PLC0415
-
     from monochord.capture.recording.view import viewed  # noqa: PLC0415
+    from monochord.core.screen import console_of  # noqa: PLC0415
     from monochord.lab.real_time import play  # noqa: PLC0415
 
     with sole_use(made_folder(out)):
         for session in sessions:
             path = out / f"{session.name}.mcap"
-            with viewed(path, Console(file=sys.stderr, highlight=False)) as view:
+            with viewed(path, console_of(sys.stderr)) as view:
                 yield play(session, out, server=server, show=view.show)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from monochord.core.config import from_tree
 from monochord.core.errors import InputError
+from monochord.core.notebook import lines
 from monochord.core.types import Contact
 from monochord.core.units import Metres, Newtons
 from monochord.front.design_figure import drawn
@@ -63,6 +64,19 @@ class StringDesign:
     chosen: Candidate
     candidates: tuple[Candidate, ...]
     compared: tuple[Candidate, ...]
+
+    def __repr__(self) -> str:
+        chosen, string = self.chosen, self.chosen.string
+        return lines(
+            f"StringDesign: {1e3 * string.length:.0f} mm of {1e3 * string.core_diameter:.3g} mm wire"
+            f" at {string.tension:.0f} N, {chosen.frequency:.0f} Hz",
+            [
+                ("smallest errors", f"{1e3 * chosen.position_std:.2g} mm, {chosen.force_std:.2g} N"),
+                ("settles in", f"{1e3 * chosen.settling:.0f} ms"),
+                ("lacks", ", ".join(chosen.lacks)),
+                ("compared with", f"{len(self.candidates)} strings"),
+            ],
+        )
 
     @property
     def sensor(self) -> Sensor:

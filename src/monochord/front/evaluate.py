@@ -8,6 +8,7 @@ from typing import Any
 
 from monochord.core.config import override
 from monochord.core.errors import InputError
+from monochord.core.notebook import lines
 from monochord.core.ownership import scratch_folder
 from monochord.core.progress import progress_bar
 from monochord.core.types import Progress
@@ -19,6 +20,7 @@ from monochord.evaluation.evaluate import evaluate as evaluate_settings
 from monochord.evaluation.paper import keep_rows, paper_rows
 from monochord.evaluation.results import Results
 from monochord.evaluation.scorecard import Scorecard
+from monochord.evaluation.scores import Regression
 from monochord.evaluation.select import EvaluationSettings, Part
 from monochord.evaluation.table import Scores, score_rows
 from monochord.front.build import Sessions, session_names
@@ -47,6 +49,15 @@ class EvaluationReport:
     def card(self) -> Scorecard:
         """All scores, with their intervals."""
         return self.evaluation.card
+
+    def __repr__(self) -> str:
+        card, kind = self.card, ", simulated" if self.card.simulated else ""
+        rows = [row for row in card.table if row.state == "touched" and row.condition == "clean"]
+        facts = [("windows", f"{card.windows} of {card.sessions} sessions")]
+        for row in rows[-1:]:  # the last one is of all objects
+            facts.append(("position", _error(row.position, 1e3, "mm")))
+            facts.append(("force", _error(row.force, 1.0, "N")))
+        return lines(f"EvaluationReport: {card.estimator} on the {self.part} part{kind}", facts)
 
     def __str__(self) -> str:
         return "\n".join(self.lines())
@@ -83,6 +94,12 @@ class EvaluationReport:
         the file has other content.
         """
         keep_rows(Path(file), paper_rows(self.card, feature or self.evaluation.label, self.part))
+
+
+def _error(score: Regression, scale: float, unit: str) -> str:
+    """Return a mean error and the share of answers as text; empty where nothing was answered."""
+    error, answered = score.mae.value, score.answered
+    return "" if error is None else f"{scale * error:.2f} {unit} off, {answered or 0.0:.0%} answered"
 
 
 def evaluate(

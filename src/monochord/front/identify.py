@@ -10,6 +10,7 @@ import numpy as np
 
 from monochord.capture.sources.base import Stream
 from monochord.core.errors import InputError
+from monochord.core.notebook import lines
 from monochord.core.silence import SILENCE_REMEDY
 from monochord.core.types import Estimate, Floats
 from monochord.core.units import Hertz, KilogramsPerMetre, Metres, Seconds
@@ -128,6 +129,12 @@ class Identification:
         """Numbers of the partials that the drivers hold, ascending."""
         return tuple(sorted({each.number for each in self.partials if each.held}))
 
+    def __repr__(self) -> str:
+        known = {name: _in_words(each) for name, each in self.estimates.items() if each.valid}
+        lacking = ", ".join(name for name in self.estimates if name not in known)
+        facts = [*known.items(), ("no answer", lacking), ("notes", "; ".join(self.notes))]
+        return lines(f"Identification: {self.design}, as built", facts)
+
     def tree(self) -> dict[str, Any]:
         """Return the result as plain values."""
         return {
@@ -152,11 +159,7 @@ class Identification:
         """Return the result in convenient units, as text lines."""
         lines = [f"{self.design}, as built:"]
         for name, each in self.estimates.items():
-            scale, unit = (
-                (1e3, "g/m") if each.unit == "kg/m" else (1e3, "mm") if each.unit == "m" else (1, "")
-            )
-            shown = f"{_shown(scale * each.value, scale * each.std)} {unit or each.unit.removeprefix('1')}"
-            lines.append(f"  {name:<16}{shown.rstrip() if each.valid else str(each)}")
+            lines.append(f"  {name:<16}{_in_words(each)}")
         held = ", ".join(map(str, self.held)) or "none"
         lines += [f"  {'held partials':<16}{held}", "  correlation (%)"]
         lines += [f"    {'':<16}{'  '.join(name[:9].rjust(9) for name in NAMES)}"]
@@ -449,6 +452,13 @@ def _support_loss(sensor: Sensor, partials: Sequence[Partial]) -> Estimate:
     value = float(np.sum((decay - other) * slope / std**2)) / information
     excess = float(np.sum(((decay - other - value * slope) / std) ** 2)) / max(len(free) - 1, 1)
     return Estimate(value=value, std=math.sqrt(max(excess, 1.0) / information), unit="1")
+
+
+def _in_words(estimate: Estimate) -> str:
+    """Return an estimate in convenient units, to two digits of its error, or the reason for none."""
+    scale, unit = {"kg/m": (1e3, "g/m"), "m": (1e3, "mm")}.get(estimate.unit, (1.0, estimate.unit))
+    shown = f"{_shown(scale * estimate.value, scale * estimate.std)} {unit.removeprefix('1')}"
+    return shown.rstrip() if estimate.valid else str(estimate)
 
 
 def _shown(value: float, std: float) -> str:

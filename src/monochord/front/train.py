@@ -38,6 +38,8 @@ class TrainedModel(Model):
     scores: Mapping[str, HeadScores] = field(repr=False)
     epochs: int
 
+    __repr__ = Model.__repr__
+
     def tree(self) -> dict[str, Any]:
         """Return the run, the scores and the checksum of the weights as plain values."""
         return {

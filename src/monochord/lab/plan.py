@@ -234,7 +234,7 @@ class Plan(Checked):
         Seed of a build of that design within its tolerances; by default the design itself.
     world
         "ideal", or "plausible" for what a real build brings besides, see `monochord.physics.twin.world`.
-        Plans that trained the bundled model are of "plausible_1".
+        Earlier plans are of "plausible_1".
     effects
         The effects of a plausible world, each a switch.
     deviation

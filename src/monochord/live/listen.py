@@ -90,9 +90,9 @@ def listen(
     >>> twin = VirtualSensor("prototype", seed=1)
     >>> for update in listen(twin, seconds=0.8):
     ...     if update.time == 0.0:
-    ...         _ = twin.press(0.08, 1.0)
+    ...         _ = twin.press(0.09, 1.0)
     >>> print(f"{update.position.value:.2f} m, truly {update.truth['position']:.2f} m")
-    0.08 m, truly 0.08 m
+    0.09 m, truly 0.09 m
     """
     return _updates(_live_run(source, model, seconds, hop, window, string, sensor, options))
 

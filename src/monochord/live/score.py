@@ -25,8 +25,10 @@ class Scorer(Listener):
 
     Window labels follow the rules of datasets (`monochord.core.labels`): a window in which a touch or a slide
     begins or ends has no label and does not count. `contact` and `slip` (sliding or resting, during contact)
-    are correct where the estimated probability is on the true side of 0.5. Position and force have a mean
-    error over all contact, sliding or not. An abstention counts neither as an error nor as correct.
+    are right where the estimated probability is on the true side of 0.5, position and force where they are
+    within `LIMITS` of the truth, over all contact, sliding or not. ``told`` is the share of windows with an
+    estimate and ``right`` the share of these that are right, so that an abstention counts in the first alone;
+    ``accuracy`` and ``within`` are shares of all windows.
     """
 
     def __init__(self) -> None:
@@ -102,15 +104,17 @@ class Scorer(Listener):
         return (np.array(self._estimates["position"][0]) - position)[rows]
 
     def _detection(self, name: str, rows: NDArray[np.bool_]) -> dict[str, float | None]:
-        """Return the share of correct windows, and the area under the ROC curve where both classes occur."""
+        """Return the shares told and right, and the area under the ROC curve where both classes occur."""
         score = detection_score(self._label(name)[rows] > 0.0, np.array(self._estimates[name][0])[rows])
-        return {f"{name}_accuracy": score.accuracy, f"{name}_area": score.area}
+        shares = _told_and_right(name, score.answered, score.accuracy)
+        return {**shares, f"{name}_accuracy": score.accuracy, f"{name}_area": score.area}
 
     def _regression(self, name: str, rows: NDArray[np.bool_], within: str) -> dict[str, float | int | None]:
         value, std = (np.array(column)[rows] for column in self._estimates[name])
         score = regression_score(self._label(name)[rows], value, std, limit=LIMITS[name])
         return {
             f"{name}_windows": score.windows,
+            **_told_and_right(name, score.answered, score.within),
             f"{name}_answered": int(np.isfinite(value).sum()),
             f"{name}_mae": score.mae,
             f"{name}_within_{within}": None if score.mae is None else score.within,
@@ -123,20 +127,29 @@ def _line(name: str, tree: Mapping[str, float | int | None]) -> list[str]:
     counted = tree.get(f"{name}_windows")
     if not counted:
         return []
+    right = tree[f"{name}_right"]
+    if right is None:
+        return [f"{name:<9}told in none of {counted} windows"]
+    told = f"{name:<9}told in {_share(tree[f'{name}_told'])} of {counted} windows, of these {_share(right)}"
     if name in PROBABILITIES:
-        right, area = tree[f"{name}_accuracy"], tree[f"{name}_area"]
-        curve = "" if area is None else f", area under the curve {area:.3f}"
-        return [f"{name:<9}{_share(right)} right of {counted} windows{curve}"]
-    (within, scale, unit), limit = QUANTITIES[name], LIMITS[name]
-    error = tree[f"{name}_mae"]
-    if error is None:
-        return [f"{name:<9}no answer in {counted} windows"]
-    abstained = 1.0 - (tree[f"{name}_answered"] or 0) / counted
-    covered = tree[f"{name}_coverage"]
+        area = tree[f"{name}_area"]
+        return [f"{told} right" + ("" if area is None else f"; area under the curve {area:.3f}")]
+    (_, scale, unit), covered = QUANTITIES[name], tree[f"{name}_coverage"]
     coverage = "" if covered is None else f", {_share(covered)} within one standard error"
-    errors = f"mean error {scale * error:.2f} {unit}, {_share(tree[f'{name}_within_{within}'])} within"
-    silence = f"{_share(abstained)} of {counted} windows abstained"
-    return [f"{name:<9}{errors} {scale * limit:g} {unit}{coverage}; {silence}"]
+    error = f"mean error {scale * (tree[f'{name}_mae'] or 0.0):.2f} {unit}"
+    return [f"{told} right within {scale * LIMITS[name]:g} {unit}; {error}{coverage}"]
+
+
+def _told_and_right(name: str, told: float | None, right: float | None) -> dict[str, float | None]:
+    """Return the share of windows with an estimate, and that of right ones among these.
+
+    `right` is the share of right ones among all windows.
+
+    >>> _told_and_right("force", 0.8, 0.6)
+    {'force_told': 0.8, 'force_right': 0.75}
+    """
+    among = min(right / told, 1.0) if told and right is not None else None
+    return {f"{name}_told": told, f"{name}_right": None if among is None else round(among, 12)}
 
 
 def _share(share: float | None) -> str:

@@ -16,7 +16,7 @@ import numpy as np
 from monochord.core.types import Signal
 from monochord.core.units import Metres, Newtons, Seconds
 from monochord.live.sinks.base import Update
-from monochord.physics.known_touches import Estimated, why_impossible
+from monochord.physics.known_touches import Estimated, beside_nodes, why_impossible
 
 UNTOUCHED: Seconds = 2.0
 """Duration of untouched sound before the first touch, in s: features are relative to it."""
@@ -104,7 +104,7 @@ class TouchGuide:
     >>> guide = TouchGuide(Signal(sample_rate=44100, channels=2, sensing_range=(0.05, 0.15)), 0.2, 3)
     >>> position, force = guide.proposed
     >>> round(position, 3), round(force, 2), guide.phase
-    (0.1, 0.76, 'rest')
+    (0.103, 0.76, 'rest')
     """
 
     def __init__(
@@ -152,12 +152,13 @@ class TouchGuide:
 
     @property
     def proposed(self) -> tuple[Metres, Newtons]:
-        """Position and force of the touch to make; both are spread evenly for any number of touches."""
+        """Position and force of the touch to make, spread evenly for any number of touches; no nodes."""
         number = len(self._touches) + self._skipped
         low, high = self.range or (0.0, self._length)
         first, last = PLACES if self.range is None else (MARGIN, 1.0 - MARGIN)
         along, hard = (0.5 + 0.618034 * number) % 1.0, (0.3 + 0.381966 * number) % 1.0
         place = low + (first + (last - first) * along) * (high - low)
+        place = beside_nodes(place, self._length)
         return place, self._forces[0] + (self._forces[1] - self._forces[0]) * hard
 
     @property

@@ -8,6 +8,7 @@ from typing import Any
 
 from monochord.capture.sources.base import Source, Stream
 from monochord.core.errors import InputError
+from monochord.core.notebook import lines
 from monochord.core.silence import SILENCE_REMEDY
 from monochord.core.types import StringParams
 from monochord.core.units import Hertz, Metres, Seconds
@@ -92,6 +93,19 @@ class SensorAsTuned:
         if abs(tuning.inharmonicity - expected) > STIFFNESS_DEVIATIONS * tuning.inharmonicity_std:
             notes.append(f"stiffness {tuning.inharmonicity / expected:.2f} times the design's: another wire?")
         return tuple(notes)
+
+    def __repr__(self) -> str:
+        measured, length = self.measured(), "" if self.length is None else f"{1e3 * self.length:.1f} mm"
+        return lines(
+            f"SensorAsTuned: {self.design}, open string at {measured.open_frequency:.2f} Hz"
+            f" +- {measured.open_frequency_std:.2f}",
+            [
+                ("off nominal", f"{self.cents:+.0f} cents"),
+                ("tension", f"{measured.tension:.2f} N +- {measured.tension_std:.2f}"),
+                ("length", length),
+                ("notes", "; ".join(self.notes)),
+            ],
+        )
 
     def lines(self) -> list[str]:
         """Return the result in convenient units, as text lines."""

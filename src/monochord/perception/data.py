@@ -139,6 +139,12 @@ class FeatureRows(np.ndarray[tuple[int, ...], np.dtype[np.float32]]):
         is_alike = is_alike and (self.flags.owndata or self.strides == obj.strides)  # not transposed
         self.columns = obj.columns if is_alike else ()
 
+    def __repr__(self) -> str:
+        if not self.columns:
+            return repr(self.values)
+        columns = ("columns", f"{len(self.columns)}, {', '.join(self.columns)}")
+        return lines(f"FeatureRows: {len(self)} windows", [columns])
+
     def __array_wrap__(self, array: Any, context: Any = None, return_scalar: bool = False) -> Any:  # noqa: FBT001, FBT002
         plain = array.view(np.ndarray)
         return plain[()] if return_scalar else plain
@@ -249,7 +255,7 @@ class LabelledData:
     def _facts(self) -> tuple[str, list[tuple[str, str]]]:
         title, facts = self.dataset.facts()
         parts = ", ".join(f"{name} {len(rows)}" for name, rows in self.split.parts.items())
-        return title, [*facts, ("split", parts)]
+        return title, [*facts[:2], ("split", parts), *facts[2:]]
 
     def rows(self, part: str | None = None) -> Indices:
         """Return the indices (n,) of a part's usable windows in time order; None means all parts."""

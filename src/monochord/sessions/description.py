@@ -15,6 +15,7 @@ from msgspec import Meta
 
 from monochord.core.config import Tree, from_tree, to_tree
 from monochord.core.errors import InputError
+from monochord.core.notebook import lines
 from monochord.core.ranges import Checked
 from monochord.core.types import Feed, Floats, StringParams
 from monochord.core.units import Metres, Seconds
@@ -117,6 +118,17 @@ class Description(Checked):
         if len(set(streams)) < len(streams):
             twice = next(name for name in streams if streams.count(name) > 1)
             raise InputError(f"two streams called '{twice}'", "unique names", "set its option stream")
+
+    def __repr__(self) -> str:
+        return lines(
+            f"Description: {self.name}{', simulated' if self.simulated else ''}",
+            [
+                ("audio", f"{self.channels} channels at {self.sample_rate:g} Hz"),
+                ("sensor", str(self.sensor.get("name", ""))),
+                ("touched by", self.material or self.object),
+                ("streams", ", ".join(feed.stream for feed in self.feeds)),
+            ],
+        )
 
     def feed(self, stream: str) -> Feed:
         """Return the feed of a stream; raises `InputError` for an unknown stream."""

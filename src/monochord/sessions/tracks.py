@@ -31,6 +31,11 @@ class AudioTrack:
     anchor_time: Floats
     device_frame: NDArray[np.int64]
 
+    def __repr__(self) -> str:
+        channels, frames = self.samples.shape
+        what = f"{frames / self.sample_rate:.2f} s of {channels} channels at {self.sample_rate} Hz"
+        return f"AudioTrack: {what}, {len(self.gaps)} gaps"
+
     @property
     def line(self) -> tuple[float, Seconds]:
         """Sample rate, and the time of frame 0, of the line through the anchors.

@@ -117,7 +117,7 @@ def test_objects_fill_their_ranges() -> None:
         assert one.law.arm == (0.0 if one.law.flat else radius)
 
 
-def test_the_world_plausible_1_draws_what_the_bundled_model_was_trained_with() -> None:
+def test_the_world_plausible_1_draws_what_earlier_plans_have() -> None:
     found = [mode for one in FIRST_WORLD for mode in one.mount.modes]
     even([mode.frequency for mode in found], 300.0, 5000.0, log=True)
     assert min(mode.mass for mode in found) >= 2e-3

@@ -13,6 +13,7 @@ from types import MappingProxyType
 from typing import Any
 
 from monochord.capture.sources.base import Controls
+from monochord.core.notebook import lines
 from monochord.core.ranges import Checked
 from monochord.core.types import (
     Estimate,
@@ -104,6 +105,20 @@ class Update(NamedEstimates):
     def __str__(self) -> str:
         """Return time and estimates as text."""
         return f"{self.time:.2f} s: " + "; ".join(f"{name} {each}" for name, each in self.estimates.items())
+
+    def __repr__(self) -> str:
+        words = {name: f"{name} {self.truth[name]:g}" for name in ("contact", "slip") if name in self.truth}
+        units = {"position": ("mm", 1e3), "force": ("N", 1.0)}
+        words |= {n: f"{n} {s * self.truth[n]:.4g} {u}" for n, (u, s) in units.items() if n in self.truth}
+        return lines(
+            f"Update at {self}",
+            [
+                ("tracked", ", ".join(f"{name} {each}" for name, each in self.tracked.items())),
+                ("truth", ", ".join(words.values())),
+                ("notes", ", ".join(note.key for note in self.notes)),
+                ("string", self.string),
+            ],
+        )
 
     def __getitem__(self, name: str) -> Estimate:
         """Return an estimate by name; deprecated, use ``update.position``."""

@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.text import Text
 
 from monochord.core.printable import printable
-from monochord.core.screen import Screen, can_draw
+from monochord.core.screen import Screen, can_draw, console_of
 from monochord.core.timing import Histogram
 from monochord.core.types import Signal
 from monochord.core.units import Metres, Seconds
@@ -54,7 +54,7 @@ class Terminal(Sink):
     def open(self, run: Run) -> Generator[Writer]:
         """Take over the terminal's lower part; the last picture stays."""
         to_stderr = self.stderr or run.is_output_taken
-        console = Console(file=sys.stderr if to_stderr else sys.stdout, highlight=False)
+        console = console_of(sys.stderr if to_stderr else sys.stdout)
         if self.plain or not can_draw(console):
             lines = _Lines(console)
             yield lines

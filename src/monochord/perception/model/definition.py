@@ -201,6 +201,10 @@ class Definition(Checked):
             given = f"heads {', '.join(self.heads) or '(none)'}"
             raise InputError(given, f"one that learns the label {CONTACT}, beside others", "add it")
 
+    def __repr__(self) -> str:
+        heads = ", ".join(self.heads)
+        return f"Definition: {self.title or 'untitled'}; heads {heads}; feature {self.feature.name}"
+
     @property
     def gate(self) -> str:
         """Name of the head that estimates contact."""

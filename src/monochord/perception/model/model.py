@@ -38,7 +38,7 @@ from monochord.perception.model.probe import probed, refuse_another
 from monochord.perception.model.saving import save
 from monochord.perception.model.stepping import Stepper, WindowReading
 from monochord.perception.model.stream import Fixed, Followed, ModelStream
-from monochord.perception.model.summary import facts
+from monochord.perception.model.summary import brief, facts
 from monochord.perception.model.table import PredictionTable
 from monochord.perception.tuning.sessions import at_length_of, refuse_foreign
 from monochord.physics.sensors import Sensor, load_sensor, retuned, with_length, with_sensor
@@ -274,7 +274,7 @@ class Model:
         >>> from monochord.physics.twin.virtual_sensor import VirtualSensor
         >>> from monochord.perception.model import load
         >>> twin = VirtualSensor("prototype", seed=1)
-        >>> _ = twin.press(0.08, 1.0, material="plastic")
+        >>> _ = twin.press(0.09, 1.0, material="plastic")
         >>> sound, truth = twin.advance(1.0)
         >>> load("demo").score(sound, truth, sensor="prototype") > 0.5
         True
@@ -339,7 +339,7 @@ class Model:
         return Fixed(model)
 
     def __repr__(self) -> str:
-        return lines(*facts(self.definition))
+        return lines(*brief(self.definition))
 
     def _repr_html_(self) -> str:
         return html_table(*facts(self.definition))

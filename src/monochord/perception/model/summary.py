@@ -21,6 +21,14 @@ def facts(definition: Definition) -> tuple[str, list[tuple[str, str]]]:
     ]
 
 
+def brief(definition: Definition) -> tuple[str, list[tuple[str, str]]]:
+    """Return a title and (name, text) pairs for a prompt: a model's sensor, training and estimates."""
+    title, rows = facts(definition)
+    units = {name: record.task.unit for name, record in definition.heads.items()}
+    estimates = ", ".join(f"{name} ({unit})" if unit else name for name, unit in units.items())
+    return title, [("estimates", estimates), *rows[:3]]
+
+
 def _sensor(definition: Definition) -> str:
     string = definition.string
     if string is None:

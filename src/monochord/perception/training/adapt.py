@@ -33,6 +33,7 @@ from monochord.perception.training.correct import (
 from monochord.perception.training.examples import stream_of, touches_of
 from monochord.perception.training.touch_labels import refuse_impossible
 from monochord.perception.training.train import read_in_turn, with_design_forces
+from monochord.physics.known_touches import NODE_SHARE, node_distance
 
 Objects: TypeAlias = Literal["same", "others"]
 """The objects that an adapted model is for: only the object of the known touches, or others too."""
@@ -378,7 +379,7 @@ def _suggestion(
 ) -> Suggestion | None:
     """Return which of the touches that the model keeps would lower the variance of all others most.
 
-    One outside the sensing range is never proposed; None where there is no other.
+    One outside the sensing range or at a node is never proposed; None where there is no other.
     """
     gains: dict[str, Floats] = {}
     places: Floats = np.zeros((0, 2))
@@ -392,6 +393,8 @@ def _suggestion(
         gains[name] = lowered / (correction.noise * spreads[name] ** 2 + variance.mean())
     low, high = sensing_range or (-np.inf, np.inf)
     possible = (low <= places[:, 0]) & (places[:, 0] <= high) & (places[:, 1] > 0.0)
+    if (string := model.definition.string) is not None:
+        possible &= np.abs(node_distance(places[:, 0], string.length)) >= NODE_SHARE * string.length
     if not possible.any():
         return None
     total = np.where(possible, np.mean(list(gains.values()), axis=0), -np.inf)

@@ -7,6 +7,7 @@ from msgspec import Meta
 
 from monochord.core.config import from_tree
 from monochord.core.errors import InputError
+from monochord.core.notebook import lines
 from monochord.core.presets import Presets
 from monochord.core.ranges import Checked
 from monochord.core.units import Metres, MetresPerSecond, Pascals
@@ -50,6 +51,17 @@ class Material(Checked):
         if self.friction_static < self.friction_kinetic:
             given = f"material {self.name}.friction_static {self.friction_static:g}"
             raise InputError(given, f"friction_kinetic ({self.friction_kinetic:g}) or more")
+
+    def __repr__(self) -> str:
+        return lines(
+            f"Material: {self.name}, {self.title}",
+            [
+                ("young modulus", f"{1e-9 * self.young_modulus:.3g} GPa"),
+                ("friction", f"{self.friction_static:g} static, {self.friction_kinetic:g} kinetic"),
+                ("radius", f"{1e3 * self.radius:g} mm"),
+                ("roughness", f"{1e6 * self.roughness:.3g} um"),
+            ],
+        )
 
 
 def _read(tree: dict[str, Any], where: str) -> Material:

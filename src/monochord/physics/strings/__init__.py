@@ -5,7 +5,7 @@ from typing import Any
 
 from monochord.core.config import from_tree, to_tree
 from monochord.core.errors import InputError
-from monochord.core.notebook import html_table
+from monochord.core.notebook import html_table, lines
 from monochord.core.presets import Presets
 from monochord.core.types import Contact, StringParams
 from monochord.core.units import Hertz
@@ -30,18 +30,21 @@ class StringPreset:
     notes: str = ""
     contact: Contact | None = None
 
+    def __repr__(self) -> str:
+        return lines(*self._facts())
+
     def _repr_html_(self) -> str:
+        return html_table(*self._facts())
+
+    def _facts(self) -> tuple[str, list[tuple[str, str]]]:
         string = self.string
-        return html_table(
-            f"String: {self.title}",
-            [
-                ("name", self.name),
-                ("length", f"{1e3 * string.length:g} mm"),
-                ("tension", f"{string.tension:g} N"),
-                ("open frequency", f"{self.open_frequency:g} Hz"),
-                ("source", self.source),
-            ],
-        )
+        return f"String: {self.title}", [
+            ("name", self.name),
+            ("length", f"{1e3 * string.length:g} mm"),
+            ("tension", f"{string.tension:g} N"),
+            ("open frequency", f"{self.open_frequency:g} Hz"),
+            ("source", self.source),
+        ]
 
     @property
     def usual_contact(self) -> Contact:

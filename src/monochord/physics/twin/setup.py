@@ -7,6 +7,7 @@ from typing import Annotated, Literal, TypeAlias
 from msgspec import Meta
 
 from monochord.core.errors import InputError
+from monochord.core.notebook import lines
 from monochord.core.ranges import Checked, Finite, Pair, Share
 from monochord.core.types import Audio, StringParams
 from monochord.core.units import FINITE, Hertz, Metres, MetresPerSecond, Newtons, Seconds
@@ -188,6 +189,19 @@ class Sensor(Checked):
     def __post_init__(self) -> None:
         Checked.__post_init__(self)
         refuse_impossible(self)
+
+    def __repr__(self) -> str:
+        string, (low, high) = self.string, (1e3 * end for end in self.range)
+        measured = "" if self.measured_length is None else f"{1e3 * self.measured_length:.1f} mm"
+        return lines(
+            f"Sensor: {self.name}",
+            [
+                ("string", f"{1e3 * string.length:.4g} mm at {string.tension:.3g} N"),
+                ("senses", f"{low:g} to {high:g} mm"),
+                ("measured length", measured),
+                ("title", self.title),
+            ],
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,10 +5,12 @@ from dataclasses import replace
 import numpy as np
 
 from monochord.core.errors import InputError
+from monochord.core.notebook import lines
 from monochord.core.types import Audio, Floats
 from monochord.core.units import Metres, MetresPerSecond, Newtons, Seconds
 from monochord.physics.materials import load_material
 from monochord.physics.sensors import load_sensor
+from monochord.physics.theory import open_frequency
 from monochord.physics.twin.setup import MAX_TOUCHES, Key, Pluck, Scene, Sensor, Touch
 from monochord.physics.twin.stream import Labels, advance, begin, retouch, switch
 from monochord.physics.twin.world import World, plausible_touch, sensor_of
@@ -41,8 +43,8 @@ class VirtualSensor:
         Seeds of another build within the design's tolerances, and of another day; None is the design itself.
     world
         ``ideal``, or ``plausible``: what a real build brings besides, see `monochord.physics.twin.world`. The
-        mounts and surfaces of its objects are drawn by `seed` and material. ``plausible_1`` draws as the
-        bundled model's training did.
+        mounts and surfaces of its objects are drawn by `seed` and material. ``plausible_1`` draws as plans of
+        earlier models do.
     sample_rate
         In Hz, 16000 to 192000.
 
@@ -59,7 +61,7 @@ class VirtualSensor:
     Examples
     --------
     >>> twin = VirtualSensor("prototype", seed=1)
-    >>> _ = twin.press(0.08, 1.0, material="plastic")
+    >>> _ = twin.press(0.09, 1.0, material="plastic")
     >>> sound, labels = twin.advance(0.2)
     >>> sound.shape, bool(labels["contact"][-1])
     ((2, 8820), True)
@@ -97,6 +99,21 @@ class VirtualSensor:
     def sample_rate(self) -> int:
         """Frames a second."""
         return self._twin.sample_rate
+
+    def __repr__(self) -> str:
+        string, pressed = self.sensor.string, [key for key in self._pressed() if key.force > 0.0]
+        return lines(
+            f"VirtualSensor: {self.design.name}, simulated, after {self.time:.2f} s",
+            [
+                ("world", self.world),
+                ("string", f"{1e3 * string.length:.1f} mm, {open_frequency(string):.1f} Hz"),
+                (
+                    "touch",
+                    ", ".join(f"{1e3 * k.position:.1f} mm with {k.force:.2f} N" for k in pressed) or "none",
+                ),
+                ("sound", f"2 microphones at {self.sample_rate} Hz"),
+            ],
+        )
 
     def press(
         self,
@@ -245,6 +262,10 @@ class VirtualSensor:
         length = self.sensor.string.length
         if not 0.02 * length <= position <= 0.98 * length:
             raise InputError(f"a touch at {position:g} m", f"{0.02 * length:g} to {0.98 * length:g} m")
+
+    def _pressed(self) -> list[Key]:
+        """Return where each object's motion has brought it by now."""
+        return [self._now(number) for number in range(len(self._touches))]
 
     def _now(self, touch: int) -> Key:
         """Return where an object's motion has brought it by now."""

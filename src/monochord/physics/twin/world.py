@@ -6,8 +6,8 @@ it stretches; its ends yield, its drivers are stronger, uneven and magnetic; its
 picks up the coils. A plausible object gives way, and its surface is rough, and round, flat or sharp, of a
 width, and resists turning. Each of these effects is a switch of `Effects`, and each of its quantities is
 drawn from a stated range by a random stream of its own, by name and seed: to switch one off leaves the others
-as they were. The world `plausible_1` draws as the bundled model's training did: softer mounts, contacts at a
-point, and the design's length within 0.6 mm.
+as they were. The world `plausible_1` draws as plans of earlier models do: softer mounts, contacts at a point,
+and the design's length within 0.6 mm.
 
 Quantities whose size is not known are drawn evenly over their logarithm, others evenly over their range. The
 ranges are what a careful reviewer would expect; each names its source or the word assumed.
@@ -154,7 +154,7 @@ def sensor_of(
         With its nominal values.
     world
         ``ideal``: only what the design's `tolerances` and `changes` say; ``plausible``: the effects besides;
-        ``plausible_1``: those that the bundled model was trained with.
+        ``plausible_1``: those of earlier plans.
     build
         Seed of the build. None is the design's own strings, drivers and pickups; a plausible world's effects
         are then those of seed 0.

@@ -38,16 +38,19 @@ function truthOf(moment, name, words) {
   return `true: ${words(value)}`;
 }
 
-function chance(moment, name) {
-  const each = moment.window[name];
-  return each && each.value !== null ? `${Math.round(100 * each.value)} % likely` : (each?.why ?? "not estimated");
+// The probability of the word that is shown: of yes where it is on, else of no. It is not rounded to a certainty.
+function chance(moment, name, on) {
+  const each = estimate(moment, name);
+  if (on === null || !each) return reason(moment, name) || "not estimated";
+  const share = on ? each.value : 1 - each.value;
+  return `${(Math.floor(1e3 * share) / 10).toFixed(share < 0.99 ? 0 : 1)} % likely`;
 }
 
 export function showNumbers(moment) {
   const contact = touched(moment), slip = decision(moment, "slip");
   const yes = (a, b) => (value) => (value > 0.5 ? a : b);
   put("reading-contact", contact === null ? "–" : contact ? "touched" : "untouched", "", {
-    text: chance(moment, "contact"), truth: truthOf(moment, "contact", yes("touched", "untouched")),
+    text: chance(moment, "contact", contact), truth: truthOf(moment, "contact", yes("touched", "untouched")),
   }, Boolean(contact));
   for (const [name, unit] of [["position", "m"], ["force", "N"]]) {
     const each = contact ? estimate(moment, name) : null;
@@ -57,7 +60,7 @@ export function showNumbers(moment) {
       { text: why, truth: truthOf(moment, name, (value) => inUnit(value, unit)) }, each !== null);
   }
   put("reading-slip", !contact || slip === null ? "–" : slip ? "sliding" : "at rest", "", {
-    text: contact === false ? "no contact" : chance(moment, "slip"),
+    text: contact === false ? "no contact" : chance(moment, "slip", slip),
     truth: truthOf(moment, "slip", yes("sliding", "at rest")),
   }, Boolean(contact && slip));
 }

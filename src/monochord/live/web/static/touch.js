@@ -40,7 +40,7 @@ export class Hand {
     canvas.setAttribute("aria-describedby", "where keys");
     canvas.setAttribute("aria-valuemin", "0");
     canvas.setAttribute("aria-valuemax", String(Math.round(1e3 * run.length)));
-    this.keyed.position ??= 0.4 * run.length;
+    this.keyed.position ??= 0.45 * run.length; // no node of the modes that drivers hold
     this.describe();
   }
 

@@ -1,0 +1,85 @@
+"""What draws on a terminal puts no control sequence into a pipe, whatever the environment says of colours."""
+
+import os
+import pty
+import re
+import subprocess
+import sys
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+ESCAPE = b"\x1b"
+COLORAMA = b"\x1b[0m"
+"""What a library of numba's leaves at the end on any terminal."""
+COLOUR = re.compile(rb"\x1b\[(?:[39]\d|38;|1;3\d)[\d;]*m")
+FEW = "groups=[{name='hold', sessions=1, grid=[1, 1], hold=0.3}]"
+DRAWING = {
+    "demo": ["demo", "--no-browser", "--seconds", "1"],
+    "live": ["live", "demo", "--source", "twin", "--seconds", "1"],
+    "record": ["record", "take.mcap", "--source", "twin", "--seconds", "1"],
+    "collect": ["collect", "quick", "--out", "sessions", "--set", FEW],
+    "doctor": ["doctor"],
+    "help": ["live", "--help"],
+}
+"""Commands that draw: pictures that are renewed, progress bars, and click's help."""
+FORCED = [{"FORCE_COLOR": "1"}, {"FORCE_COLOR": "3", "TTY_COMPATIBLE": "1", "CLICOLOR_FORCE": "1"}]
+SOURCES = Path(__file__).parents[2] / "src" / "monochord"
+
+
+def environment(**changed: str) -> dict[str, str]:
+    names = ("FORCE_COLOR", "NO_COLOR", "TTY_COMPATIBLE", "CLICOLOR_FORCE")
+    own = {name: value for name, value in os.environ.items() if name not in names}
+    return {**own, "TERM": "xterm-256color", "COLUMNS": "100", "LINES": "30", **changed}
+
+
+def on_a_terminal(words: list[str], folder: Path, **changed: str) -> bytes:
+    """Return what a command prints on a terminal of its own."""
+    ours, theirs = pty.openpty()
+    command, shown = [sys.executable, "-m", "monochord", *words], b""
+    with subprocess.Popen(
+        command, cwd=folder, stdin=theirs, stdout=theirs, stderr=theirs, env=environment(**changed)
+    ) as run:
+        os.close(theirs)
+        with suppress(OSError):  # Linux tells this way that the other side was closed
+            while more := os.read(ours, 65536):
+                shown += more
+    os.close(ours)
+    assert run.returncode == 0, shown.decode()
+    return shown
+
+
+@pytest.mark.parametrize("forced", FORCED, ids=["FORCE_COLOR", "all"])
+@pytest.mark.parametrize("words", DRAWING.values(), ids=[*DRAWING])
+def test_a_pipe_gets_plain_text(tmp_path: Path, words: list[str], forced: dict[str, str]) -> None:
+    command = [sys.executable, "-m", "monochord", *words]
+    run = subprocess.run(
+        command,
+        cwd=tmp_path,
+        env=environment(**forced),
+        capture_output=True,
+        check=False,
+        stdin=subprocess.DEVNULL,
+    )
+    assert run.stdout + run.stderr
+    assert ESCAPE not in run.stdout + run.stderr
+
+
+def test_a_terminal_is_drawn_on_in_colours_unless_the_environment_refuses_them(tmp_path: Path) -> None:
+    words = DRAWING["live"]
+    assert COLOUR.search(on_a_terminal(words, tmp_path))
+    plain = on_a_terminal(words, tmp_path, NO_COLOR="1")
+    assert ESCAPE in plain
+    assert not COLOUR.search(plain)
+
+
+@pytest.mark.parametrize("name", ["live", "record", "collect"])
+def test_a_terminal_that_cannot_move_its_cursor_gets_lines(tmp_path: Path, name: str) -> None:
+    shown = on_a_terminal(DRAWING[name], tmp_path, TERM="dumb", FORCE_COLOR="1")
+    assert ESCAPE not in shown.removesuffix(COLORAMA)
+
+
+def test_one_place_makes_consoles() -> None:
+    makers = [path for path in SOURCES.rglob("*.py") if re.search(r"\bConsole\(", path.read_text("utf-8"))]
+    assert [path.name for path in makers] == ["screen.py"]
