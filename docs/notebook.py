@@ -1,5 +1,6 @@
-"""The notebook of a tutorial, made from its page: text, commands and programs become its cells."""
+"""The notebook of a tutorial, made from its page: text, commands, programs and pictures become its cells."""
 
+import re
 from pathlib import Path
 
 import jupytext  # pyright: ignore[reportMissingImports]
@@ -12,18 +13,27 @@ HEAD = (
     + "---\n"
 )
 """What tells jupytext that programs are Python's, and commands are the shell's."""
+PICTURE = re.compile(r"--figure (\S+\.png)")
+"""A picture that a command draws into a file."""
 
 
 def write(page: Path) -> None:
     """Write the notebook of a page beside it; one that would not change is left alone.
 
-    A command becomes a cell of the shell, a program one of Python. Identifiers are the cells' numbers, so
-    that equal pages give equal notebooks.
+    A command becomes a cell of the shell, a program one of Python, and a picture that a command draws is shown
+    below it. Identifiers are the cells' numbers, so that equal pages give equal notebooks.
     """
     notebook = jupytext.reads(HEAD + page.read_text(encoding="utf-8"), fmt="md")
+    notebook.cells = [shown for cell in notebook.cells for shown in (cell, *pictures(cell.source))]
     for number, cell in enumerate(notebook.cells):
         cell.id = str(number)
     notebook.metadata = nbformat.from_dict({"kernelspec": KERNEL})
     path, text = page.with_suffix(".ipynb"), nbformat.writes(notebook) + "\n"
     if not path.exists() or path.read_text(encoding="utf-8") != text:
         path.write_text(text, encoding="utf-8")
+
+
+def pictures(source: str) -> list[nbformat.NotebookNode]:
+    """Return the cells that show the pictures of a cell's commands."""
+    show = 'from IPython.display import Image\n\nImage("{}")'
+    return [nbformat.v4.new_code_cell(show.format(name)) for name in PICTURE.findall(source)]

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import pytest
 from packaging.requirements import Requirement
+from tests.e2e.printed import missing_comments, missing_lines, outputs
 from tests.e2e.requirements import link
 
 ROOT = Path(__file__).parents[2]
@@ -39,6 +40,11 @@ def steps(page: Path) -> list[str]:
         lines = [f"python -c {shlex.quote(text)}"] if kind == "python" else [*text.splitlines(), inline]
         found += [line for line in lines if line and not line.startswith(SETS_UP)]
     return [line for line in found if line.partition("#")[0].strip() and not line.startswith(LEFT_OUT)]
+
+
+def programs_of(text: str) -> list[str]:
+    """The programs of a page, in order."""
+    return [program for kind, program, _ in BLOCK.findall(text) if kind == "python"]
 
 
 class Newcomer:
@@ -88,9 +94,13 @@ def seconds_of_processor() -> float:
 def follow(page: Path, newcomer: Newcomer, capsys: pytest.CaptureFixture[str]) -> dict[str, float]:
     """Take the steps of a page, and return the seconds of processor that each command took.
 
-    What the page installs is withheld until a command asks for it, by the same line.
+    What the page installs is withheld until a command asks for it, by the same line. What it says that a
+    command or a program prints is printed.
     """
     costs: dict[str, float] = {}
+    text = page.read_text(encoding="utf-8")
+    said = outputs(text)
+    programs = {f"python -c {shlex.quote(program)}": program for program in programs_of(text)}
     named, asked_for = set[str](), set[str]()
     for step in steps(page):
         if step.startswith(INSTALL):
@@ -107,12 +117,37 @@ def follow(page: Path, newcomer: Newcomer, capsys: pytest.CaptureFixture[str]) -
                 ran = newcomer.run(step)
         assert ran.returncode == 0, f"{step}\n{ran.stderr}"
         assert "nan" not in ran.stdout, step
+        program = programs.get(step, step)
+        assert missing_comments(program, ran.stdout) == [], ran.stdout
+        assert missing_lines(said.get(program, ""), ran.stdout) == [], ran.stdout
         used = costs[step] = seconds_of_processor() - used
         with capsys.disabled():
             line = step.partition("\n")[0]
             print(f"\n{time.monotonic() - began:6.1f} s  {used:6.1f} s of processor  {line}", end="")  # noqa: T201
     assert asked_for == named
     return costs
+
+
+def test_its_first_program_prints_what_it_says(capsys: pytest.CaptureFixture[str]) -> None:
+    program = programs_of(README.read_text(encoding="utf-8"))[0]
+    exec(compile(program, "README.md", "exec"), {})  # noqa: S102
+    printed = capsys.readouterr().out
+    assert missing_comments(program, printed) == []
+    assert missing_comments(program.replace("# 90.0 +- 0.5", "# 80.0 +- 0.5"), printed)  # a stale page
+    assert missing_comments(program.replace("# (41, 300)", "# (41, 392)"), printed)
+
+
+def test_what_a_page_prints_is_compared_by_words_and_numbers() -> None:
+    said, printed = (
+        "wood: 0.05 mm, 79% answered\n",
+        "plastic: 0.03 mm, 90% answered\nwood: 0.06 mm, 74% answered",
+    )
+    assert missing_lines(said, printed) == []
+    assert missing_lines(said.replace("wood", "cork"), printed) == ["cork: 0.05 mm, 79% answered"]
+    assert missing_lines(said.replace("0.05", "0.50"), printed) == ["wood: 0.50 mm, 79% answered"]
+    assert missing_lines(said.replace("79", "55"), printed) == ["wood: 0.05 mm, 55% answered"]
+    page = "```sh\none\ntwo\n```\nIt prints\n```text\n1 mm\n```\n```python\nprint(2)\n```\n```text\n2\n```\n"
+    assert outputs(page) == {"two": "1 mm\n", "print(2)\n": "2\n"}
 
 
 @pytest.mark.slow

@@ -2,15 +2,19 @@
 
 import json
 import os
+import re
 import sys
 from pathlib import Path
 
 import pytest
+from tests.e2e.printed import missing_lines, outputs
 from tests.e2e.test_readme import BLOCK
 
 import monochord as mc
 
 ROOT = Path(__file__).parents[2]
+SHOWS = "from IPython.display import Image"
+"""How a cell begins that shows a picture."""
 TUTORIAL = ROOT / "docs" / "tutorial" / "own-model.md"
 
 
@@ -20,11 +24,18 @@ def blocks(page: Path) -> list[tuple[str, str]]:
     return [(kind, text.strip()) for kind, text, _ in found if kind]
 
 
+def cells_of(kind: str, text: str) -> list[str]:
+    """The cells of a block: itself, and one for each picture that its commands draw."""
+    shown = [f'{SHOWS}\n\nImage("{name}")' for name in re.findall(r"--figure (\S+\.png)", text)]
+    return [f"%%sh\n{text}" if kind == "sh" else text, *shown]
+
+
 def test_the_notebook_has_the_blocks_of_its_page() -> None:
     notebook = json.loads(TUTORIAL.with_suffix(".ipynb").read_text(encoding="utf-8"))
     cells = ["".join(cell["source"]) for cell in notebook["cells"] if cell["cell_type"] == "code"]
-    expected = [f"%%sh\n{text}" if kind == "sh" else text for kind, text in blocks(TUTORIAL)]
+    expected = [cell for kind, text in blocks(TUTORIAL) for cell in cells_of(kind, text)]
     assert cells == expected, "make docs writes the notebook anew"
+    assert sum(cell.startswith(SHOWS) for cell in cells) >= 1
 
 
 @pytest.mark.slow
@@ -48,6 +59,15 @@ def test_the_notebook_ends_with_a_model_that_works(tmp_path: Path, monkeypatch: 
     assert rows["plastic"]["position"]["answered"] > 0.7
     assert rows["plastic"]["force"]["mae"]["value"] < 0.25
     assert mc.load_dataset(tmp_path / "dataset").split.held_out == ("wood",)
-    printed = "".join(out.get("text", "") for out in notebook.cells[-2].get("outputs", ()))
-    place, _ = printed.split(" and ")
+    code = [cell for cell in notebook.cells if cell.cell_type == "code"]
+    for cell in code:
+        if cell.source.startswith(SHOWS):
+            assert "image/png" in cell.outputs[-1]["data"]
+    printed = {cell.source: "".join(out.get("text", "") for out in cell.outputs) for cell in code}
+    said = outputs(TUTORIAL.read_text(encoding="utf-8"))
+    assert said
+    for before, text in said.items():
+        (shown,) = (printed[source] for source in printed if source.endswith(before.strip()))
+        assert missing_lines(text, shown) == [], shown
+    place, _ = printed[code[-1].source].split(" and ")
     assert float(place.split()[0]) == pytest.approx(90.0, abs=1.0)

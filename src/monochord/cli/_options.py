@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -18,7 +18,7 @@ from monochord.core.registry import Registry
 from monochord.core.units import Metres
 from monochord.live import LiveRun, Summary
 from monochord.live.calibration import medians
-from monochord.live.settings import MODEL, recording_source
+from monochord.live.settings import MODEL, RECORDINGS, recording_source
 from monochord.perception.estimators import ESTIMATORS
 from monochord.perception.model import folder_of, load
 from monochord.perception.model.bundled import bundled_names
@@ -29,6 +29,10 @@ F = TypeVar("F", bound=Callable[..., Any])
 DEFAULT_SOURCE, DEFAULT_ESTIMATOR = "jack", "closed_form"
 DEVICE_SOURCE = "soundcard"
 """Source opened by --device where no source is named."""
+PORTS = "jack"
+"""Source whose INPUT is port names, which have a colon."""
+PRESETS: Mapping[str, Callable[[], list[str]]] = {"twin": sensor_names, "split_string": string_names}
+"""Sources whose INPUT is a preset, with what lists their names."""
 MAX_RADIUS: Metres = 1.0
 """Radius of the largest object that touches a string, in m."""
 
@@ -283,19 +287,19 @@ def put_source(
 
     `models` holds model names, for which INPUT may have been meant.
     """
-    if opened is not None and options["device"] is not None:
-        raise InputError(f"{opened} with --device {options['device']}", "only one of them")
-    before = table(tree, "source")
+    before, device = table(tree, "source"), options["device"]
+    if opened is not None:
+        source = options["source"] or (DEVICE_SOURCE if device is not None else before.get("name"))
+        _refuse_nothing(opened, models, source, names_input=device is None)
+    if opened is not None and device is not None:
+        raise InputError(f"{opened} with --device {device}", "only one of them")
     inferred = recording_source(opened) if opened is not None else None
-    if options["device"] is not None and "name" not in before:
+    if device is not None and "name" not in before:
         inferred = DEVICE_SOURCE
-    named = options["source"] or before.get("name")
-    if opened is not None and not named:
-        _refuse_nothing(opened, models)
     name = options["source"] or inferred or before.get("name", DEFAULT_SOURCE)
     # Another source than the file's does not take over the options of the file's.
     tree["source"] = {**(before if before.get("name") == name else {}), "name": name}
-    opened = opened if opened is not None else options["device"]
+    opened = opened if opened is not None else device
     if opened is not None:
         put(tree, "source", **{first_field(SOURCES, name): opened})
     if options["rate"] is not None:
@@ -307,21 +311,39 @@ def put_source(
         put(tree, "source", sample_rate=options["rate"])
 
 
-def _refuse_nothing(opened: str, models: Iterable[str]) -> None:
-    """Refuse an INPUT that is neither a recording nor a port name, which has a colon."""
-    is_folder = Path(opened).is_dir()
-    if not is_folder and (recording_source(opened) or ":" in opened):
+def _refuse_nothing(opened: str, models: Iterable[str], source: str | None, *, names_input: bool) -> None:
+    """Refuse an INPUT that is nothing which the source can read, as a mistyped model is.
+
+    Without a source it is a recording, or a port name, which has a colon. `names_input` is false where
+    --device names the source's input, so that this one was to be a model.
+    """
+    is_folder, names = Path(opened).is_dir(), list(models)
+    if not is_folder and recording_source(opened):
         return
-    names = list(models)
+    is_path = opened.startswith(("./", "../", "/", "~"))
+    if not is_folder and not is_path and names_input and _can_read(source, opened, names):
+        return
+    presets = PRESETS[source]() if source in PRESETS else []
     kinds = [f"a model ({', '.join(names)}, or a folder from monochord train)"] if names else []
-    kinds += ["a recording (.wav, .flac, .mcap)", "or ports such as system:capture_1"]
+    kinds += ["a recording (.wav, .flac, .mcap)"] * (source is None or source in RECORDINGS.values())
+    kinds += ["or ports such as system:capture_1"] * (source in (None, PORTS))
+    kinds += [f"or a preset of the source {source} ({', '.join(presets)})"] if presets else []
     what = "a folder" if is_folder else "no such file or folder"
     what += " without a model" if is_folder and names else ""
-    source = opened.replace("-", "_")
-    remedy = f"--source {source}" if source in SOURCES.names() else similar_name(opened, names)
+    word = opened.replace("-", "_")
+    remedy = f"--source {word}" if word in SOURCES.names() else similar_name(opened, [*names, *presets])
     if names and not is_folder and not remedy:
         remedy = f"monochord train --out {opened} makes a model"
     raise InputError(f"'{opened}' ({what})", ", ".join(kinds), remedy)
+
+
+def _can_read(source: str | None, opened: str, models: Iterable[str]) -> bool:
+    """Return whether a source may know an INPUT by this name, which is that of no file."""
+    if source in PRESETS:
+        return opened in PRESETS[source]()
+    if source in (None, PORTS):
+        return ":" in opened
+    return source not in RECORDINGS.values() and not did_you_mean(opened, models)
 
 
 def put_estimator(tree: Tree, options: dict[str, Any], model: str | None) -> None:

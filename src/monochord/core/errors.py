@@ -132,5 +132,6 @@ def did_you_mean(word: str, choices: Iterable[str]) -> str:
     >>> did_you_mean("sorce", ["source", "sink"])
     "did you mean 'source'?"
     """
-    close = get_close_matches(word, list(choices), n=1, cutoff=0.6)
-    return f"did you mean '{close[0]}'?" if close else ""
+    known = {choice.lower(): choice for choice in choices}
+    close = get_close_matches(word.lower(), known, n=1, cutoff=0.6)
+    return f"did you mean '{known[close[0]]}'?" if close else ""

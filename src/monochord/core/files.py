@@ -48,13 +48,13 @@ def similar_name(path: Path | str, names: Iterable[str] = ()) -> str:
     "did you mean 'demo'?"
     """
     path = Path(path)
-    meant = {name: name for name in names}
+    meant = {name.lower(): name for name in names}
     with suppress(OSError, ValueError):  # of a folder that cannot be read, and of a name that none can have
         if path.exists():
             return ""
         beside = [entry for entry in path.parent.iterdir() if entry.suffix == path.suffix]
-        meant = {entry.stem: printable(str(entry)) for entry in beside} | meant
-    close = get_close_matches(path.stem, meant, n=1, cutoff=0.6)
+        meant = {entry.stem.lower(): printable(str(entry)) for entry in beside} | meant
+    close = get_close_matches(path.stem.lower(), meant, n=1, cutoff=0.6)
     return f"did you mean '{meant[close[0]]}'?" if close else ""
 
 
