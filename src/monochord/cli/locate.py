@@ -75,7 +75,9 @@ def locate(
     if figure is not None:
         refuse_unwritable(figure, SUFFIXES)
         require_matplotlib()
-    given = {name: options[name] for name in STRING_OPTIONS}
+    given: dict[str, Any] = {name: options[name] for name in STRING_OPTIONS}
+    if allow_truncated:
+        given["allow_truncated"] = True
     places = located(
         Path(file),
         model,
@@ -83,7 +85,6 @@ def locate(
         calibrate=options["calibrate"],
         settings=options["assignments"],
         **given,
-        **({"allow_truncated": True} if allow_truncated else {}),
     )
     if figure is not None:
         with replacing(figure) as part:

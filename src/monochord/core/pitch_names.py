@@ -41,8 +41,8 @@ def pitch(value: str | float) -> Hertz:
     """
     text = "".join(normalize("NFKC", str(value)).replace("\N{MINUS SIGN}", "-").split())
     if note := _NOTE.fullmatch(text):
-        letter, accidentals, octave, deviation = note.groups()
-        shift = sum(1 if each in "#♯" else -1 for each in accidentals)
+        letter, signs, octave, deviation = note.groups()
+        shift = sum(1 if each in "#♯" else -1 for each in signs)
         semitone = NAMES.index(letter.upper()) + shift + 12 * (int(octave) + 1) - _MIDI_OF_A4
         return A4 * 2.0 ** ((semitone + float(deviation or 0.0) / 100.0) / 12.0)
     number = _HERTZ.fullmatch(text)

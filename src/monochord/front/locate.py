@@ -232,7 +232,7 @@ class Located:
         return dict(sorted(counted.items(), key=lambda item: -item[1]))
 
     def lines(self, *, frets: bool = False) -> list[str]:
-        """Return medians, and the reasons of windows without a position, as lines of text.
+        """Summarise the places as lines of text: medians, and the reasons of windows without a position.
 
         `frets` adds the fret and the name of each held note.
         """
@@ -281,10 +281,8 @@ class Located:
             If pandas is not installed; the error says how to install it.
         """
         frame = self.table.to_pandas()
-        frame = frame[["position", "position_std", "frequency", "fret", "position_reason"]]
-        frame = frame.rename(columns={"position_std": "std", "position_reason": "reason"})
-        frame.insert(4, "note", self.note)
-        return frame
+        names = ("position", "std", "frequency", "fret", "note", "reason")
+        return type(frame)({name: getattr(self, name) for name in names}, index=frame.index)
 
     def draw(self, *, frets: bool = False) -> "Canvas":
         """Return a figure of the places over time with standard errors; `frets` adds lines at the frets.
@@ -392,18 +390,19 @@ def locate(
         window=window,
         hop=hop,
     )
-    is_file = isinstance(recording, Path) or (isinstance(recording, str) and recording not in SOURCES.names())
-    if is_file:
-        tree["source"] = {**recording_table(recording), **options}
+    file = None if _names_source(recording) else recording
+    if isinstance(file, str | Path):
+        tree["source"] = {**recording_table(file), **options}
     takes = [*(calibrate.items() if isinstance(calibrate, Mapping) else calibrate)]
     setup = LiveRun.read(calibrated(override(tree, settings), takes))
-    if not is_file:
+    if not isinstance(file, str | Path):
         setup = replace(setup, source=source_of(recording, dict(options), setup.window, setup.seconds))
     places = _Places(by_pitch=model is None)
     summary = run(replace(setup, sinks=(places,)))
     if not (summary.windows or summary.skipped or summary.interrupted):
-        given = f"{recording if is_file else 'sound'} (shorter than a window)"
-        raise InputError(given, f"{setup.window.length:g} s or more", "use a shorter --window")
+        given = f"{file if isinstance(file, str | Path) else 'sound'} (shorter than a window)"
+        least = min(setup.window.length, setup.seconds)
+        raise InputError(given, f"{least:g} s or more", "use a shorter --window")
     return places.located(setup, interrupted=summary.interrupted)
 
 
@@ -548,8 +547,8 @@ def _kind(pattern: str, numbers: Sequence[Sequence[str]]) -> str:
     """Return reasons of one pattern as one text: numbers that differ are left out, with their units."""
     slots = [column[0] if len(set(column)) == 1 else "#" for column in zip(*numbers, strict=True)]
     text = re.sub("#", lambda _: slots.pop(0), pattern)
-    clauses = [_QUANTITY.sub("", clause).strip() for clause in text.split(", ")]
-    return ", ".join(clause for clause in clauses if clause)
+    parts = [_QUANTITY.sub("", part).strip() for part in text.split(", ")]
+    return ", ".join(part for part in parts if part)
 
 
 def _plain(place: Place, *, frets: bool) -> dict[str, Any]:
@@ -564,6 +563,10 @@ def _plain(place: Place, *, frets: bool) -> dict[str, Any]:
         **({"fret": round(place.fret, 1), "note": place.note or None} if frets else {}),
     }
     return {name: None if value != value else value for name, value in values.items()}  # noqa: PLR0124  (NaN)
+
+
+def _names_source(recording: Listenable) -> bool:
+    return isinstance(recording, str) and recording.replace("-", "_") in SOURCES.names()
 
 
 def _is_simulated(setup: LiveRun, *, has_truth: bool) -> bool:

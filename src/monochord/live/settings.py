@@ -21,7 +21,6 @@ from monochord.live.sinks import SINKS
 from monochord.live.sinks.base import Sink
 from monochord.perception.estimators import ESTIMATORS
 from monochord.perception.estimators.base import Estimator
-from monochord.perception.model import load
 
 T = TypeVar("T")
 MODEL = "model"
@@ -263,6 +262,8 @@ def put_estimator(
     if model is not None and estimator:
         raise InputError(f"model {model} with --estimator {estimator}", "only one of them")
     if model is not None:
+        from monochord.perception.model import load  # noqa: PLC0415  (loads its kernels)
+
         definition = load(model).definition
         tree["estimator"] = {"name": MODEL, "path": str(model)}
         if "length" not in table(tree, "window"):
