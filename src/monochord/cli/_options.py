@@ -76,9 +76,11 @@ def labelled_take(text: str) -> tuple[str, float]:
         position = float(number)
     except ValueError:
         position = math.nan
-    if not (colon and path and 0.0 <= position < math.inf):
-        raise click.BadParameter(f"'{text}': expected FILE:POSITION, the position in metres from the nut")
-    return path, metres(number) if position else position
+    if not (colon and path and 0.0 <= position <= LONGEST):
+        expected = "expected FILE:POSITION, the position in metres from the nut"
+        meant = metres_meant(position)
+        raise click.BadParameter(f"'{text}': {expected}{meant and f'; {meant}'}")
+    return path, position
 
 
 def completes(*names: Callable[[], Iterable[str]]) -> dict[str, Any]:

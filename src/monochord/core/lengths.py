@@ -1,5 +1,6 @@
 """Lengths are in metres: a number far too large for one was given in another unit, and is asked back."""
 
+import math
 from numbers import Real
 from typing import Any
 
@@ -37,7 +38,7 @@ def metres_meant(length: float) -> str:
     >>> metres_meant(650.0), metres_meant(0.65)
     ('did you mean 0.65?', '')
     """
-    if not length > LONGEST:
+    if not LONGEST < length < math.inf:
         return ""
     if length >= LEAST_MILLIMETRES:
         return f"did you mean {length / 1000.0:g}?"

@@ -8,6 +8,7 @@ from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -54,10 +55,10 @@ LOWEST, HIGHEST = 30.0, 2000.0
 """Range of that pitch in Hz: of a bass below its low B, up to a guitar's highest fret."""
 MIN_EVIDENCE = 27.0
 """Smallest evidence of that pitch in nats; white noise stays below 25."""
-ABSTAINING = "abstaining"
-"""Key of the note that repeats the reason of a window without a position."""
-LASTING = 0.2
-"""Share of windows from which a note on the sensor or its channels is told."""
+INPUT_NOTES = "one_microphone", "unlike_inputs", "microphone_1_dead", "microphone_2_dead"
+"""Keys of the health notes on two channels that are not two microphones."""
+LASTING = 0.1
+"""Share of windows from which such a note is told."""
 DOMINANT = 0.5
 """Share of those windows that one note must have."""
 SAME_FRET = 0.5
@@ -122,8 +123,8 @@ class Located:
         Length of a window, in s.
     assumptions
         What the positions assume.
-    notes
-        Messages on the sensor or its channels.
+    inputs
+        What is wrong with two channels that are not two microphones.
     heard
         What sounds where few windows have a position; else empty.
     simulated
@@ -138,7 +139,7 @@ class Located:
     open_frequency: Hertz
     window: Seconds
     assumptions: tuple[str, ...]
-    notes: tuple[str, ...]
+    inputs: tuple[str, ...]
     heard: str
     simulated: bool
     interrupted: bool
@@ -196,6 +197,10 @@ class Located:
             if k - first >= LEAST_WINDOWS:
                 notes.append(self._held(known[first:k]))
             first = k
+        for k, (before, after) in enumerate(pairwise(notes)):
+            if before.end > after.begin:  # by windows that hold both
+                change = 0.5 * (before.end + after.begin)
+                notes[k], notes[k + 1] = replace(notes[k], end=change), replace(after, begin=change)
         return notes
 
     def _continues(self, held: NDArray[np.intp], window: np.intp) -> bool:
@@ -254,7 +259,7 @@ class Located:
             f"  no position              {100 * count / total:.1f} % of windows: {kind}"
             for kind, count in self.reasons().items()
         ]
-        lines += [f"  note                     {note}" for note in self.notes]
+        lines += [f"  inputs                   {each}" for each in self.inputs]
         return lines + (self._fret_lines() if frets else [])
 
     def _fret_lines(self) -> list[str]:
@@ -415,7 +420,7 @@ class _Places(Listener):
         self._values = {name: (array("d"), array("d")) for name in ("position", "frequency")}
         self._reasons: list[str] = []
         self._one_note = bytearray()  # for each window, whether one note was heard
-        self._notes: Counter[str] = Counter()
+        self._inputs: Counter[str] = Counter()
         self._sounding = 0
         self._kept, self._every = list[Window](), 1
         self._has_truth = False
@@ -437,8 +442,7 @@ class _Places(Listener):
             stds.append(estimate.std)
         self._reasons.append(position.reason)
         self._one_note.append(position.valid and CONTACT not in update.prediction.estimates)
-        told = (each for each in update.notes if each.level != "info" and each.key != ABSTAINING)
-        self._notes.update(f"{each.sentence} {each.remedy}" for each in told)
+        self._inputs.update(each.sentence for each in update.notes if each.key in INPUT_NOTES)
         self._has_truth |= bool(update.truth)
         if not position.valid and not unusable_reason(update.window):
             self._keep(update.window)
@@ -468,7 +472,7 @@ class _Places(Listener):
             open_frequency=nominal,
             window=setup.window.length,
             assumptions=self._assumptions(int(valid.sum())) if by_fret else (),
-            notes=tuple(text for text, count in self._notes.items() if count >= LASTING * len(self._times)),
+            inputs=tuple(text for text, count in self._inputs.items() if count >= LASTING * len(self._times)),
             heard=self._heard(setup, nominal, int(valid.sum())) if by_fret else "",
             simulated=_is_simulated(setup, has_truth=self._has_truth),
             interrupted=interrupted,

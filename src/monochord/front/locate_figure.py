@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from monochord.front.locate import Located
 
-ERRORS, FAINT = "#9CC7E4", "#D5D5D5"
+ERRORS, FAINT = "#7FB3D9", "#D5D5D5"
 """Colours of standard errors and of frets without a dot."""
 FRETS = 24
 MARKED = (3, 5, 7, 9, 12, 15, 17, 19, 21, 24)
@@ -31,8 +31,8 @@ def drawn(places: Located, *, frets: bool) -> Canvas:
     style.dress(axes, "", _title(places), "time (s)", f"position from {places.origin} (mm)")
     time, position, std = places.time + 0.5 * places.window, 1e3 * places.position, 1e3 * places.std
     axes.errorbar(
-        time, position, yerr=std, fmt="o", ms=1.6, mew=0.0, color=style.SEGMENTS[0], ecolor=ERRORS,
-        elinewidth=0.8, zorder=3,
+        time, position, yerr=std, fmt="o", ms=1.2, mew=0.0, color=style.SEGMENTS[0], ecolor=ERRORS,
+        elinewidth=1.0, zorder=3,
     )  # fmt: skip
     axes.set_xlim(0.0, float(time[-1]) + 0.5 * places.window)
     axes.set_ylim(*_limits(position, std, 1e3 * places.length))
