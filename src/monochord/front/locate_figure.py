@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 ERRORS, FAINT = "#7FB3D9", "#D5D5D5"
 """Colours of standard errors and of frets without a dot."""
+NAME_HEIGHT = 0.03
+"""Height of a fret's name, as a share of the axis; where frets are closer, those with a dot are named."""
 FRETS = 24
 MARKED = (3, 5, 7, 9, 12, 15, 17, 19, 21, 24)
 """Frets that carry a dot on a fingerboard; their lines are darker."""
@@ -39,7 +41,10 @@ def drawn(places: Located, *, frets: bool) -> Canvas:
     if frets:
         _draw_frets(axes, places)
     if not np.isfinite(position).any():
-        axes.text(0.5, 0.5, "no position", transform=axes.transAxes, ha="center", fontsize=style.LABEL)
+        axes.text(
+            0.5, 0.5, "no position", transform=axes.transAxes, ha="center", fontsize=style.LABEL,
+            backgroundcolor="white",
+        )  # fmt: skip
     return page
 
 
@@ -68,6 +73,9 @@ def _draw_frets(axes: Axes, places: Located) -> None:
         if not low <= line <= high:
             continue
         axes.axhline(line, color=style.PALE if fret in MARKED else FAINT, lw=0.6, zorder=1)
+        room = (1e3 * places.length - line) * (1.0 - 2.0 ** (-1.0 / 12.0))  # to the next fret
+        if room < NAME_HEIGHT * (high - low) and fret not in MARKED:
+            continue
         note = pitch_name(places.open_frequency * 2.0 ** (fret / 12.0), cents=False)
         name = "open" if fret == 0 else f"{fret}"
         axes.annotate(
