@@ -11,7 +11,7 @@ What a program needs first stands here and is loaded when it is used, so that th
         print(update.time, update.position, update.force, update.tracked.position)
 
 Estimates from a source
-    `listen`, `listen_async`, `Update`, `Prediction`, `Estimate`
+    `listen`, `listen_async`, `locate`, `Update`, `Prediction`, `Estimate`
 Models
     `load`, `train`, `evaluate`, `calibrate`, `tune`, `identify`, `features`, `Model`, `PredictionTable`,
     `publish`
@@ -65,6 +65,7 @@ if TYPE_CHECKING:
     from monochord.front.design import design
     from monochord.front.evaluate import evaluate
     from monochord.front.identify import identify
+    from monochord.front.locate import locate
     from monochord.front.publish import publish
     from monochord.front.record import record
     from monochord.front.train import train
@@ -150,6 +151,7 @@ __all__ = [
     "load_material",
     "load_sensor",
     "load_string",
+    "locate",
     "locate_from_segments",
     "mean_absolute_error",
     "open_frequency",
@@ -184,6 +186,7 @@ _NAMES = {
     "monochord.front.design": "design",
     "monochord.front.evaluate": "evaluate",
     "monochord.front.identify": "identify",
+    "monochord.front.locate": "locate",
     "monochord.front.publish": "publish",
     "monochord.front.record": "record",
     "monochord.front.train": "train",

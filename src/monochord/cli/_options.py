@@ -14,11 +14,12 @@ from monochord.capture.sources import SOURCES
 from monochord.core.config import Tree, table
 from monochord.core.errors import InputError, did_you_mean
 from monochord.core.files import similar_name
+from monochord.core.lengths import LONGEST, metres_meant
+from monochord.core.pitch_names import pitch
 from monochord.core.registry import Registry
-from monochord.core.units import Metres
+from monochord.core.units import Hertz, Metres
 from monochord.live import LiveRun, Summary
-from monochord.live.calibration import medians
-from monochord.live.settings import MODEL, RECORDINGS, recording_source
+from monochord.live.settings import DEFAULTS, RECORDINGS, put, recording_source
 from monochord.perception.estimators import ESTIMATORS
 from monochord.perception.model import folder_of, load
 from monochord.perception.model.bundled import bundled_names
@@ -26,7 +27,7 @@ from monochord.physics.sensors import sensor_design, sensor_names
 from monochord.physics.strings import string_names
 
 F = TypeVar("F", bound=Callable[..., Any])
-DEFAULT_SOURCE, DEFAULT_ESTIMATOR = "jack", "closed_form"
+DEFAULT_SOURCE, DEFAULT_ESTIMATOR = (DEFAULTS[kind]["name"] for kind in ("source", "estimator"))
 DEVICE_SOURCE = "soundcard"
 """Source opened by --device where no source is named."""
 PORTS = "jack"
@@ -48,9 +49,25 @@ def amount(text: str) -> float:
     return number
 
 
-def radius(text: str) -> float:
-    """Return an object's radius at the contact, in m; raises a usage error otherwise."""
+def metres(text: str) -> Metres:
+    """Return a length in m above zero; raises a usage error otherwise, and for more than 5 m."""
     number = amount(text)
+    if meant := metres_meant(number):
+        raise click.BadParameter(f"'{text}': expected metres, {LONGEST:g} at most; {meant}")
+    return number
+
+
+def open_note(text: str) -> Hertz:
+    """Return an open string's pitch in Hz, of a note's name or a number; raises a usage error otherwise."""
+    try:
+        return pitch(text)
+    except InputError as error:
+        raise click.BadParameter(str(error)) from error
+
+
+def radius(text: str) -> Metres:
+    """Return an object's radius at the contact, in m; raises a usage error otherwise."""
+    number = metres(text)
     if number > MAX_RADIUS:
         raise click.BadParameter(f"'{text}': expected up to {MAX_RADIUS:g} m")
     return number
@@ -63,8 +80,10 @@ def labelled_take(text: str) -> tuple[str, float]:
         position = float(number)
     except ValueError:
         position = math.nan
-    if not (colon and path and 0.0 <= position < math.inf):
-        raise click.BadParameter(f"'{text}': expected FILE:POSITION, the position in metres from the nut")
+    if not (colon and path and 0.0 <= position <= LONGEST):
+        expected = "expected FILE:POSITION, the position in metres from the nut"
+        meant = metres_meant(position)
+        raise click.BadParameter(f"'{text}': {expected}{meant and f'; {meant}'}")
     return path, position
 
 
@@ -164,8 +183,15 @@ def string_options(command: F) -> F:
             help="String: a name from 'monochord list strings', or FILE.toml.",
             **completes(string_names),
         ),
-        click.option("--open-frequency", type=amount, metavar="HZ", help="Pitch of the open string."),
-        click.option("--length", type=amount, metavar="M", help="Length of the string, from nut to bridge."),
+        click.option(
+            "--open",
+            "--open-frequency",
+            "open_frequency",
+            type=open_note,
+            metavar="NOTE",
+            help="Pitch of the open string: E2, F#3, Bb2, E4+12 (cents), or a number of Hz.",
+        ),
+        click.option("--length", type=metres, metavar="M", help="Length of the string, from nut to bridge."),
         click.option(
             "--estimator",
             metavar="NAME",
@@ -247,15 +273,8 @@ def refuse_without(options: str, effect: str, *names: str) -> None:
         raise InputError(options, effect, "leave it out")
 
 
-def refuse_string_twice(options: dict[str, Any]) -> None:
-    """Refuse a string preset together with a sensor, or with both numbers that replace it."""
-    string, length, open_frequency = (options[key] for key in ("string", "length", "open_frequency"))
-    if string and options["sensor"]:
-        given = f"--string {string} with --sensor {options['sensor']}"
-        raise InputError(given, "only one of them", "omit --string; a sensor has its own string")
-    if string and length is not None and open_frequency is not None:
-        given = f"--string {string} with --length and --open-frequency"
-        raise InputError(given, "a preset, or both numbers", "leave one or the other out")
+STRING_OPTIONS = "estimator", "length", "open_frequency", "string", "sensor", "window", "hop"
+"""Parameters of `string_options`, `sensor_option` and `window_options` that `put_estimator` takes."""
 
 
 def model_and_input(inputs: tuple[str, ...]) -> tuple[str | None, str | None]:
@@ -271,13 +290,6 @@ def model_and_input(inputs: tuple[str, ...]) -> tuple[str | None, str | None]:
         remedy = f"a MODEL is a folder from monochord train, or {', '.join(bundled_names())}"
         raise InputError(f"inputs {', '.join(inputs)}", "one MODEL at most, and one INPUT at most", remedy)
     return next(iter(models), None), next(iter(others), None)
-
-
-def put(tree: Tree, name: str, /, **values: Any) -> None:
-    """Put the given options (those that are not None) into the table `name` of the tree."""
-    given = {key: value for key, value in values.items() if value is not None}
-    if given:
-        tree[name] = {**table(tree, name), **given}
 
 
 def put_source(
@@ -325,7 +337,7 @@ def _refuse_nothing(opened: str, models: Iterable[str], source: str | None, *, n
         return
     presets = PRESETS[source]() if source in PRESETS else []
     kinds = [f"a model ({', '.join(names)}, or a folder from monochord train)"] if names else []
-    kinds += ["a recording (.wav, .flac, .mcap)"] * (source is None or source in RECORDINGS.values())
+    kinds += ["a recording (.wav, .mp3, .mcap, ...)"] * (source is None or source in RECORDINGS.values())
     kinds += ["or ports such as system:capture_1"] * (source in (None, PORTS))
     kinds += [f"or a preset of the source {source} ({', '.join(presets)})"] if presets else []
     what = "a folder" if is_folder else "no such file or folder"
@@ -346,22 +358,6 @@ def _can_read(source: str | None, opened: str, models: Iterable[str]) -> bool:
     return source not in RECORDINGS.values() and not did_you_mean(opened, models)
 
 
-def put_estimator(tree: Tree, options: dict[str, Any], model: str | None) -> None:
-    """Put the estimator and the window into the tree: `model` is MODEL, `options` the string options."""
-    if model is not None and options["estimator"]:
-        raise InputError(f"model {model} with --estimator {options['estimator']}", "only one of them")
-    if model is not None:
-        definition = load(model).definition
-        tree["estimator"] = {"name": MODEL, first_field(ESTIMATORS, MODEL): model}
-        if "length" not in table(tree, "window"):
-            put(tree, "window", length=definition.window / definition.sample_rate)
-    put(tree, "estimator", **{key: options[key] for key in ("length", "open_frequency")})
-    name = table(tree, "estimator").get("name", DEFAULT_ESTIMATOR)
-    put(tree, "estimator", name=options["estimator"] or name)
-    put(tree, "window", length=options["window"], hop=options["hop"])
-    tree |= {key: options[key] for key in ("string", "sensor") if options[key] is not None}
-
-
 def fields_of(registry: Registry[Any], name: str) -> list[str]:
     """Return the names of a plug-in's options; the first one is its input."""
     return [field.name for field in dataclasses.fields(registry.load(name)) if field.init]
@@ -370,31 +366,6 @@ def fields_of(registry: Registry[Any], name: str) -> list[str]:
 def first_field(registry: Registry[Any], name: str) -> str:
     """Return the name of the option with a plug-in's input."""
     return fields_of(registry, name)[0]
-
-
-def recording(path: str) -> Tree:
-    """Return the source table that reads a recording."""
-    name = recording_source(path) or "wav"
-    return {"name": name, first_field(SOURCES, name): path}
-
-
-def calibrated(tree: Tree, takes: Iterable[tuple[str, float]]) -> Tree:
-    """Return the tree with the medians of takes (frequency, position, inharmonicity) as calibration."""
-    rows: list[list[float]] = []
-    for path, position in takes:
-        take = LiveRun.read({**tree, "source": recording(path), "sinks": {}, "seconds": math.inf})
-        try:
-            median = medians(take)
-        except InputError as error:
-            if Path(path).name in error.given:
-                raise
-            raise InputError(f"{path}, {error.given}", error.expected, error.remedy) from error
-        inharmonicity = [median["inharmonicity"]] if "inharmonicity" in median else []
-        rows.append([median["frequency"], position, *inharmonicity])
-    if not rows:
-        return tree
-    estimator = table(tree, "estimator")
-    return {**tree, "estimator": {**estimator, "calibration": [*estimator.get("calibration", []), *rows]}}
 
 
 def refuse_unwritable(path: Path, suffixes: Iterable[str]) -> None:

@@ -10,6 +10,7 @@ from monochord.cli._options import (
     PAGE_OPTIONS,
     amount,
     completes,
+    metres,
     page_options,
     refuse_unwritable,
     refuse_without,
@@ -30,7 +31,12 @@ def _wish(name: str, unit: str, text: str, **options: Any) -> Any:
     """Return the option of a wish that is a number above zero."""
     default = {} if name in {"gauge", "tension"} else {"default": getattr(USUAL, name), "show_default": True}
     return click.option(
-        f"--{name.replace('_', '-')}", type=amount, metavar=unit, help=text, **default, **options
+        f"--{name.replace('_', '-')}",
+        type=metres if unit == "M" else amount,
+        metavar=unit,
+        help=text,
+        **default,
+        **options,
     )
 
 

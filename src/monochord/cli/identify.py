@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from monochord.cli._options import amount, refuse_unwritable, sensor_option
+from monochord.cli._options import amount, metres, refuse_unwritable, sensor_option
 from monochord.cli._output import echo
 from monochord.core.errors import InputError
 from monochord.core.files import replacing
@@ -18,19 +18,19 @@ from monochord.live.tuning import SECONDS
 @click.command()
 @click.argument("files", metavar="FILES...", nargs=-1, required=True)
 @click.option(
-    "--length", type=amount, required=True, metavar="M", help="Length of the string between its ends."
+    "--length", type=metres, required=True, metavar="M", help="Length of the string between its ends."
 )
-@click.option("--caliper", type=amount, metavar="M", help="Diameter of a plain steel wire.")
+@click.option("--caliper", type=metres, metavar="M", help="Diameter of a plain steel wire.")
 @click.option(
     "--weighed", type=amount, metavar="KG/M", help="Linear density of the wire: its weight over its length."
 )
 @sensor_option
 @click.option(
-    "--length-error", type=amount, default=LENGTH_ERROR, show_default=True, metavar="M", help="Largest error."
+    "--length-error", type=metres, default=LENGTH_ERROR, show_default=True, metavar="M", help="Largest error."
 )
 @click.option(
     "--caliper-error",
-    type=amount,
+    type=metres,
     default=CALIPER_ERROR,
     show_default=True,
     metavar="M",
@@ -66,10 +66,10 @@ def identify(
 ) -> None:
     """Measure a sensor as built: pitch, tension, density, losses.
 
-    FILES are recordings of the untouched string (.wav, .flac, or a session's .mcap): a pluck with both
-    drivers off, and the string with both on. Each quantity has a standard error; tension and density have no
-    answer without --caliper or --weighed, since sound and ruler do not determine them. The written file is a
-    sensor for every --sensor.
+    FILES are recordings of the untouched string (sound, or a session's .mcap): a pluck with both drivers off,
+    and the string with both on. Each quantity has a standard error; tension and density have no answer
+    without --caliper or --weighed, since sound and ruler do not determine them. The written file is a sensor
+    for every --sensor.
 
     \b
     monochord identify pluck.wav driven.wav --length 0.2 --caliper 0.254e-3 --out mine.toml

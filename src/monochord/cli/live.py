@@ -7,16 +7,14 @@ from typing import Any
 import click
 
 from monochord.cli._options import (
+    STRING_OPTIONS,
     allow_host_option,
     amount,
-    calibrated,
     completes,
     first_field,
     model_and_input,
-    put_estimator,
     put_source,
     refuse_short,
-    refuse_string_twice,
     set_option,
     source_options,
     string_options,
@@ -26,8 +24,9 @@ from monochord.cli._output import echo
 from monochord.core.config import Tree, dump_toml, load_toml, override, table
 from monochord.core.errors import InputError
 from monochord.live import LiveRun, run
+from monochord.live.calibration import calibrated
 from monochord.live.saved_settings import SavedSettings
-from monochord.live.settings import NAME
+from monochord.live.settings import NAME, put_estimator, refuse_string_twice
 from monochord.live.sinks import SINKS
 from monochord.live.sinks.base import Sink
 from monochord.perception.model.bundled import bundled_names
@@ -79,18 +78,18 @@ def live(inputs: tuple[str, ...], **options: Any) -> int:
     """Estimate touches live, from a sensor or a recording.
 
     MODEL is the folder of a trained model, or a bundled one such as demo; without it, a closed-form estimator
-    is used. INPUT is a recording (.wav, .flac, or a session's .mcap), a device or JACK ports. Options
-    override --config, and --set overrides both. Control-C or SIGTERM ends the run and prints a summary. If a
-    sink fails, it is closed, the others continue, and the exit status is 1.
+    is used. INPUT is a sound file (wav, flac, mp3, ogg, aiff and others), a session's .mcap, a device or JACK
+    ports. Options override --config, and --set overrides both. Control-C or SIGTERM ends the run and prints a
+    summary. If a sink fails, it is closed, the others continue, and the exit status is 1.
 
     \b
     monochord live demo --source twin
-    monochord live take.wav --length 0.65 --open-frequency 110 --json
+    monochord live take.wav --length 0.65 --open A2 --json
     monochord live demo --device 'USB Audio' --sensor sensor.toml
     monochord live demo --sensor left=left.toml --sensor right=right.toml
     """  # noqa: D301
     options["sensor"] = " --sensor ".join(options["sensors"])
-    refuse_string_twice(options)
+    refuse_string_twice(*(options[name] for name in ("string", "sensor", "length", "open_frequency")))
     options["sensor"], strings = _sensors(options["sensors"])
     model, opened = model_and_input(inputs)
     tree = _tree(model, opened, options)
@@ -124,7 +123,7 @@ def _tree(model: str | None, opened: str | None, options: dict[str, Any]) -> Tre
     """Return the settings of the configuration file with the options applied."""
     tree: Tree = load_toml(options["config"]) if options["config"] else {}
     put_source(tree, options, opened, models=bundled_names())
-    put_estimator(tree, options, model)
+    put_estimator(tree, model, **{name: options[name] for name in STRING_OPTIONS})
     if options["seconds"] is not None:
         tree["seconds"] = options["seconds"]
     if options["real_time"]:

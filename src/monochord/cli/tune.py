@@ -11,6 +11,7 @@ import click
 from monochord.capture.sources import SOURCES
 from monochord.cli._options import (
     amount,
+    metres,
     put_source,
     refuse_own_design,
     refuse_unwritable,
@@ -44,7 +45,7 @@ OUT = Path("sensor.toml")
 )
 @click.option(
     "--length",
-    type=amount,
+    type=metres,
     metavar="M",
     help="Length of the string from end to end, measured with a ruler.  [default: as in --sensor FILE]",
 )
@@ -61,8 +62,8 @@ OUT = Path("sensor.toml")
 def tune(inputs: tuple[str, ...], *, out: Path | None, force: bool, as_json: bool, **options: Any) -> None:
     """Measure the untouched string's pitch and write sensor.toml.
 
-    Switch the drivers on and touch nothing. INPUT is a recording (.wav, .flac, or a session's .mcap), a
-    device or JACK ports; give several for several recordings. Pass the written file as --sensor to live,
+    Switch the drivers on and touch nothing. INPUT is a recording (sound, or a session's .mcap), a device or
+    JACK ports; give several for several recordings. Pass the written file as --sensor to live,
     locate, record and collect. If the pitch cannot be found, nothing is written.
 
     \b

@@ -8,6 +8,7 @@ import numpy as np
 
 from monochord.core.config import from_tree
 from monochord.core.errors import InputError
+from monochord.core.lengths import refuse_other_units
 from monochord.core.notebook import lines
 from monochord.core.types import Contact
 from monochord.core.units import Metres, Newtons
@@ -38,6 +39,8 @@ from monochord.physics.theory import stretch_stiffness
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
 
+LENGTHS = "length", "range", "resolution", "gauge", "end_std", "gap"
+"""Wishes that are lengths in m."""
 HEADS = (
     "  gauge  tension  length  pitch  force std, N   position  cents    settled  stress  clearance",
     "     mm        N      mm     Hz   1 N    most    std, mm  per N         ms       %         mm",
@@ -284,6 +287,7 @@ def design(**wishes: Any) -> StringDesign:
     >>> [round(each.cents_per_newton) for each in made.compared]
     [157, 31, 8]
     """
+    refuse_other_units(**{name: wishes.get(name) for name in LENGTHS})
     wanted = from_tree(Wishes, wishes)
     candidates = sweep(wanted)
     chosen = recommended(wanted, candidates)

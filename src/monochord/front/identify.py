@@ -10,6 +10,7 @@ import numpy as np
 
 from monochord.capture.sources.base import Stream
 from monochord.core.errors import InputError
+from monochord.core.lengths import refuse_other_units
 from monochord.core.notebook import lines
 from monochord.core.silence import SILENCE_REMEDY
 from monochord.core.types import Estimate, Floats
@@ -237,6 +238,7 @@ def identify(
     """
     if not recordings:
         raise InputError("no recording", "one or more recordings of the untouched string")
+    refuse_other_units(length=length, caliper=caliper, length_error=length_error, caliper_error=caliper_error)
     for name, value in {"length": length, "caliper": caliper, "weighed": weighed}.items():
         if value is not None and not 0.0 < value < math.inf:
             raise InputError(f"{name} {value:g}", "above 0")

@@ -1,12 +1,51 @@
 """Calibrates an estimator with recordings of known touch position."""
 
 import dataclasses
+import math
 import statistics
+from collections.abc import Iterable
+from pathlib import Path
 
+from monochord.core.config import Tree, table
 from monochord.core.errors import InputError
+from monochord.core.lengths import refuse_other_units
+from monochord.core.units import Metres
 from monochord.live.loop import run
-from monochord.live.settings import LiveRun
+from monochord.live.settings import LiveRun, recording
 from monochord.live.sinks.base import Listener, Update
+
+
+def calibrated(tree: Tree, takes: Iterable[tuple[str | Path, Metres]]) -> Tree:
+    """Return the tree of a run with the medians of takes (frequency, position, inharmonicity) as calibration.
+
+    Parameters
+    ----------
+    tree
+        The run to calibrate, as `LiveRun.read` takes it.
+    takes
+        Recordings, each with its position in m from the nut.
+
+    Raises
+    ------
+    InputError
+        If a recording cannot be read, or no window of it has a frequency.
+    """
+    rows: list[list[float]] = []
+    for path, position in takes:
+        refuse_other_units(position=position)
+        take = LiveRun.read({**tree, "source": recording(path), "sinks": {}, "seconds": math.inf})
+        try:
+            median = medians(take)
+        except InputError as error:
+            if Path(path).name in error.given:
+                raise
+            raise InputError(f"{path}, {error.given}", error.expected, error.remedy) from error
+        inharmonicity = [median["inharmonicity"]] if "inharmonicity" in median else []
+        rows.append([median["frequency"], position, *inharmonicity])
+    if not rows:
+        return tree
+    estimator = table(tree, "estimator")
+    return {**tree, "estimator": {**estimator, "calibration": [*estimator.get("calibration", []), *rows]}}
 
 
 def medians(take: LiveRun) -> dict[str, float]:

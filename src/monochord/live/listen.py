@@ -46,7 +46,7 @@ def listen(
     Parameters
     ----------
     source
-        One of these: a recording (``take.wav``, ``take.flac``, ``take.mcap``); the name of a source
+        One of these: a recording (``take.wav``, ``take.mp3``, ``take.mcap``); the name of a source
         (``"jack"``, ``"soundcard"``, ``"twin"``), or a source object; an array (channels, samples) or
         (samples,) of floats in full scale, with ``sample_rate=`` in Hz; a `VirtualSensor`, whose time
         advances by a hop per update, so that the program can touch it in between.

@@ -14,7 +14,7 @@ from monochord.capture.sources.base import MAX_CHANNELS, Source
 from monochord.core.config import Tree, from_tree, table, to_tree
 from monochord.core.errors import InputError
 from monochord.core.registry import Registry
-from monochord.core.units import Samples, Seconds
+from monochord.core.units import Hertz, Metres, Samples, Seconds
 from monochord.live.filter import FilterSettings
 from monochord.live.health import HealthSettings
 from monochord.live.sinks import SINKS
@@ -25,8 +25,16 @@ from monochord.perception.estimators.base import Estimator
 T = TypeVar("T")
 MODEL = "model"
 """The estimator that runs a trained model."""
-RECORDINGS: Mapping[str, str] = {".wav": "wav", ".flac": "wav", ".mcap": "session"}
-"""The source that reads a recording, by file suffix."""
+SOUND = "wav"
+"""The source that reads a sound file of any format."""
+RECORDINGS: Mapping[str, str] = {
+    ".wav": SOUND,
+    ".flac": SOUND,
+    ".mp3": SOUND,
+    ".ogg": SOUND,
+    ".mcap": "session",
+}
+"""The source that reads a recording, by file suffix; a file of any other is taken for sound."""
 MIN_WINDOW: Seconds = 0.01  # holds a period of 100 Hz
 MIN_HOP: Seconds = 0.001  # 16 frames at the lowest rate of a source
 MAX_WINDOW: Seconds = 60.0
@@ -45,8 +53,17 @@ def recording_source(path: str | Path) -> str | None:
     >>> recording_source("take.WAV"), recording_source("take.mcap"), recording_source("system:capture_1")
     ('wav', 'session', None)
     """
-    usual = "wav" if Path(path).exists() else None
+    usual = SOUND if Path(path).exists() else None
     return RECORDINGS.get(Path(path).suffix.lower(), usual)
+
+
+def recording(path: str | Path) -> Tree:
+    """Return the table of the source that reads a recording, for `LiveRun.read`.
+
+    >>> recording("take.mcap")
+    {'name': 'session', 'path': 'take.mcap'}
+    """
+    return {"name": recording_source(path) or SOUND, "path": str(path)}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -194,6 +211,78 @@ class LiveRun:
         sinks = {SINKS.name_of(sink): to_tree(sink) for sink in self.sinks}
         plain = {each.name: getattr(self, each.name) for each in fields(self) if each.name not in DEFAULTS}
         return {**to_tree(plain), "source": source, "estimator": estimator, "sinks": sinks}
+
+
+def refuse_string_twice(
+    string: str | None, sensor: str | None, length: Metres | None, open_frequency: Any
+) -> None:
+    """Refuse a string preset together with a sensor, or with both numbers that replace it."""
+    if string and sensor:
+        given = f"--string {string} with --sensor {sensor}"
+        raise InputError(given, "only one of them", "omit --string; a sensor has its own string")
+    if string and length is not None and open_frequency is not None:
+        given = f"--string {string} with --length and --open"
+        raise InputError(given, "a preset, or both numbers", "leave one or the other out")
+
+
+def put_estimator(
+    tree: Tree,
+    model: str | Path | None,
+    *,
+    estimator: str | None = None,
+    length: Metres | None = None,
+    open_frequency: Hertz | None = None,
+    string: str | None = None,
+    sensor: str | None = None,
+    window: Seconds | None = None,
+    hop: Seconds | None = None,
+) -> None:
+    """Put estimator, string and window into the tree of a run, for `LiveRun.read`; what is None is left out.
+
+    Parameters
+    ----------
+    tree
+        The tree, which may have values already.
+    model
+        A trained model's folder or name, in place of an estimator.
+    estimator
+        Name of an estimator.
+    length, open_frequency
+        Of the string, in m and in Hz, for an estimator that takes them.
+    string, sensor
+        Presets.
+    window, hop
+        Of the windows, in s; a model has its own length of window.
+
+    Raises
+    ------
+    InputError
+        If a model is named beside an estimator, or cannot be loaded.
+    """
+    if model is not None and estimator:
+        raise InputError(f"model {model} with --estimator {estimator}", "only one of them")
+    if model is not None:
+        from monochord.perception.model import load  # noqa: PLC0415  (loads its kernels)
+
+        definition = load(model).definition
+        tree["estimator"] = {"name": MODEL, "path": str(model)}
+        if "length" not in table(tree, "window"):
+            put(tree, "window", length=definition.window / definition.sample_rate)
+    put(tree, "estimator", length=length, open_frequency=open_frequency)
+    put(
+        tree,
+        "estimator",
+        name=estimator or table(tree, "estimator").get("name", DEFAULTS["estimator"]["name"]),
+    )
+    put(tree, "window", length=window, hop=hop)
+    tree |= {name: preset for name, preset in (("string", string), ("sensor", sensor)) if preset is not None}
+
+
+def put(tree: Tree, name: str, /, **values: Any) -> None:
+    """Put values (those that are not None) into the table `name` of a tree."""
+    given = {key: value for key, value in values.items() if value is not None}
+    if given:
+        tree[name] = {**table(tree, name), **given}
 
 
 def _without_removed(tree: Tree) -> Tree:

@@ -8,6 +8,7 @@ from typing import Any
 
 from monochord.capture.sources.base import Source, Stream
 from monochord.core.errors import InputError
+from monochord.core.lengths import refuse_other_units
 from monochord.core.notebook import lines
 from monochord.core.silence import SILENCE_REMEDY
 from monochord.core.types import StringParams
@@ -254,6 +255,7 @@ def tuned(
 
 def _refuse_length(length: Metres | None, design: str) -> None:
     """Raise `InputError` for an unknown design, or a measured length that a string of it cannot have."""
+    refuse_other_units(length=length)
     known = load_sensor(design).string.length
     if length is not None:
         refuse_other_length(length, known, f"a string of {design}", "change the preset: it is another string")

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from monochord.core.lengths import refuse_other_units
 from monochord.core.types import Contact
 from monochord.core.units import Metres, Newtons, Seconds
 from monochord.physics.simulators import SIMULATORS, Case, Sound
@@ -54,6 +55,7 @@ def simulate(
     >>> sound.microphones.shape, [round(peak) for peak in sound.summary["peaks"]]
     ((2, 17640), [695, 374])
     """
+    refuse_other_units(position=position)
     preset = load_string(string)
     usual = preset.usual_contact
     contact = Contact(

@@ -121,6 +121,35 @@ def test_a_truncated_file_is_refused_or_read_as_far_as_it_goes(
     assert np.array_equal(got, whole[:, : got.shape[1]])
 
 
+@pytest.mark.parametrize("name", ["a.mp3", "a.ogg", "a.aiff"])
+@pytest.mark.parametrize("part", [0.3, 0.9, 0.999])
+def test_other_formats_that_are_cut_are_refused_or_read(tmp_path: Path, name: str, part: float) -> None:
+    file = write(tmp_path / name, noise(4 * RATE, 1))
+    whole = audio(file)
+    assert abs(whole.shape[1] - 4 * RATE) < 2000  # an mp3 begins a little late
+    assert np.array_equal(audio(file), whole)
+    with pytest.raises(InputError, match="truncated"):
+        audio(cut(file, part))
+    assert 0 < audio(file, allow_truncated=True).shape[1] < whole.shape[1]
+
+
+@pytest.mark.parametrize("suffix", ["wav", "raw", "sd2", "vox", "txt"])
+@pytest.mark.parametrize("kind", ["WAV", "MP3", "OGG", "AIFF"])
+def test_the_content_of_a_file_says_what_it_is(tmp_path: Path, suffix: str, kind: str) -> None:
+    path = tmp_path / f"a.{suffix}"
+    with path.open("wb") as file:
+        soundfile.write(file, noise(RATE, 1).T, RATE, format=kind)
+    assert abs(audio(path).shape[1] - RATE) < 2000
+
+
+@pytest.mark.parametrize("suffix", ["raw", "sd2", "vox", "mp3"])
+def test_a_suffix_makes_no_sound_of_a_text(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"a.{suffix}"
+    text(path)
+    with pytest.raises(InputError, match="wav, flac, mp3, ogg, aiff"):
+        audio(path)
+
+
 def test_a_file_that_was_written_to_a_pipe_is_whole(tmp_path: Path) -> None:
     file = write(tmp_path / "a.wav", noise(1000))
     content = bytearray(file.read_bytes())
@@ -172,13 +201,13 @@ def test_a_truncated_file_repeats_what_it_has(tmp_path: Path) -> None:
 def unfinished(path: Path, kind: str) -> np.ndarray:
     """Write a file as it stands where its recorder died, and return the samples that are in it."""
     samples = noise(3000)
-    form = "RF64" if kind == "RF64" else "WAV"
+    form = kind if kind in ("RF64", "AIFF") else "WAV"
     endian = "BIG" if kind == "RIFX" else "FILE"
     soundfile.write(path, samples.T, RATE, subtype="FLOAT", format=form, endian=endian)
     content = bytearray(path.read_bytes())
     if kind == "junk":
         content[12:12] = b"JUNK" + (28).to_bytes(4, "little") + bytes(28)
-    at = content.index(b"data") + 4
+    at = content.index(b"SSND" if kind == "AIFF" else b"data") + 4
     content[4:8] = content[at : at + 4] = b"\xff" * 4 if kind == "RF64" else bytes(4)
     if kind == "RF64":
         content[20:44] = bytes(24)
@@ -186,7 +215,7 @@ def unfinished(path: Path, kind: str) -> np.ndarray:
     return samples[:, : -1 if kind == "torn" else None]
 
 
-@pytest.mark.parametrize("kind", ["RIFF", "RIFX", "RF64", "junk", "torn"])
+@pytest.mark.parametrize("kind", ["RIFF", "RIFX", "RF64", "junk", "torn", "AIFF"])
 def test_what_a_recorder_left_that_died_is_refused_or_read(tmp_path: Path, kind: str) -> None:
     path = tmp_path / "a.wav"
     samples = unfinished(path, kind)

@@ -1,9 +1,10 @@
-"""Opens a wav or flac file for reading, or explains in one line why it cannot be used."""
+"""Opens a sound file that libsndfile reads, or explains in one line why it cannot be used."""
 
 import os
 from dataclasses import dataclass
 from mmap import ACCESS_COPY, mmap
 from pathlib import Path
+from shlex import quote
 from typing import Any, BinaryIO, Literal
 
 import soundfile
@@ -12,7 +13,21 @@ from monochord.capture.sources.base import refuse_other_rates
 from monochord.core.errors import InputError
 from monochord.core.files import refuse_endless, similar_name
 
-FORMATS = ("WAV", "WAVEX", "RF64", "FLAC")
+READABLE = "wav, flac, mp3, ogg, aiff, au, caf or w64"
+"""The formats that are read; libsndfile tells them, and rarer ones, by their content."""
+CHUNKED = b"RIFFWAVE", b"RIFXWAVE", b"RF64WAVE", b"FORMAIFF", b"FORMAIFC"
+"""Bytes 0 to 3 and 8 to 11 of the formats that state how many bytes of samples follow: wav and aiff."""
+NEED_CONVERSION = {
+    b"ftyp": "m4a or mp4",
+    b"\xff\xf1": "AAC",
+    b"\xff\xf9": "AAC",
+    b"\x1a\x45\xdf\xa3": "webm or mkv",
+    b"\x30\x26\xb2\x75": "wma",
+    b"#!AMR": "amr",
+}
+"""Sound that phones and browsers write and libsndfile does not read, by first bytes (mp4's from byte 4)."""
+OGG_PAGE, OGG_HEADER, OGG_LAST = 65307, 27, 4
+"""Most bytes of an ogg page, those of its header without the lengths, and the flag of the last page."""
 MAX_CHANNELS = 2
 UNKNOWN_LENGTH = 0xFFFFFFFF  # what a program that writes to a pipe, or RF64, puts for a length
 
@@ -26,16 +41,17 @@ def open_audio(path: Path, *, allow_truncated: bool, max_channels: int = MAX_CHA
     Raises
     ------
     InputError
-        If the file is missing, empty, not wav or flac, truncated (unless allowed), or has too many channels.
+        If the file is missing, empty, of a format that libsndfile does not read, truncated (unless allowed),
+        or has too many channels.
     """
     if path.is_dir():
-        raise InputError(f"folder {path}", "a wav or flac file", "name one of its files")
+        raise InputError(f"folder {path}", "a sound file", "name one of its files")
     refuse_endless(path)
     if not path.exists():
         remedy = similar_name(path) or "check its name"
-        raise InputError(f"file {path} (does not exist)", "an existing wav or flac file", remedy)
+        raise InputError(f"file {path} (does not exist)", "an existing sound file", remedy)
     if not path.stat().st_size:
-        raise InputError(f"file {path} (empty)", "a wav or flac file with sound in it")
+        raise InputError(f"file {path} (empty)", "a file with sound in it")
     file = _open(path, allow_truncated=allow_truncated)
     try:
         _refuse(file, path, max_channels)
@@ -47,31 +63,44 @@ def open_audio(path: Path, *, allow_truncated: bool, max_channels: int = MAX_CHA
     return file
 
 
+def reopened(path: Path) -> soundfile.SoundFile:
+    """Open a file that `open_audio` has accepted, at its beginning.
+
+    The file is passed by number, since libsndfile heeds the suffix of a name, which says nothing for sure.
+    """
+    return soundfile.SoundFile(os.open(path, os.O_RDONLY), closefd=True)
+
+
 def _open(path: Path, *, allow_truncated: bool) -> soundfile.SoundFile:
-    allowed = "wav or flac sound"
     try:
         with path.open("rb") as file:
-            magic = file.read(4)
-            if magic not in (b"RIFF", b"RIFX", b"RF64", b"fLaC"):
-                raise InputError(f"file {path} (begins with {magic!r})", allowed, "convert it")
-            samples = None if magic == b"fLaC" else _samples_in(file)
-            name: Any = os.fsencode(path)  # a name need not be text
+            samples = _samples_in(file)
             if samples is None or not _is_unfinished(file, samples):
-                return soundfile.SoundFile(name)
+                return reopened(path)
             if not allow_truncated:
                 given = f"file {path} (its recorder ended before it wrote the length)"
                 raise InputError(given, "a whole file", READ_ANYWAY)
             content: Any = _finished(file, samples)  # which soundfile takes, as it has what a file has
             return soundfile.SoundFile(content)
     except soundfile.LibsndfileError as error:
-        raise InputError(f"file {path} ({error.error_string.rstrip('.')})", allowed) from error
+        raise _unreadable(path) from error
     except OSError as error:
-        raise InputError(f"file {path} ({error.strerror})", "a readable wav or flac file") from error
+        raise InputError(f"file {path} ({error.strerror})", "a readable sound file") from error
+
+
+def _unreadable(path: Path) -> InputError:
+    """Return the error for a file that libsndfile does not read, with the line that converts it."""
+    with path.open("rb") as file:
+        first = file.read(12)
+    kinds = (name for magic, name in NEED_CONVERSION.items() if magic in (first[: len(magic)], first[4:8]))
+    kind = next(kinds, "")
+    suffix = ".flac" if path.suffix.lower() == ".wav" else ".wav"
+    convert = f"convert it: ffmpeg -i {quote(str(path))} {quote(str(path.with_suffix(suffix)))}"
+    given = f"file {path} ({kind or f'begins with {first[:4]!r}'})"
+    return InputError(given, f"whole sound as {READABLE}", convert if kind else "")
 
 
 def _refuse(file: soundfile.SoundFile, path: Path, max_channels: int) -> None:
-    if file.format not in FORMATS:
-        raise InputError(f"file {path} of format {file.format}", "wav or flac", "convert it")
     if file.channels > max_channels:
         allowed = "1 or 2" if max_channels == MAX_CHANNELS else f"{max_channels} at most"
         raise InputError(f"file {path} with {file.channels} channels", allowed, "keep the pickups' channels")
@@ -87,28 +116,25 @@ def _refuse_truncated(file: soundfile.SoundFile, path: Path) -> None:
             "a file that states its length",
             f"convert it, or {READ_ANYWAY}",
         )
-    if file.format == "FLAC":
-        whole = _last_frame_reads(file)
-    else:
-        with path.open("rb") as raw:
-            whole = _is_complete(raw)
-    if not whole:
+    with path.open("rb") as raw:
+        whole = _is_complete(raw)
+    if not (whole and _last_frame_reads(path)):
         raise InputError(f"file {path} (truncated)", "a whole file", f"copy it again, or {READ_ANYWAY}")
 
 
-def _last_frame_reads(file: soundfile.SoundFile) -> bool:
-    try:
-        file.seek(file.frames - 1)
-        reads = len(file.read(1)) == 1
-        file.seek(0)
-    except soundfile.LibsndfileError:
-        return False
-    return reads
+def _last_frame_reads(path: Path) -> bool:
+    """Return whether the last frame that the file states can be read."""
+    with reopened(path) as file:  # after a jump, an mp3 reads a little differently
+        try:
+            file.seek(file.frames - 1)
+            return len(file.read(1)) == 1
+        except soundfile.LibsndfileError:
+            return False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Samples:
-    """Where the samples of a RIFF file begin, and their size in bytes by its header.
+    """Where the samples of a wav or aiff file begin, and their size in bytes by its header.
 
     `order` is the byte order of its numbers; `wide` is the offset of an RF64 file's 64-bit lengths, else 0.
     """
@@ -120,9 +146,11 @@ class _Samples:
 
 
 def _samples_in(file: BinaryIO) -> _Samples | None:
-    """Walk the chunks of a RIFF file to its samples; return None where there are none."""
-    file.seek(0)
-    order: Literal["big", "little"] = "big" if file.read(4) == b"RIFX" else "little"
+    """Walk the chunks of a wav or aiff file to its samples; return None where there are none."""
+    magic = _magic(file)
+    if magic not in CHUNKED:
+        return None
+    order: Literal["big", "little"] = "big" if magic[:4] in (b"RIFX", b"FORM") else "little"
     file.seek(12)
     wide = 0
     while len(head := file.read(8)) == 8:
@@ -130,13 +158,20 @@ def _samples_in(file: BinaryIO) -> _Samples | None:
         begin = file.tell()
         if head[:4] == b"ds64":
             wide = begin
-        if head[:4] == b"data":
+        if head[:4] in (b"data", b"SSND"):
             if length == UNKNOWN_LENGTH and wide:
                 file.seek(wide + 8)
                 length = int.from_bytes(file.read(8), order)
             return _Samples(begin=begin, stated=length, order=order, wide=wide)
         file.seek(begin + length + length % 2)
     return None
+
+
+def _magic(file: BinaryIO) -> bytes:
+    """Return a file's first four bytes and those from byte 8."""
+    file.seek(0)
+    first = file.read(12)
+    return first[:4] + first[8:]
 
 
 def _size(file: BinaryIO) -> int:
@@ -174,9 +209,25 @@ def _finished(file: BinaryIO, samples: _Samples) -> mmap:
 
 
 def _is_complete(file: BinaryIO) -> bool:
-    """Return whether a RIFF file has all the samples that its header states."""
+    """Return whether a wav or aiff file has all its samples, and an ogg file its last page; others pass."""
+    magic = _magic(file)
+    if magic.startswith(b"OggS"):
+        return _has_last_page(file)
+    if magic not in CHUNKED:
+        return True
     samples = _samples_in(file)
     if samples is None:
         return False
     unknown = samples.stated == UNKNOWN_LENGTH  # a program that writes to a pipe puts it
     return unknown or samples.begin + samples.stated <= _size(file)
+
+
+def _has_last_page(file: BinaryIO) -> bool:
+    """Return whether an ogg file ends with a whole page that is marked as its last."""
+    file.seek(max(_size(file) - OGG_PAGE, 0))
+    page = file.read()
+    page = page[max(page.rfind(b"OggS"), 0) :]
+    if len(page) < OGG_HEADER:
+        return False
+    end = OGG_HEADER + page[OGG_HEADER - 1]
+    return page[5] & OGG_LAST > 0 and end + sum(page[OGG_HEADER:end]) <= len(page)

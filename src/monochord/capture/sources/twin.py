@@ -76,7 +76,7 @@ class TwinSource(Source):
     tension_law
         How force raises tension: "geometric", the stretch of the deflected string, or "linear".
     noise
-        A wav or flac file with ambient noise, repeated without end; none if empty.
+        A sound file with ambient noise, repeated without end; none if empty.
     snr
         Ratio of the untouched string's sound to that noise, in dB.
     speed

@@ -1,17 +1,15 @@
 """An audio file, read block by block, as fast as possible or at the pace of a clock."""
 
 import math
-import os
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import soundfile
 
-from monochord.capture.sources._audio_file import open_audio
+from monochord.capture.sources._audio_file import open_audio, reopened
 from monochord.capture.sources._paced_stream import PacedStream
 from monochord.capture.sources.base import Source, refuse_other_channels
 from monochord.core.errors import InputError
@@ -22,7 +20,9 @@ from monochord.core.units import Samples
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wav(Source):
-    """A wav or flac file of one or two channels (more for several strings), at 16 to 96 kHz.
+    """A sound file of one or two channels (more for several strings), at 16 to 96 kHz.
+
+    libsndfile reads it: wav, flac, mp3, ogg (Vorbis or Opus), aiff, au, caf, w64, told by content.
 
     Parameters
     ----------
@@ -86,8 +86,7 @@ class _FileStream(PacedStream):
             self._file.seek(0)
         except soundfile.LibsndfileError:  # a flac decoder that met the end of a cut file stays where it is
             self._file.close()
-            name: Any = os.fsencode(self._options.path)
-            self._file = soundfile.SoundFile(name)
+            self._file = reopened(Path(self._options.path))
 
     def _read_here(self, frames: Samples) -> np.ndarray:
         try:

@@ -9,6 +9,7 @@ import numpy as np
 from msgspec import Meta
 
 from monochord.core.errors import InputError
+from monochord.core.lengths import refuse_other_units
 from monochord.core.types import UNHEARD, Estimate, Estimates, Prepared, Signal, StringParams, Window
 from monochord.core.units import Hertz, KilogramsPerMetre, Metres, Newtons, Samples
 from monochord.perception.closed_form import both_segments, far_segment
@@ -90,6 +91,10 @@ class ClosedForm(Estimator):
     evidence: float = 27.0
     tension_law: TensionLaw = "linear"
     most_force: Annotated[Newtons, Meta(gt=0.0)] = 2.5
+
+    def __post_init__(self) -> None:
+        Estimator.__post_init__(self)
+        refuse_other_units(length=self.length)
 
     @property
     def string_length(self) -> Metres | None:

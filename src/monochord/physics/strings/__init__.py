@@ -5,6 +5,7 @@ from typing import Any
 
 from monochord.core.config import from_tree, to_tree
 from monochord.core.errors import InputError
+from monochord.core.lengths import refuse_other_units
 from monochord.core.notebook import html_table, lines
 from monochord.core.presets import Presets
 from monochord.core.types import Contact, StringParams
@@ -63,6 +64,7 @@ def _read(tree: dict[str, Any], where: str) -> StringPreset:
 
 
 def _refuse_impossible(string: StringParams, where: str) -> None:
+    refuse_other_units(length=string.length)
     for key, value in to_tree(string).items():
         if key in {"length", "linear_density", "tension", "young_modulus"} and not value > 0.0:
             raise InputError(f"{where}.string.{key} {value:g}", "above 0")

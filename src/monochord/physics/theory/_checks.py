@@ -5,6 +5,7 @@ from typing import TypeVar
 import numpy as np
 
 from monochord.core.errors import InputError
+from monochord.core.lengths import metres_meant
 from monochord.core.types import Floats
 
 Number = TypeVar("Number", float, Floats)
@@ -22,7 +23,8 @@ def refuse_outside(position: float | Floats, length: float) -> None:
     inside = (np.asarray(position) > 0.0) & (np.asarray(position) < length)
     if not np.all(inside):
         outside = np.asarray(position)[~inside].flat[0]
-        raise InputError(f"position {outside:g} m", f"strictly between 0 and {length:g} m")
+        given, expected = f"position {outside:g} m", f"strictly between 0 and {length:g} m"
+        raise InputError(given, expected, metres_meant(float(outside)))
 
 
 def refuse_not_positive(**named: float | Floats) -> None:

@@ -3,6 +3,7 @@
 import numpy as np
 
 from monochord.core.errors import InputError
+from monochord.core.lengths import refuse_other_units
 from monochord.core.types import Contact, Floats, StringParams
 from monochord.core.units import Hertz, KilogramsPerMetre, Metres, MetresPerSecond, Newtons, Seconds
 from monochord.physics.theory._checks import Number, refuse_not_positive, refuse_outside
@@ -147,6 +148,7 @@ def locate_from_segments(length: Metres, f1: Number, f2: Number) -> Number:
     0.2275
     """
     refuse_not_positive(length=length, f1=f1, f2=f2)
+    refuse_other_units(length=length)
     return length * f2 / (f1 + f2)
 
 
@@ -215,6 +217,7 @@ def position_from_far_segment(frequency: Number, open_frequency: Hertz, length: 
     0.325
     """
     refuse_not_positive(frequency=frequency, open_frequency=open_frequency, length=length)
+    refuse_other_units(length=length)
     return length * (1.0 - open_frequency / frequency)
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from monochord.core.errors import InputError
+from monochord.core.lengths import metres_meant
 from monochord.core.notebook import lines
 from monochord.core.types import Audio, Floats
 from monochord.core.units import Metres, MetresPerSecond, Newtons, Seconds
@@ -261,7 +262,8 @@ class VirtualSensor:
     def _refuse_off_string(self, position: Metres) -> None:
         length = self.sensor.string.length
         if not 0.02 * length <= position <= 0.98 * length:
-            raise InputError(f"a touch at {position:g} m", f"{0.02 * length:g} to {0.98 * length:g} m")
+            expected = f"{0.02 * length:g} to {0.98 * length:g} m"
+            raise InputError(f"a touch at {position:g} m", expected, metres_meant(position))
 
     def _pressed(self) -> list[Key]:
         """Return where each object's motion has brought it by now."""

@@ -1,0 +1,580 @@
+"""Locates where a recorded string is stopped or touched, like ``monochord locate``."""
+
+import math
+import re
+from array import array
+from collections import Counter
+from collections.abc import Generator, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monochord.capture.sources import SOURCES
+from monochord.capture.sources.session import SessionSource
+from monochord.core.config import Tree, override
+from monochord.core.errors import InputError
+from monochord.core.pitch_names import pitch, pitch_name
+from monochord.core.types import Floats, Window
+from monochord.core.units import Hertz, Metres, Seconds
+from monochord.dsp.pitch import PitchFinder
+from monochord.front.locate_figure import drawn
+from monochord.live import LiveRun, run
+from monochord.live.calibration import calibrated
+from monochord.live.listen import Listenable, source_of
+from monochord.live.settings import put_estimator, refuse_string_twice
+from monochord.live.settings import recording as recording_table
+from monochord.live.sinks.base import Listener, Run, Update, Writer
+from monochord.perception.model.table import EstimateColumn, PredictionTable
+from monochord.perception.usable import unusable_reason
+from monochord.physics.theory import open_frequency
+from monochord.sessions import read_session
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Canvas
+    from pandas import DataFrame
+
+NOT_STOPPED = "the string is not stopped"
+"""Why a window with a position has no fret."""
+NUT, PICKUP = "the nut", "pickup 1"
+"""What positions count from."""
+CONTACT = "contact"
+"""The estimate that only the two-segment form provides."""
+FEW = 0.2
+"""Share of windows with sound that have a position, below which the sound may be another string's."""
+SAMPLED = 64
+"""Most windows without a position whose pitch is looked for."""
+FLAT = 0.97
+"""Pitch of a string half a semitone flat, relative to the pitch that it should have."""
+LOWEST, HIGHEST = 30.0, 2000.0
+"""Range of that pitch in Hz: of a bass below its low B, up to a guitar's highest fret."""
+MIN_EVIDENCE = 27.0
+"""Smallest evidence of that pitch in nats; white noise stays below 25."""
+INPUT_NOTES = "one_microphone", "unlike_inputs", "microphone_1_dead", "microphone_2_dead"
+"""Keys of the health notes on two channels that are not two microphones."""
+LASTING = 0.1
+"""Share of windows from which such a note is told."""
+DOMINANT = 0.5
+"""Share of those windows that one note must have."""
+SAME_FRET = 0.5
+"""Largest distance in frets of two windows of one held note."""
+PAUSE: Seconds = 0.1
+"""Longest time without a position within one held note."""
+LEAST_WINDOWS = 3
+"""Fewest windows of a held note."""
+_NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
+_QUANTITY = re.compile(r"(?: (?:of|by))? ?#(?:(?: and| to) #)*(?: (?:Hz|%|mm|s|N|dB)(?!\w))?")
+
+
+class Place(NamedTuple):
+    """One window: where the string is stopped, or why this is not known.
+
+    `time` is the window's start in s; `position` and its standard error `std` are in m, `frequency` in Hz.
+    `fret` is 12 log2(frequency / open frequency), and `note` the note's name with its deviation in cents.
+    Numbers are NaN and texts empty where unknown; `reason` is empty where the position is known.
+    """
+
+    time: Seconds
+    position: Metres
+    std: Metres
+    frequency: Hertz
+    fret: float
+    note: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeldNote:
+    """Consecutive windows at one place, from `begin` to `end` in s: medians of what `Place` has."""
+
+    begin: Seconds
+    end: Seconds
+    position: Metres
+    std: Metres
+    frequency: Hertz
+    fret: float
+
+    @property
+    def note(self) -> str:
+        """Name of the note, with its deviation in cents."""
+        return pitch_name(self.frequency)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Located:
+    """Where a recorded string is stopped or touched: an immutable table with a row for each window.
+
+    ``len(places)`` is the number of windows, and iteration yields a `Place` for each.
+
+    Attributes
+    ----------
+    table
+        Position, frequency and fret of each window as estimates, with standard errors and reasons.
+    origin
+        What positions count from: the nut of a stopped string, or pickup 1.
+    length, open_frequency
+        Of the string, in m and in Hz; NaN where unknown.
+    window
+        Length of a window, in s.
+    assumptions
+        What the positions assume.
+    inputs
+        What is wrong with two channels that are not two microphones.
+    heard
+        What sounds where few windows have a position; else empty.
+    simulated
+        Whether the sound is simulated.
+    interrupted
+        Whether Control-C ended the recording early.
+    """
+
+    table: PredictionTable
+    origin: str
+    length: Metres
+    open_frequency: Hertz
+    window: Seconds
+    assumptions: tuple[str, ...]
+    inputs: tuple[str, ...]
+    heard: str
+    simulated: bool
+    interrupted: bool
+
+    @property
+    def time(self) -> Floats:
+        """Start (n,) of each window, in s."""
+        return self.table.time
+
+    @property
+    def position(self) -> Floats:
+        """Position (n,) in m, NaN where unknown."""
+        return self.table.position.value
+
+    @property
+    def std(self) -> Floats:
+        """Standard error (n,) of the position in m, NaN where unknown."""
+        return self.table.position.std
+
+    @property
+    def frequency(self) -> Floats:
+        """Frequency (n,) of the sounding part in Hz, NaN where unknown."""
+        return self.table.frequency.value
+
+    @property
+    def fret(self) -> Floats:
+        """Fret (n,): 12 log2(frequency / open frequency) of a stopped string, NaN where unknown."""
+        return self.table.fret.value
+
+    @cached_property
+    def note(self) -> NDArray[np.str_]:
+        """Name (n,) of the note with its deviation in cents, empty where unknown."""
+        named = zip(self.fret, self.frequency, strict=True)
+        return np.array([pitch_name(each) if math.isfinite(fret) else "" for fret, each in named], np.str_)
+
+    @property
+    def reason(self) -> NDArray[np.str_]:
+        """Why a window (n,) has no position, empty where it has one."""
+        return self.table.position.reason
+
+    def __len__(self) -> int:
+        return len(self.table)
+
+    def __iter__(self) -> Iterator[Place]:
+        columns = (self.time, self.position, self.std, self.frequency, self.fret, self.note, self.reason)
+        return (Place(*row) for row in zip(*(each.tolist() for each in columns), strict=True))
+
+    def held_notes(self) -> list[HeldNote]:
+        """Return the notes of a stopped string, in order of time."""
+        notes, first = list[HeldNote](), 0
+        known = np.flatnonzero(np.isfinite(self.fret))
+        for k in range(1, len(known) + 1):
+            if k < len(known) and self._continues(known[first:k], known[k]):
+                continue
+            if k - first >= LEAST_WINDOWS:
+                notes.append(self._held(known[first:k]))
+            first = k
+        for k, (before, after) in enumerate(pairwise(notes)):
+            if before.end > after.begin:  # by windows that hold both
+                change = 0.5 * (before.end + after.begin)
+                notes[k], notes[k + 1] = replace(notes[k], end=change), replace(after, begin=change)
+        return notes
+
+    def _continues(self, held: NDArray[np.intp], window: np.intp) -> bool:
+        """Return whether a window has the note of windows before it, by the latest of them."""
+        latest = held[-LEAST_WINDOWS:]
+        pause = self.time[window] - self.time[held[-1]] - self.window
+        return pause <= PAUSE and abs(self.fret[window] - np.median(self.fret[latest])) <= SAME_FRET
+
+    def _held(self, windows: NDArray[np.intp]) -> HeldNote:
+        columns = (self.position, self.std, self.frequency, self.fret)
+        position, std, frequency, fret = (float(np.median(column[windows])) for column in columns)
+        return HeldNote(
+            begin=float(self.time[windows[0]]),
+            end=float(self.time[windows[-1]]) + self.window,
+            position=position,
+            std=std,
+            frequency=frequency,
+            fret=fret,
+        )
+
+    def reasons(self) -> dict[str, int]:
+        """Return the number of windows without a position by kind of reason, most frequent first.
+
+        Reasons that differ only in their numbers are of one kind; numbers that they share stay.
+        """
+        kinds: dict[str, list[tuple[list[str], int]]] = {}
+        reasons, counts = np.unique(self.reason[self.reason != ""], return_counts=True)
+        for reason, count in zip(reasons.tolist(), counts.tolist(), strict=True):
+            kinds.setdefault(_NUMBER.sub("#", reason), []).append((_NUMBER.findall(reason), count))
+        counted = {
+            _kind(pattern, [numbers for numbers, _ in each]): sum(count for _, count in each)
+            for pattern, each in kinds.items()
+        }
+        return dict(sorted(counted.items(), key=lambda item: -item[1]))
+
+    def lines(self, *, frets: bool = False) -> list[str]:
+        """Summarise the places as lines of text: medians, and the reasons of windows without a position.
+
+        `frets` adds the fret and the name of each held note.
+        """
+        valid, total = int(self.table.position.valid.sum()), len(self)
+        lines = [f"  {self.heard}"] if self.heard else []
+        lines += [f"  windows with a position  {valid} of {total} ({100 * valid / max(total, 1):.1f} %)"]
+        if valid:
+            low, median, high = 1e3 * np.nanquantile(self.position, [0.1, 0.5, 0.9])
+            lines += [
+                f"  position                 {median:.2f} mm from {self.origin} (median)",
+                f"  standard error           {1e3 * np.nanmedian(self.std):.2f} mm (median)",
+                f"  middle four fifths       {low:.2f} to {high:.2f} mm",
+            ]
+        frequency = self.frequency[self.table.position.valid & self.table.frequency.valid]
+        if len(frequency):
+            lines.append(f"  frequency                {np.median(frequency):.3f} Hz (median)")
+        lines += [f"  {line}" for line in self.assumptions if valid]
+        lines += [
+            f"  no position              {100 * count / total:.1f} % of windows: {kind}"
+            for kind, count in self.reasons().items()
+        ]
+        lines += [f"  inputs                   {each}" for each in self.inputs]
+        return lines + (self._fret_lines() if frets else [])
+
+    def _fret_lines(self) -> list[str]:
+        held = self.held_notes()
+        if not held:
+            none = "no note is held" if self.origin == NUT else "none: the string is touched, not stopped"
+            return [f"  frets                    {none}"]
+        return ["      from        to    fret  note           position"] + [
+            f"  {note.begin:6.2f} s  {note.end:6.2f} s  {note.fret:6.1f}  {note.note:<8} "
+            f"{1e3 * note.position:7.1f} mm +- {1e3 * note.std:.1f}"
+            for note in held
+        ]
+
+    def tree(self, *, frets: bool = False) -> list[dict[str, Any]]:
+        """Return the rows as plain values, in SI units, None where unknown; `frets` adds fret and note."""
+        return [_plain(place, frets=frets) for place in self]
+
+    def to_pandas(self) -> "DataFrame":
+        """Return a data frame indexed by time in s, with the other values of `Place` as columns.
+
+        Raises
+        ------
+        MissingLibraryError
+            If pandas is not installed; the error says how to install it.
+        """
+        frame = self.table.to_pandas()
+        names = ("position", "std", "frequency", "fret", "note", "reason")
+        return type(frame)({name: getattr(self, name) for name in names}, index=frame.index)
+
+    def draw(self, *, frets: bool = False) -> "Canvas":
+        """Return a figure of the places over time with standard errors; `frets` adds lines at the frets.
+
+        Raises
+        ------
+        MissingLibraryError
+            If matplotlib is not installed; the error says how to install it.
+        """
+        return drawn(self, frets=frets)
+
+    def __repr__(self) -> str:
+        valid = int(self.table.position.valid.sum())
+        if not valid:
+            reason = next(iter(self.reasons()), "no windows")
+            return f"Located({len(self)} windows, none with a position: {reason})"
+        place = f"{1e3 * np.nanmedian(self.position):.1f} mm from {self.origin}"
+        return f"Located({len(self)} windows, {valid} with a position: {place} (median))"
+
+    def _repr_html_(self) -> str:
+        return self.table._repr_html_()
+
+
+def locate(
+    recording: Listenable,
+    model: str | Path | None = None,
+    *,
+    length: Metres | None = None,
+    open: str | Hertz | None = None,  # noqa: A002  (the musician's word)
+    string: str | None = None,
+    sensor: str | None = None,
+    calibrate: Mapping[str, Metres] | Sequence[tuple[str | Path, Metres]] = (),
+    estimator: str | None = None,
+    window: Seconds | None = None,
+    hop: Seconds | None = None,
+    settings: Sequence[str] = (),
+    **options: Any,
+) -> Located:
+    """Locate where a recorded string is stopped, as on a guitar, or where a sensor is touched.
+
+    With `length` and `open`, position follows from pitch alone, x = L (1 - f_open / f): the sound must be of
+    that string, pressed down, and one note at a time. A light touch at a node (a natural harmonic) and a bend
+    have the pitch of another place, which is then stated. With a sensor, or with two channels that carry one
+    segment each, both segments tell.
+
+    Parameters
+    ----------
+    recording
+        A sound file of any format that libsndfile reads (wav, flac, mp3, ogg, aiff), a session, an array
+        (channels, samples) or (samples,) with ``sample_rate=`` in Hz, or another input of `listen` that ends.
+    model
+        A trained model's folder, or a bundled one such as ``"demo"``; by default, nothing learned is used.
+    length
+        Length of the string from nut to bridge, in m.
+    open
+        Pitch of the open string: a note such as ``"E2"``, ``"Bb2"``, ``"E4+12"`` (cents), or a number of Hz.
+    string, sensor
+        A preset in place of `length` and `open`, or of the sensor.
+    calibrate
+        Recordings of known places: path and position in m from the nut.
+    estimator
+        Name of an estimator, if there is no model; ``"closed_form"`` by default.
+    window, hop
+        Length of a window, 0.1 s or the model's by default, and distance of windows, 0.01 s, in s.
+    settings
+        Overrides of settings, such as ``"estimator.reach=0.7"``.
+    options
+        Options of the source, such as ``sample_rate=44100`` or ``allow_truncated=True``.
+
+    Returns
+    -------
+    Located
+        A row for each window: time, position, standard error, frequency, fret, note, or the reason why there
+        is no position; with `lines`, `draw` and `to_pandas`.
+
+    Raises
+    ------
+    InputError
+        If the recording cannot be read, is shorter than a window, or the string is not known.
+
+    Examples
+    --------
+    An A string of 0.65 m, stopped so that an E sounds:
+
+    >>> import numpy as np
+    >>> time = np.arange(22050) / 44100
+    >>> note = sum(0.2 / n * np.exp(-n * time) * np.sin(2 * np.pi * 164.81 * n * time) for n in range(1, 12))
+    >>> import monochord as mc
+    >>> places = mc.locate(note, sample_rate=44100, length=0.65, open="A2")
+    >>> places
+    Located(41 windows, 41 with a position: 216.2 mm from the nut (median))
+    >>> [(round(each.fret, 1), each.note) for each in places.held_notes()]
+    [(7.0, 'E3+0')]
+    """
+    refuse_string_twice(string, sensor, length, open)
+    tree: Tree = {"sinks": {}}
+    put_estimator(
+        tree,
+        model,
+        estimator=estimator,
+        length=length,
+        open_frequency=None if open is None else pitch(open),
+        string=string,
+        sensor=sensor,
+        window=window,
+        hop=hop,
+    )
+    file = None if _names_source(recording) else recording
+    if isinstance(file, str | Path):
+        tree["source"] = {**recording_table(file), **options}
+    takes = [*(calibrate.items() if isinstance(calibrate, Mapping) else calibrate)]
+    setup = LiveRun.read(calibrated(override(tree, settings), takes))
+    if not isinstance(file, str | Path):
+        setup = replace(setup, source=source_of(recording, dict(options), setup.window, setup.seconds))
+    places = _Places(by_pitch=model is None)
+    summary = run(replace(setup, sinks=(places,)))
+    if not (summary.windows or summary.skipped or summary.interrupted):
+        given = f"{file if isinstance(file, str | Path) else 'sound'} (shorter than a window)"
+        least = min(setup.window.length, setup.seconds)
+        raise InputError(given, f"{least:g} s or more", "use a shorter --window")
+    return places.located(setup, interrupted=summary.interrupted)
+
+
+class _Places(Listener):
+    """Collects the windows of a recording. `by_pitch` says that no model is used."""
+
+    def __init__(self, *, by_pitch: bool) -> None:
+        self._by_pitch = by_pitch
+        self._starts, self._times = array("q"), array("d")
+        self._values = {name: (array("d"), array("d")) for name in ("position", "frequency")}
+        self._reasons: list[str] = []
+        self._one_note = bytearray()  # for each window, whether one note was heard
+        self._inputs: Counter[str] = Counter()
+        self._sounding = 0
+        self._kept, self._every = list[Window](), 1
+        self._has_truth = False
+
+    @contextmanager
+    def open(self, run: Run) -> Generator[Writer]:
+        """Take the format of the sound, with the string."""
+        self._run = run
+        yield self
+
+    def write(self, update: Update) -> None:
+        """Add one window."""
+        position = update.prediction.estimate("position")
+        self._starts.append(update.start)
+        self._times.append(update.time)
+        for name, (values, stds) in self._values.items():
+            estimate = update.prediction.estimate(name)
+            values.append(estimate.value)
+            stds.append(estimate.std)
+        self._reasons.append(position.reason)
+        self._one_note.append(position.valid and CONTACT not in update.prediction.estimates)
+        self._inputs.update(each.sentence for each in update.notes if each.key in INPUT_NOTES)
+        self._has_truth |= bool(update.truth)
+        if not position.valid and not unusable_reason(update.window):
+            self._keep(update.window)
+
+    def _keep(self, window: Window) -> None:
+        """Count a window with sound, and keep one in so many of these."""
+        if self._sounding % self._every == 0:
+            self._kept.append(window)
+        self._sounding += 1
+        if len(self._kept) > SAMPLED:
+            self._kept, self._every = self._kept[::2], 2 * self._every
+
+    def located(self, setup: LiveRun, *, interrupted: bool) -> Located:
+        """Return the table of the windows."""
+        signal = self._run.signal
+        option = getattr(setup.estimator, "open_frequency", None)
+        string = signal.string
+        stopped = signal.channels == 1 or option is not None
+        length = self._run.length or (string.length if string else math.nan)
+        nominal = option or (open_frequency(string) if string else math.nan)
+        valid = np.array([not reason for reason in self._reasons], np.bool_)
+        by_fret = stopped and self._by_pitch
+        return Located(
+            table=self._table(nominal if by_fret else math.nan, valid),
+            origin=NUT if stopped else PICKUP,
+            length=length,
+            open_frequency=nominal,
+            window=setup.window.length,
+            assumptions=self._assumptions(int(valid.sum())) if by_fret else (),
+            inputs=tuple(text for text, count in self._inputs.items() if count >= LASTING * len(self._times)),
+            heard=self._heard(setup, nominal, int(valid.sum())) if by_fret else "",
+            simulated=_is_simulated(setup, has_truth=self._has_truth),
+            interrupted=interrupted,
+        )
+
+    def _table(self, nominal: Hertz, valid: NDArray[np.bool_]) -> PredictionTable:
+        reason = np.array(self._reasons, np.str_)
+        one_note = valid & np.frombuffer(bytes(self._one_note), np.bool_)
+        columns = {name: tuple(map(np.array, each)) for name, each in self._values.items()}
+        frequency, frequency_std = columns["frequency"]
+        fret = 12.0 * np.log2(np.where(one_note, frequency, np.nan) / nominal)
+        columns["fret"] = fret, 12.0 / math.log(2.0) * frequency_std / np.where(one_note, frequency, np.nan)
+        units = {"position": "m", "frequency": "Hz", "fret": ""}
+        estimates: dict[str, EstimateColumn] = {}
+        for name, (value, std) in columns.items():
+            known = np.isfinite(value)
+            why = np.where(known, "", np.where(valid & ~known, NOT_STOPPED, reason))
+            for each in (value, std, known, why):
+                each.flags.writeable = False
+            estimates[name] = EstimateColumn(value=value, std=std, valid=known, reason=why, unit=units[name])
+        return PredictionTable(
+            start=np.array(self._starts, np.int64), time=np.array(self._times), estimates=estimates
+        )
+
+    def _assumptions(self, valid: int) -> tuple[str, ...]:
+        """Return what positions on a stopped string assume."""
+        said = (
+            "assumes                  the sound is this string's, pressed down: its pitch tells the place;",
+            "                         a light touch at a node (harmonic) or a bend reads as another place",
+        )
+        if self._run.signal.channels != 2:
+            return said
+        one = sum(self._one_note)
+        split = f"one note in {one}, two segments in {valid - one} of {valid} windows"
+        return (f"both channels carry      {split}", *said)
+
+    def _heard(self, setup: LiveRun, nominal: Hertz, valid: int) -> str:
+        """Return what sounds instead of this string, empty where a fifth or more of the sound is answered."""
+        sounding = valid + self._sounding
+        if not sounding or valid >= FEW * sounding:
+            return ""
+        few = f"{100 * valid / sounding:.0f} % of windows with sound have a position"
+        dominant = _dominant(self._kept)
+        doubt = "not this string?         "
+        if dominant is None:
+            return f"{doubt}{few}, and no single note dominates; the open string is {_named(nominal)}"
+        frequency, share = dominant
+        highest = nominal / (1.0 - getattr(setup.estimator, "reach", 1.0 - nominal / HIGHEST))
+        most = f"{100 * share:.0f} % of the others sound as {_named(frequency)}"
+        if nominal * FLAT < frequency < highest:
+            return f"few positions            {few}; {most}, which this string has"
+        return f"{doubt}{few}; {most}; this string has {_named(nominal)} to {_named(highest)}"
+
+
+def _dominant(windows: Sequence[Window]) -> tuple[Hertz, float] | None:
+    """Return the note that most windows sound as, and their share; None where no note has half of them."""
+    if not windows:
+        return None
+    size, rate = windows[0].samples.shape[1], windows[0].sample_rate
+    finder = PitchFinder(sample_rate=rate, size=size, lowest=LOWEST, highest=min(HIGHEST, 0.2 * rate))
+    best = [next(iter(finder.find(window.samples.astype(np.float64))), None) for window in windows]
+    heard = np.array([each.frequency for each in best if each and each.evidence >= MIN_EVIDENCE])
+    if not len(heard):
+        return None
+    near = np.abs(12.0 * np.log2(heard / heard[:, None])) <= SAME_FRET
+    most = near[np.argmax(near.sum(axis=1))]
+    share = float(most.sum()) / len(windows)
+    return (float(np.median(heard[most])), share) if share >= DOMINANT else None
+
+
+def _named(frequency: Hertz) -> str:
+    return f"{pitch_name(frequency)} ({frequency:.1f} Hz)"
+
+
+def _kind(pattern: str, numbers: Sequence[Sequence[str]]) -> str:
+    """Return reasons of one pattern as one text: numbers that differ are left out, with their units."""
+    slots = [column[0] if len(set(column)) == 1 else "#" for column in zip(*numbers, strict=True)]
+    text = re.sub("#", lambda _: slots.pop(0), pattern)
+    parts = [_QUANTITY.sub("", part).strip() for part in text.split(", ")]
+    return ", ".join(part for part in parts if part)
+
+
+def _plain(place: Place, *, frets: bool) -> dict[str, Any]:
+    """Return a row as JSON has it."""
+    values = {
+        "time": place.time,
+        "frequency": place.frequency,
+        "position": place.position,
+        "position_std": place.std,
+        "valid": not place.reason,
+        "why_not": place.reason,
+        **({"fret": round(place.fret, 1), "note": place.note or None} if frets else {}),
+    }
+    return {name: None if value != value else value for name, value in values.items()}  # noqa: PLR0124  (NaN)
+
+
+def _names_source(recording: Listenable) -> bool:
+    return isinstance(recording, str) and recording.replace("-", "_") in SOURCES.names()
+
+
+def _is_simulated(setup: LiveRun, *, has_truth: bool) -> bool:
+    """Return whether the sound is simulated: a session says so; another source with truth is a simulation."""
+    if isinstance(setup.source, SessionSource):
+        return read_session(setup.source.path).description.simulated
+    return has_truth
