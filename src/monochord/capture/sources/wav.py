@@ -22,7 +22,7 @@ from monochord.core.units import Samples
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wav(Source):
-    """A wav or flac file of one or two channels (more for several strings), at 16 to 96 kHz.
+    """A wav or flac file of one or two channels (more for several strings), at 16 to 192 kHz.
 
     Parameters
     ----------
