@@ -87,8 +87,9 @@ def resampled(blocks: Iterable[Block], *, sample_rate: int, new_rate: int) -> It
 
     Frame k of the result is the sound at time k / `new_rate`. It is a sum over the frames within
     `Conversion.delay` of that time, weighted by a sinc under a Kaiser window (Kaiser 1974): 0.8 ms between
-    44.1 kHz and higher rates, by which blocks are late. Each frame has the same bits whatever the block sizes. Lost
-    frames stay lost, at the same times; the sum has zeros in their place, and before and after the stream.
+    44.1 kHz and higher rates, by which blocks are late. Each frame has the same bits whatever the block
+    sizes. Lost frames stay lost, at the same times; the sum has zeros in their place, and before and after
+    the stream.
 
     Up to 0.907 of half the lower rate (20 kHz at 44.1 kHz), the sound is kept to 1e-5 of its amplitude; what
     lies above its mirror image, 24.1 kHz, is suppressed by 100 dB.

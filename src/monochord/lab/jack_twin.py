@@ -100,14 +100,19 @@ class Hello:
 def play(options: dict[str, Any], server: str, pipe: Connection) -> None:
     """Play the twin with these options, until the other end closes the pipe or the server goes away.
 
-    The twin is sampled at the server's rate, in blocks of a usual hop. After a `Hello`, it sends for each block the start of the window that ends there, its truth, and the
-    settings; it receives commands of a hand, as the name of a `Controls` method and its arguments.
+    The twin is sampled at the server's rate, in blocks of a usual hop. After a `Hello`, it sends for each
+    block the start of the window that ends there, its truth, and the settings; it receives commands of a
+    hand, as the name of a `Controls` method and its arguments.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # of the terminal; whoever started this ends it
     try:
         with Relay(len(MICROPHONES), "monochord-twin", server) as relay:
             rate = relay.sample_rate
-            paced = {"sample_rate": rate, "block": round(HOP * rate), "speed": 1e6}  # the server sets the pace
+            paced = {
+                "sample_rate": rate,
+                "block": round(HOP * rate),
+                "speed": 1e6,
+            }  # the server sets the pace
             with SOURCES.build("twin", {**options, **paced}).open() as stream:
                 _play(stream, relay, pipe)
     except MonochordError as error:

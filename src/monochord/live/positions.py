@@ -9,6 +9,8 @@ import numpy as np
 
 from monochord.live.sinks.base import Listener, Run, Update, Writer
 
+INPUT_NOTES = ("one_microphone", "unlike_inputs", "microphone_1_dead", "microphone_2_dead")
+"""Keys of the health notes on two channels that are not two microphones."""
 CONTACT = "contact"
 """The estimate that only the two-segment form provides."""
 
@@ -30,6 +32,7 @@ class PositionTable(Listener):
         self._reasons: Counter[str] = Counter()
         self._stopped, self._by_pitch = stopped, by_pitch
         self._two_channels, self._one_note = False, 0
+        self._inputs = ""
 
     @contextmanager
     def open(self, run: Run) -> Generator[Writer]:
@@ -42,6 +45,9 @@ class PositionTable(Listener):
 
     def write(self, update: Update) -> None:
         """Count one window."""
+        for note in update.notes:
+            if note.key in INPUT_NOTES:
+                self._inputs = note.sentence
         position, frequency = (update.prediction.estimate(name) for name in ("position", "frequency"))
         if not position.valid:
             self._reasons[position.reason] += 1
@@ -67,6 +73,8 @@ class PositionTable(Listener):
             lines.append(f"  frequency                {np.nanmedian(self._frequencies):.3f} Hz (median)")
         if valid and self._stopped and self._by_pitch:
             lines += self._assumptions(valid)
+        if self._inputs:
+            lines.append(f"  inputs                   {self._inputs}")
         reasons = self._reasons.most_common()
         return lines + [f"  no position              {count} windows: {why}" for why, count in reasons]
 

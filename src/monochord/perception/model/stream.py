@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 from monochord.core.errors import InputError
 from monochord.core.types import UNHEARD, Estimate, Estimates, Signal, StringParams, Window
 from monochord.core.units import Samples
+from monochord.dsp.microphones import Microphones
 from monochord.metrics import DECISION
 from monochord.perception.estimators.base import Condition, Watching
 from monochord.perception.model.context import ModelState
@@ -26,32 +27,50 @@ LASTING = {reason for reason, fault in OF_REASON.items() if not fault.brief}
 
 
 class ModelStream(ABC):
-    """A model on one stream of windows; call it with each window in order to get the estimates."""
+    """A model on one stream of windows; call it with each window in order to get the estimates.
+
+    Where two channels are not two microphones of one string, every estimate is an abstention.
+    """
+
+    def __init__(self) -> None:
+        self._microphones, self._inputs_reason = Microphones(), ""
 
     def __call__(self, window: Window) -> Estimates:
         """Return the estimates of the next window."""
         return self.after(*step_all([self.before(window)])[0])
 
-    @abstractmethod
     def before(self, window: Window) -> Entry:
+        """Return the entry of a window into the model that is applied to it."""
+        entry, inputs = self._entry(window), self._microphones(window)
+        self._inputs_reason = "" if entry.reason else inputs.reason
+        return entry
+
+    def after(self, state: ModelState, estimates: Estimates) -> Estimates:
+        """Store the state after a window, and return the window's estimates."""
+        estimates = self._estimates(state, estimates)
+        return _abstaining(estimates, self._inputs_reason) if self._inputs_reason else estimates
+
+    @abstractmethod
+    def _entry(self, window: Window) -> Entry:
         """Return the entry of a window into the model that is applied to it."""
 
     @abstractmethod
-    def after(self, state: ModelState, estimates: Estimates) -> Estimates:
-        """Store the state after a window, and return the window's estimates."""
+    def _estimates(self, state: ModelState, estimates: Estimates) -> Estimates:
+        """Store the state after a window, and return the estimates of two microphones."""
 
 
 class Fixed(ModelStream):
     """A model that does not follow the pitch."""
 
     def __init__(self, model: "Model") -> None:
+        super().__init__()
         self._stepper, self._state = model.stepper, ModelState()
 
-    def before(self, window: Window) -> Entry:
+    def _entry(self, window: Window) -> Entry:
         """Return the window's entry into the model."""
         return self._stepper.entry(self._state, window)
 
-    def after(self, state: ModelState, estimates: Estimates) -> Estimates:
+    def _estimates(self, state: ModelState, estimates: Estimates) -> Estimates:
         """Store the state, and return the estimates unchanged."""
         self._state = state
         return estimates
@@ -61,6 +80,7 @@ class Followed(ModelStream, Watching):
     """A model that follows the pitch of untouched windows."""
 
     def __init__(self, model: "Model", signal: Signal, size: Samples) -> None:
+        super().__init__()
         self._tuner = Tuner.of(signal, size)
         self._trained, self._string = model, self._tuner.string
         self._stepper, self._pitch = model.stepper, self._tuner.nominal
@@ -68,7 +88,7 @@ class Followed(ModelStream, Watching):
         self._reason, self._may_state = "", Hearing(signal.sample_rate)
         self._gate, self._has_reference = model.definition.gate, model.definition.reference is not None
 
-    def before(self, window: Window) -> Entry:
+    def _entry(self, window: Window) -> Entry:
         """Update the pitch from the window, and return its entry into the model for this pitch."""
         if window.start <= self._state.start:
             self._use(self._trained, self._string)
@@ -80,7 +100,7 @@ class Followed(ModelStream, Watching):
         self._follow(tuning)
         return self._stepper.entry(self._state, window, entry.spectrum)
 
-    def after(self, state: ModelState, estimates: Estimates) -> Estimates:
+    def _estimates(self, state: ModelState, estimates: Estimates) -> Estimates:
         """Store the state, and return the estimates; abstentions if the pitch cannot be followed.
 
         Under a touch they are abstentions, too, in a stream whose untouched string was not heard.
@@ -92,9 +112,7 @@ class Followed(ModelStream, Watching):
             # One that lasts tells more: a silent driver may be why no untouched string is heard.
             faults = {each.reason for each in estimates.values() if each.reason in LASTING}
             reason = faults.pop() if faults else UNHEARD
-        if not reason:
-            return estimates
-        return {name: Estimate.abstain(each.unit, reason) for name, each in estimates.items()}
+        return _abstaining(estimates, reason) if reason else estimates
 
     @property
     def condition(self) -> Condition:
@@ -119,3 +137,7 @@ class Followed(ModelStream, Watching):
         except InputError:  # further off the training's string than a tuning can be estimated
             deviation = tuning.deviation(self._string)
             self._reason = "" if LOWEST <= deviation <= HIGHEST else detuned(deviation, EXPECTED_PITCH)
+
+
+def _abstaining(estimates: Estimates, reason: str) -> Estimates:
+    return {name: Estimate.abstain(each.unit, reason) for name, each in estimates.items()}
