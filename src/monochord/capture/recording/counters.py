@@ -16,6 +16,7 @@ from monochord.core.inputs import Inputs, InputState
 from monochord.core.silence import is_silent
 from monochord.core.types import Audio, Block, Feed, InstrumentHealth, Readings, StreamHealth
 from monochord.core.units import Samples, Seconds
+from monochord.dsp.microphones import compare_inputs
 
 CLIPPED = 0.999
 """Full-scale level from which a sample counts as clipped; 16-bit samples reach 0.99997 and 1."""
@@ -102,8 +103,6 @@ class Levels:
 
     def _compare(self, samples: Audio) -> None:
         """Look at the newest sound of two channels."""
-        from monochord.dsp.microphones import compare_inputs  # noqa: PLC0415 (loads numba)
-
         if len(samples) == 2 and samples.shape[1] >= MIN_PIECE * self._rate:
             self._state = self._state.after(compare_inputs(samples, self._rate))
 
@@ -254,10 +253,10 @@ class Progress:
 
     `time` is the monotonic clock and `elapsed` the time since the start. `frames`, `dropped` and `gaps` count
     the blocks received; `silent` is the time without audio, 0 until the next block is late. `levels` holds
-    the microphones, `inputs` is what two channels carry, and `feeds` are the instruments. `waiting` is the filled share of the write queue, and `blocked`
-    the time that devices waited for space in it. `implausible_age` is the age of the latest block by the
-    source's clock where that is impossible, else 0; `time_shift` is the shift of the source's times against
-    its frames.
+    the microphones, `inputs` is what two channels carry, and `feeds` holds the instruments. `waiting` is the
+    filled share of the write queue, and `blocked` the time that devices waited for space in it.
+    `implausible_age` is the age of the latest block by the source's clock where that is impossible, else 0;
+    `time_shift` is the shift of the source's times against its frames.
     """
 
     time: Seconds

@@ -50,9 +50,9 @@ class RecordingSummary:
     `frames` were saved and `dropped` lost in `gaps`; `xruns` and `reconnects` are the source's counts. `peak`
     is each microphone's highest level in full scale; `clipped` and `not_numbers` count its samples.
     `instruments` are by name. `flags` counts the events by kind. `size` is the file's size in bytes,
-    `stopped` the reason for the end, and `failure` the error that caused it, empty for none. `inputs` says what
-    is wrong with two channels that are not two microphones; empty otherwise. Where a disk
-    filled up, the file may contain a tenth of a second more than counted here.
+    `stopped` the reason for the end, and `failure` the error that caused it, empty for none. `inputs` says
+    why two channels are not two microphones, empty where they are. Where a disk filled up, the file may
+    contain a tenth of a second more than counted here.
     """
 
     path: Path

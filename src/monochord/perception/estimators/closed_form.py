@@ -122,7 +122,7 @@ class ClosedForm(Estimator):
             both_sides = _Followed(self, replace(signal, string=string), size, is_known=True)
             reader = SidesReader(sample_rate=signal.sample_rate, size=size)
             return _Either(estimate, both_sides, reader, knows_density=signal.string is not None)
-        return estimate
+        return _Far(estimate)
 
     def _refuse_set(self, names: Sequence[str], form: str, remedy: str) -> None:
         """Refuse options that the selected form does not use."""
