@@ -6,6 +6,7 @@ from itertools import permutations
 import numpy as np
 
 from monochord.bringup.check import Check, Pluck, Take, left_out
+from monochord.core.clock import RATES
 from monochord.core.types import Audio, Floats, StringParams
 from monochord.core.units import Hertz, Seconds
 from monochord.physics.sensors import retuned
@@ -55,8 +56,6 @@ DECAY_FACTOR = 2.0
 TUNER_RATIO, POST_DIAMETER = 14.0, 6e-3
 """Assumed: a guitar's tuner of ratio 14:1 whose post, 6 mm thick, winds up the wire. Turns are those of its
 button."""
-RATES = 44100, 48000, 32000, 22050, 88200, 96000
-"""Sample rates that are mistaken for one another."""
 RATE_TOLERANCE = 0.012
 
 

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 
 from monochord.core.units import Samples, Seconds
 
+RATES = 44100, 48000, 32000, 22050, 88200, 96000
+"""Sample rates in Hz that are mistaken for one another."""
 MIN_CLOCK_STEP: Seconds = 0.05
 """A clock that steps by more than this against the monotonic clock was set, in s."""
 

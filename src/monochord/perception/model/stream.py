@@ -12,10 +12,11 @@ from monochord.perception.estimators.base import Condition, Watching
 from monochord.perception.model.context import ModelState
 from monochord.perception.model.faults import OF_REASON
 from monochord.perception.model.stepping import Entry, step_all
+from monochord.perception.spectrum import Spectrum
 from monochord.perception.tuning import Tuner, TunerState, Tuning
 from monochord.perception.tuning.sessions import HIGHEST, LOWEST
 from monochord.perception.tuning.tuner import detuned
-from monochord.perception.usable import Hearing
+from monochord.perception.usable import Hearing, PitchJumps
 from monochord.physics.theory import open_frequency
 
 if TYPE_CHECKING:
@@ -85,7 +86,7 @@ class Followed(ModelStream, Watching):
         self._trained, self._string = model, self._tuner.string
         self._stepper, self._pitch = model.stepper, self._tuner.nominal
         self._state, self._tuned = ModelState(), TunerState()
-        self._reason, self._may_state = "", Hearing(signal.sample_rate)
+        self._reason, self._may_state, self._jumps = "", Hearing(signal.sample_rate), PitchJumps()
         self._gate, self._has_reference = model.definition.gate, model.definition.reference is not None
 
     def _entry(self, window: Window) -> Entry:
@@ -93,6 +94,11 @@ class Followed(ModelStream, Watching):
         if window.start <= self._state.start:
             self._use(self._trained, self._string)
         entry = self._stepper.entry(self._state, window)
+        if entry.spectrum is not None and self._has_jumped(window, entry.spectrum):
+            self._may_state.forget()
+            self._tuned = TunerState()
+            self._use(self._trained, self._string)
+            entry = self._stepper.entry(self._state, window)
         before, self._tuned = self._tuned.tuning, self._tuner.step(self._tuned, window, entry.spectrum)
         tuning = self._tuned.tuning
         if tuning is before or tuning is None or LOWEST <= tuning.frequency / self._pitch - 1.0 <= HIGHEST:
@@ -122,6 +128,10 @@ class Followed(ModelStream, Watching):
             return Condition(follows=not self._reason)
         deviation = tuning.deviation(self._string)
         return Condition(open_frequency=tuning.open_frequency, deviation=deviation, follows=not self._reason)
+
+    def _has_jumped(self, window: Window, spectrum: Spectrum) -> bool:
+        """Return whether the pitch of everything jumps, as where the sample rate changes."""
+        return self._jumps(window.start, window.samples.shape[1], spectrum.frequency, spectrum.height)
 
     def _use(self, model: "Model", string: StringParams) -> None:
         """Read the windows to come by the model for a string."""
