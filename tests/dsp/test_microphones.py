@@ -128,7 +128,12 @@ def test_two_microphones_before_one_string_in_the_air_are_two() -> None:
 
 def test_what_tells_nothing_is_unknown() -> None:
     noise = np.random.default_rng(3).standard_normal((2, SIZE)).astype(np.float32)
-    for sound in (0.0 * noise, 0.1 * noise, noise * np.float32("nan"), np.stack((hum(50.0, SIZE, -20.0),) * 2)):
+    for sound in (
+        0.0 * noise,
+        0.1 * noise,
+        noise * np.float32("nan"),
+        np.stack((hum(50.0, SIZE, -20.0),) * 2),
+    ):
         assert compare_inputs(sound.astype(np.float32), RATE) is Inputs.UNKNOWN
 
 

@@ -13,7 +13,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from monochord.core.clock import MIN_CLOCK_STEP
+from monochord.core.clock import MIN_CLOCK_STEP, mistaken_rates
 from monochord.core.inputs import Inputs, InputState
 from monochord.core.ranges import Checked, NonNegative
 from monochord.core.silence import SILENT_LEVEL
@@ -362,12 +362,18 @@ def _add_deviation(findings: dict[str, Finding], condition: Condition) -> None:
     text = (
         f"The string sounds {100.0 * abs(off):.1f} % ({1200.0 * abs(math.log2(1.0 + off)):.0f} cents) {side}"
     )
+    mistaken = mistaken_rates(1.0 + off)
+    rate = "If it is not, sound of {} Hz is stated as {} Hz.".format(*mistaken) if mistaken else ""
     if condition.follows:
-        sentence, remedy = f"{text} its known pitch; estimates follow it.", "To keep it, run monochord tune."
+        sentence = f"{text} its known pitch; estimates follow it."
+        remedy = f"To keep it, run monochord tune. {rate}".rstrip()
         findings["detuned"] = _finding("info", sentence, remedy)
     else:
         findings.pop("abstaining", None)
-        sentence, remedy = f"{text} what can be estimated from.", "Tune it, then run monochord tune."
+        sentence, remedy = (
+            f"{text} what can be estimated from.",
+            f"Tune it, then run monochord tune. {rate}".rstrip(),
+        )
         findings["detuned"] = _finding("error", sentence, remedy)
 
 
