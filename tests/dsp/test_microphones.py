@@ -18,7 +18,7 @@ SENSORS = ("prototype", "gauge_012", "gauge_013", "long", "prototype_one_driver"
 
 
 def played(name: str, own: float, build: int, world: str) -> Audio:
-    """A sensor with microphones that hear their own end by this share: untouched, touched twice, untouched."""
+    """A sensor whose microphones hear their own end by this share: untouched, and touched twice."""
     sensor = load_sensor(name)
     sensor = replace(sensor, pickups=replace(sensor.pickups, own=(own, own)))
     twin = mc.VirtualSensor(sensor, seed=build, build=build, world=world)  # pyright: ignore[reportArgumentType]

@@ -125,10 +125,8 @@ def test_after_a_change_of_rate_nothing_is_stated_until_the_untouched_string_was
     cut = 2 * RATE
     later = soxr.resample(sound[:, cut:].T, *rates).T
     whole = np.concatenate((sound[:, :cut], later), axis=1)
-    index = np.minimum(
-        (np.arange(later.shape[1]) * rates[0] / rates[1]).astype(int), sound.shape[1] - cut - 1
-    )
-    truth = np.concatenate((contact[:cut], contact[cut:][index]))
+    index = (np.arange(later.shape[1]) * rates[0] / rates[1]).astype(int)
+    truth = np.concatenate((contact[:cut], contact[cut:][np.minimum(index, contact.size - cut - 1)]))
     seen, notes = Counter[str](), set[str]()
     for update in mc.listen(whole, sample_rate=RATE, sensor="prototype"):
         start = update.prediction.start
@@ -141,9 +139,8 @@ def test_after_a_change_of_rate_nothing_is_stated_until_the_untouched_string_was
         if truth[start : start + 4410].all():
             seen["touched"] += 1
             seen["placed"] += update.position.valid
-            seen["wrong"] += (
-                update.position.valid and min(abs(update.position.value - p) for p in (0.08, 0.12)) > 5e-3
-            )
+            off = min(abs(update.position.value - place) for place in (0.08, 0.12))
+            seen["wrong"] += update.position.valid and off > 5e-3
     assert seen["untouched"] > 100
     assert seen["told touched"] == 0
     assert seen["wrong"] == 0

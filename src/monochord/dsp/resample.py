@@ -206,7 +206,7 @@ class _Tape:
     def _append(self, samples: Audio, block: Block, *, lost: bool = False) -> Iterator[Block]:
         """Yield what further frames determine; `block` gives their time."""
         conversion, first = self._conversion, self._next
-        self._samples = np.concatenate((self._samples, samples), axis=1)
+        self._samples = np.concatenate((self._samples, samples), axis=1, dtype=np.float32)
         self._lost = np.concatenate((self._lost, np.full(samples.shape[1], lost)))
         self._next = max(conversion.outputs(self._end - conversion.half), first)
         phases, step = len(conversion.weights), conversion.step

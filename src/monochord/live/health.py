@@ -370,10 +370,8 @@ def _add_deviation(findings: dict[str, Finding], condition: Condition) -> None:
         findings["detuned"] = _finding("info", sentence, remedy)
     else:
         findings.pop("abstaining", None)
-        sentence, remedy = (
-            f"{text} what can be estimated from.",
-            f"Tune it, then run monochord tune. {rate}".rstrip(),
-        )
+        sentence = f"{text} what can be estimated from."
+        remedy = f"Tune it, then run monochord tune. {rate}".rstrip()
         findings["detuned"] = _finding("error", sentence, remedy)
 
 

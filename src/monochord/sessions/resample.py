@@ -1,4 +1,4 @@
-"""Resample a session: a model accepts only the sample rate that it was trained at."""
+"""Resample a session: datasets, and models calibrated or evaluated on sessions, need one sample rate."""
 
 from collections.abc import Iterator
 from dataclasses import replace
