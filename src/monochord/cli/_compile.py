@@ -48,7 +48,7 @@ def _estimators() -> None:
     import numpy as np  # noqa: PLC0415
     import soundfile  # noqa: PLC0415
 
-    # At a rate that is resampled, with two microphones that hear the partials in opposite phase at every other.
+    # At a rate that is resampled, by two microphones that hear every other partial in opposite phase.
     phase = 2.0 * np.pi * 1010.6 / 48000 * np.arange(72000)
     partials = np.stack([np.sin(n * phase + n) / n for n in range(1, 9)]) / 9.0
     sound = np.stack([partials.sum(axis=0), partials[::2].sum(axis=0) - partials[1::2].sum(axis=0)], axis=1)

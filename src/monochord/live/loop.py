@@ -1,7 +1,6 @@
 """The loop from blocks to sinks, readable top to bottom."""
 
 import dataclasses
-import gc
 import sys
 import time
 from collections.abc import Generator, Iterator
@@ -14,7 +13,6 @@ import numpy as np
 from monochord.capture.sources._resampled import at_rate
 from monochord.capture.sources.base import Stream
 from monochord.core.clock import SampleClock
-from monochord.core.errors import InputError
 from monochord.core.interruption import interruption
 from monochord.core.priority import FIRST, before_other_programs, prioritise
 from monochord.core.types import Block, Prediction, Signal, Tracked, Truth, Window
@@ -23,12 +21,10 @@ from monochord.core.windows import windows
 from monochord.live import events, health
 from monochord.live import filter as time_filter
 from monochord.live.delivery import Delivered, Delivery
-from monochord.live.settings import LiveRun, channels_of
+from monochord.live.settings import LiveRun
 from monochord.live.sinks.base import Run, Update
 from monochord.live.summary import Meter, Summary
 from monochord.perception.estimators.base import Watching
-from monochord.physics.sensors import load_sensor, refuse_other_length, with_sensor
-from monochord.physics.strings import load_string
 
 NO_TRUTH: Truth = MappingProxyType({})
 """The truth of one of several strings: empty, since a source's truth names no string."""
@@ -282,3 +278,76 @@ def _sawtooth(signal: Signal, size: Samples) -> Window:
     phase = np.arange(size) * 12.0 / size + 0.5 * np.arange(signal.channels)[:, np.newaxis]
     samples = (0.2 * (phase % 1.0 - 0.5)).astype(np.float32)
     return Window(samples=samples, start=sys.maxsize, sample_rate=signal.sample_rate)
+
+
+def _strings(signal: Signal, setup: LiveRun) -> tuple[Signal, tuple[LiveString, ...]]:
+    """Return the source's signal and its strings.
+
+    Raises
+    ------
+    InputError
+        If the source lacks the strings' channels, or has more than two channels without named strings.
+    """
+    if not setup.strings:
+        if signal.channels > 2:
+            given = f"{signal.channels} channels"
+            raise InputError(
+                given, "1 or 2 for one string", "name the strings: --sensor NAME=PRESET for each"
+            )
+        own = _with_string(signal, setup.string, setup.sensor)
+        return own, (LiveString(name="", signal=own, channels=tuple(range(signal.channels))),)
+    strings: list[LiveString] = []
+    for name, channels in channels_of(setup.strings).items():
+        if max(channels) > signal.channels:
+            given = f"channel {max(channels)} of the string {name}"
+            raise InputError(given, f"1 to {signal.channels}, the source's channels")
+        settings = setup.strings[name]
+        inherits = not (settings.string or settings.sensor)
+        string, sensor = (setup.string, setup.sensor) if inherits else (settings.string, settings.sensor)
+        part = dataclasses.replace(signal, channels=len(channels))
+        strings.append(
+            LiveString(
+                name=name,
+                signal=_with_string(part, string, sensor),
+                channels=tuple(channel - 1 for channel in channels),
+            )
+        )
+    return dataclasses.replace(signal, string=strings[0].signal.string), tuple(strings)
+
+
+def _sensors(setup: LiveRun) -> dict[str, str]:
+    """Return the named sensor of each string, of a single one under the empty name."""
+    strings = setup.strings.items()
+    return {name: each.sensor or setup.sensor for name, each in strings} if strings else {"": setup.sensor}
+
+
+def _with_string(signal: Signal, preset: str, sensor: str) -> Signal:
+    """Return the signal with a preset's string, or with a tuned sensor's string.
+
+    Raises `InputError` for a string where the source provides one, and for a sensor of another length.
+    """
+    if sensor:
+        known, own = load_sensor(sensor), signal.string
+        if own is not None:
+            what = f"sensor '{sensor}' for a source, with a string"
+            refuse_other_length(known.string.length, own.length, what, "name the source's sensor")
+        return with_sensor(signal, known)
+    if not preset:
+        return signal
+    string = load_string(preset).string
+    if signal.string is not None:
+        allowed = "no string, since the source provides one"
+        remedy = f"use it as INPUT: monochord live {preset} ..."
+        raise InputError(f"string '{preset}'", allowed, remedy)
+    return dataclasses.replace(signal, string=string)
+
+
+@contextmanager
+def _heap_set_aside() -> Generator[None]:
+    """Exclude everything loaded so far from garbage collection, whose full passes would delay the loop."""
+    gc.collect()
+    gc.freeze()
+    try:
+        yield
+    finally:
+        gc.unfreeze()
