@@ -1,6 +1,7 @@
 """The loop from blocks to sinks, readable top to bottom."""
 
 import dataclasses
+import gc
 import sys
 import time
 from collections.abc import Generator, Iterator
@@ -13,6 +14,7 @@ import numpy as np
 from monochord.capture.sources._resampled import at_rate
 from monochord.capture.sources.base import Stream
 from monochord.core.clock import SampleClock
+from monochord.core.errors import InputError
 from monochord.core.interruption import interruption
 from monochord.core.priority import FIRST, before_other_programs, prioritise
 from monochord.core.types import Block, Prediction, Signal, Tracked, Truth, Window
@@ -21,10 +23,12 @@ from monochord.core.windows import windows
 from monochord.live import events, health
 from monochord.live import filter as time_filter
 from monochord.live.delivery import Delivered, Delivery
-from monochord.live.settings import LiveRun
+from monochord.live.settings import LiveRun, channels_of
 from monochord.live.sinks.base import Run, Update
 from monochord.live.summary import Meter, Summary
 from monochord.perception.estimators.base import Watching
+from monochord.physics.sensors import load_sensor, refuse_other_length, with_sensor
+from monochord.physics.strings import load_string
 
 NO_TRUTH: Truth = MappingProxyType({})
 """The truth of one of several strings: empty, since a source's truth names no string."""
