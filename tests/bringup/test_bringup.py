@@ -3,7 +3,7 @@
 import math
 import re
 import time
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from monochord.bringup import STEPS, BringUp, Live, Take, Virtual, examine, write
-from monochord.bringup.inputs import dropped_check, rate_check
+from monochord.bringup.inputs import dropped_check, inputs_check, rate_check
 from monochord.bringup.noise import hum_checks
 from monochord.bringup.string import measure_pluck, tuner_turns
 from monochord.bringup.timing import drift_checks, latency_check
@@ -201,3 +201,20 @@ def test_the_rate_is_judged_by_the_devices_times_and_not_by_the_readers(rate: fl
     take = Live(source=Late(rate=rate), name="late").take(STEPS[1])
     assert take.elapsed == pytest.approx(take.samples.shape[1] / rate, rel=1e-2)
     assert rate_check({"pluck": take}).fault == fault
+
+
+def test_two_inputs_are_compared_as_live(healthy: BringUp) -> None:
+    assert inputs_check(healthy.takes).passed
+    random = np.random.default_rng(0)
+
+    def faults(change: Callable[[np.ndarray], np.ndarray]) -> str:
+        return inputs_check({step: take(change(each.samples)) for step, each in healthy.takes.items()}).fault
+
+    def noise(one: np.ndarray) -> np.ndarray:
+        return 1e-4 * random.standard_normal(one.size)
+
+    assert faults(lambda both: np.stack((both[0], -0.5 * both[0]))) == "one microphone"
+    assert faults(lambda both: np.stack((both[0], noise(both[0])))) == "microphone 2 dead"
+    assert faults(lambda both: np.stack((noise(both[1]), both[1]))) == "microphone 1 dead"
+    copied = {step: take(np.stack((each.samples[0],) * 2)) for step, each in healthy.takes.items()}
+    assert "one microphone" in examine("prototype", DESIGN, copied).faults

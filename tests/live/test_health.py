@@ -29,7 +29,7 @@ def wave(frequency: float, level: float) -> Audio:
     return (level * np.sin(2.0 * np.pi * frequency * TIME)).astype(np.float32)
 
 
-STRING = np.stack((wave(960.0, 0.2), wave(960.0, 0.15)))
+STRING = np.stack((wave(960.0, 0.2) + wave(1920.0, 0.02), wave(960.0, 0.15) - wave(1920.0, 0.02)))
 
 
 def watched(
@@ -80,7 +80,7 @@ def test_what_levels_show_is_said_and_ends_with_its_cause(sound: Audio, key: str
     notes = watched(np.concatenate([STRING[:, :RATE], sound[:, :RATE], STRING], axis=1))
     assert not notes[60]
     said = next(k for k, each in enumerate(notes) if each)
-    assert 0.9 <= notes[said][0].since <= 1.0
+    assert 0.9 <= notes[said][0].since <= 1.21  # a microphone falls silent in three looks
     assert said * HOP / RATE >= notes[said][0].since + 0.5 - 1e-6
     assert key in keys(notes[185])
     assert not notes[-1]

@@ -9,6 +9,7 @@ from monochord.bringup.check import MICROPHONES, Check, Pluck, Take, left_out
 from monochord.bringup.drivers import Lock, driver_checks, feed_checks, lock_of
 from monochord.bringup.inputs import (
     dropped_check,
+    inputs_check,
     level_checks,
     order_check,
     rate_check,
@@ -138,7 +139,7 @@ def examine(design: str, sensor: Sensor, takes: Mapping[str, Take], *, time: str
     _refuse(takes)
     string = sensor.string
     quiet, pluck_take, both = (takes.get(step) for step in ("quiet", "pluck", "both"))
-    checks = [rate_check(takes), dropped_check(takes)]
+    checks = [rate_check(takes), dropped_check(takes), inputs_check(takes)]
     wrong_rate = quiet is not None and mains_rate_check(quiet)
     if wrong_rate:
         checks[0] = wrong_rate

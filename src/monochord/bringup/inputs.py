@@ -6,9 +6,18 @@ import numpy as np
 
 from monochord.bringup.check import MICROPHONES, Check, Take, left_out
 from monochord.bringup.string import LOWEST, onset
+from monochord.core.inputs import Inputs
 from monochord.core.types import Audio, Floats
 from monochord.core.units import Hertz, Seconds
+from monochord.dsp.microphones import LOOK, inputs_of
 
+INPUT_FAULTS: Mapping[Inputs, tuple[str, str]] = {
+    Inputs.SAME: ("one microphone", "choose both inputs, and turn off mono in the mixer or the interface"),
+    Inputs.FIRST: ("microphone 2 dead", "check its plug, cable, phantom power or battery, and gain"),
+    Inputs.SECOND: ("microphone 1 dead", "check its plug, cable, phantom power or battery, and gain"),
+    Inputs.APART: ("unlike inputs", "record both as two channels of one interface, at one rate"),
+}
+"""Fault and advice for what two channels carry."""
 TARGET_PEAK = 0.3
 """Peak in full scale that the gain is set to: a hard press is some 8 dB louder than the untouched string."""
 MIN_PEAK = 0.03
@@ -86,6 +95,21 @@ def silence_checks(pluck: Take, quiet: Take | None) -> list[Check]:
             )
         )
     return checks
+
+
+def inputs_check(takes: Mapping[str, Take]) -> Check:
+    """Return whether the inputs are two microphones: neither a copy of the other, nor unused, nor unlike."""
+    name, step = "two microphones", next(iter(takes))
+    pieces = [
+        take.samples[:, start : start + round(LOOK * take.sample_rate)]
+        for take in takes.values()
+        for start in range(0, take.samples.shape[1], round(LOOK * take.sample_rate))
+    ]
+    reason = inputs_of(pieces, takes[step].sample_rate)
+    if not reason.reason:
+        return Check(step=step, name=name)
+    fault, advice = INPUT_FAULTS[reason]
+    return Check(step=step, name=name, passed=False, fault=fault, advice=f"{reason.reason}: {advice}")
 
 
 def level_checks(takes: Sequence[Take]) -> list[Check]:

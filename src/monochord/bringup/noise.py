@@ -4,7 +4,7 @@ import numpy as np
 
 from monochord.bringup.check import MICROPHONES, Check, Take
 from monochord.bringup.inputs import decibels, rms
-from monochord.bringup.string import RATES
+from monochord.core.clock import RATES
 from monochord.core.types import Floats
 from monochord.core.units import Hertz
 

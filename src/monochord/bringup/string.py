@@ -1,11 +1,11 @@
 """Checks of the string, from a pluck with the drivers off: pitch, wire, and ends."""
 
 import math
-from itertools import permutations
 
 import numpy as np
 
 from monochord.bringup.check import Check, Pluck, Take, left_out
+from monochord.core.clock import mistaken_rates
 from monochord.core.types import Audio, Floats, StringParams
 from monochord.core.units import Hertz, Seconds
 from monochord.physics.sensors import retuned
@@ -55,9 +55,6 @@ DECAY_FACTOR = 2.0
 TUNER_RATIO, POST_DIAMETER = 14.0, 6e-3
 """Assumed: a guitar's tuner of ratio 14:1 whose post, 6 mm thick, winds up the wire. Turns are those of its
 button."""
-RATES = 44100, 48000, 32000, 22050, 88200, 96000
-"""Sample rates that are mistaken for one another."""
-RATE_TOLERANCE = 0.012
 
 
 def onset(samples: Audio, sample_rate: int, after: Seconds = 0.0) -> int:
@@ -234,10 +231,9 @@ def pitch_check(pluck: Pluck | None, string: StringParams) -> Check:
         f"{cents:+.0f} cents off the design's {nominal:.1f} Hz: turn the tuner's button "
         f"{abs(turns):.2f} turns {way} (assumed: {assumed})"
     )
-    for true, stated in permutations(RATES, 2):
-        if abs((1.0 + off) * true / stated - 1.0) < RATE_TOLERANCE:
-            advice += f"; or sound of {true} Hz is stated as {stated} Hz"
-            break
+    mistaken = mistaken_rates(1.0 + off)
+    if mistaken:
+        advice += "; or sound of {} Hz is stated as {} Hz".format(*mistaken)
     return Check(
         step=STEP,
         name="open pitch",

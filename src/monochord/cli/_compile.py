@@ -48,11 +48,13 @@ def _estimators() -> None:
     import numpy as np  # noqa: PLC0415
     import soundfile  # noqa: PLC0415
 
-    phase = 2.0 * np.pi * 1010.6 / 44100 * np.arange(66150)
-    sound = sum(np.sin(n * phase + n) / n for n in range(1, 9)) / 9.0
+    # At a rate that is resampled, by two microphones that hear every other partial in opposite phase.
+    phase = 2.0 * np.pi * 1010.6 / 48000 * np.arange(72000)
+    partials = np.stack([np.sin(n * phase + n) / n for n in range(1, 9)]) / 9.0
+    sound = np.stack([partials.sum(axis=0), partials[::2].sum(axis=0) - partials[1::2].sum(axis=0)], axis=1)
     with TemporaryDirectory() as folder:
         wav, tuned, table = (str(Path(folder, name)) for name in ("open.wav", "sensor.toml", "open.csv"))
-        soundfile.write(wav, np.stack([sound, sound], axis=1), 44100)
+        soundfile.write(wav, sound, 48000)
         _run("tune", wav, "--sensor", "prototype", "--out", tuned)
         _run("live", "demo", wav, "--sink", f"csv={table}")
         _run("simulate", "appendix", "--at", "0.2275", "--seconds", "0.5", "--out", wav)

@@ -244,9 +244,9 @@ def import_(what: Path, labels: Path | None, *, out: Path, as_json: bool, **said
 def resample(file: Path, *, rate: int, out: Path, as_json: bool) -> None:
     """Copy a session at another sample rate.
 
-    Everything but the sound stays the same. A model needs sound at the sample rate of its training. Sound
-    that was recorded at a lower rate lacks the highest frequencies, which a model may take for another
-    sensor: record at the model's rate if you can.
+    Everything but the sound stays the same. Datasets need sound at one sample rate, and a model's training
+    sets it; live and locate resample by themselves. Sound that was recorded at a lower rate lacks the highest
+    frequencies, which a model may take for another sensor: record at the model's rate or above.
 
     \b
     monochord sessions resample session.mcap --out slow.mcap --rate 22050

@@ -2,11 +2,26 @@
 
 import time
 from dataclasses import dataclass
+from itertools import permutations
 
 from monochord.core.units import Samples, Seconds
 
+RATES = 44100, 48000, 32000, 22050, 88200, 96000
+"""Sample rates in Hz that are mistaken for one another."""
+RATE_TOLERANCE = 0.012
+"""Relative distance of a pitch from where a mistaken rate puts it: strings are not quite in tune."""
 MIN_CLOCK_STEP: Seconds = 0.05
 """A clock that steps by more than this against the monotonic clock was set, in s."""
+
+
+def mistaken_rates(ratio: float) -> tuple[int, int] | None:
+    """Return two rates in Hz, of which the first is stated as the second if a pitch is off by a ratio.
+
+    >>> mistaken_rates(0.92), mistaken_rates(0.97)
+    ((48000, 44100), None)
+    """
+    pairs = permutations(RATES, 2)
+    return next(((a, b) for a, b in pairs if abs(ratio * a / b - 1.0) < RATE_TOLERANCE), None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

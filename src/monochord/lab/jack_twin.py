@@ -28,7 +28,9 @@ AHEAD: Samples = 2048
 """How far ahead frames are simulated, in s: touches by hand are delayed by it."""
 RING: Samples = 8192
 WINDOW: Seconds = 0.1
-"""Length of the windows whose truth is sent, in s; each ends with a block."""
+HOP: Seconds = 0.01
+"""Length and distance of the windows whose truth is sent, in s; each ends with a block."""
+MICROPHONES = 1, 2
 REMEMBERED = 1024
 """Number of windows whose truth is kept until it is read."""
 PATIENCE: Seconds = 60.0
@@ -98,14 +100,21 @@ class Hello:
 def play(options: dict[str, Any], server: str, pipe: Connection) -> None:
     """Play the twin with these options, until the other end closes the pipe or the server goes away.
 
-    After a `Hello`, it sends for each block the start of the window that ends there, its truth, and the
-    settings; it receives commands of a hand, as the name of a `Controls` method and its arguments.
+    The twin is sampled at the server's rate, in blocks of a usual hop. After a `Hello`, it sends for each
+    block the start of the window that ends there, its truth, and the settings; it receives commands of a
+    hand, as the name of a `Controls` method and its arguments.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # of the terminal; whoever started this ends it
     try:
-        twin = SOURCES.build("twin", {**options, "speed": 1e6})  # the server sets the pace
-        with twin.open() as stream, Relay(stream.signal.channels, "monochord-twin", server) as relay:
-            _play(stream, relay, pipe)
+        with Relay(len(MICROPHONES), "monochord-twin", server) as relay:
+            rate = relay.sample_rate
+            paced = {
+                "sample_rate": rate,
+                "block": round(HOP * rate),
+                "speed": 1e6,
+            }  # the server sets the pace
+            with SOURCES.build("twin", {**options, **paced}).open() as stream:
+                _play(stream, relay, pipe)
     except MonochordError as error:
         with suppress(OSError):
             pipe.send(error)
@@ -115,8 +124,6 @@ def play(options: dict[str, Any], server: str, pipe: Connection) -> None:
 
 def _play(stream: Stream, relay: Relay, pipe: Connection) -> None:
     rate, controls = stream.signal.sample_rate, stream.controls
-    if relay.sample_rate != rate:
-        raise DeviceError(f"JACK server at {relay.sample_rate} Hz: the twin is at {rate} Hz")
     assert controls is not None
     blocks, size = iter(stream), round(WINDOW * rate)
     next(blocks)  # what loads at first use does so before anything is connected

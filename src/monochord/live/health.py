@@ -13,7 +13,8 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from monochord.core.clock import MIN_CLOCK_STEP
+from monochord.core.clock import MIN_CLOCK_STEP, mistaken_rates
+from monochord.core.inputs import Inputs, InputState
 from monochord.core.ranges import Checked, NonNegative
 from monochord.core.silence import SILENT_LEVEL
 from monochord.core.types import OUTSIDE_RANGE, UNHEARD, Estimates, StreamHealth, Window
@@ -22,11 +23,6 @@ from monochord.live.filter import CONTACT, FilterState
 from monochord.perception.estimators.base import Condition
 
 Level: TypeAlias = Literal["info", "warning", "error"]
-DEAD_CHANNEL_RATIO = 1.0e-3
-"""Ratio of the channels' levels beyond which the quieter one counts as dead: 60 dB.
-
-The string reaches both ends.
-"""
 CLIPPED_PEAK, CLIPPED_SHARE = 0.98, 2.0e-3
 """Peak in full scale, and share of samples at the peak, from which a channel counts as clipped."""
 RINGING_LEVEL, PROMINENCE = 5.6e-3, 40.0
@@ -100,7 +96,8 @@ NO_FINDINGS: Mapping[str, Finding] = MappingProxyType({})
 class HealthState:
     """The health state of one stream, passed in and out; it starts as ``HealthState()``.
 
-    `looked` is when levels were last measured, and `from_levels` the findings from that. `stream` and
+    `looked` is when levels were last measured, `from_levels` the findings from that, and `inputs` what two
+    channels carry. `stream` and
     `skipped` are the counters after the previous window. `start` is the first frame of the last window.
     """
 
@@ -110,6 +107,7 @@ class HealthState:
     looked: Seconds = -math.inf
     stream: StreamHealth = field(default_factory=StreamHealth)
     skipped: int = 0
+    inputs: InputState = field(default_factory=InputState)
 
 
 def _finding(level: Level, sentence: str, remedy: str) -> Finding:
@@ -152,6 +150,16 @@ DEAD = tuple(
     )
     for number in (1, 2)
 )
+ONE_MICROPHONE = _finding(
+    "error",
+    "Both channels carry the same sound: there is one microphone.",
+    "Choose the inputs of both microphones, and turn off mono in the mixer or the recorder.",
+)
+UNLIKE_INPUTS = _finding(
+    "error",
+    "The channels share no sound: they are of two clocks, rates or recordings.",
+    "Record both microphones with one interface, as two channels of one stream.",
+)
 TWO_TOUCHES = _finding(
     "warning", "Two things seem to touch the string.", "Touch it with one object at a time."
 )
@@ -190,8 +198,10 @@ SETTLING = Finding(
 )
 REASONS: Mapping[str, tuple[str, Finding]] = MappingProxyType(
     {
-        "microphone 1 is silent": ("microphone_1_dead", DEAD[0]),
-        "microphone 2 is silent": ("microphone_2_dead", DEAD[1]),
+        Inputs.SECOND.reason: ("microphone_1_dead", DEAD[0]),
+        Inputs.FIRST.reason: ("microphone_2_dead", DEAD[1]),
+        Inputs.SAME.reason: ("one_microphone", ONE_MICROPHONE),
+        Inputs.APART.reason: ("unlike_inputs", UNLIKE_INPUTS),
         "the microphones seem swapped": ("microphones_swapped", SWAPPED),
         "mostly clipped": ("clipping", CLIPPING),
         "clipped": ("clipping", CLIPPING),
@@ -252,9 +262,10 @@ def step(
     if state.start < 0 or window.start <= state.start:
         state = HealthState(stream=stream, skipped=skipped)
     now = window.start / window.sample_rate
-    from_levels, looked = state.from_levels, state.looked
+    from_levels, looked, inputs = state.from_levels, state.looked, state.inputs
     if now - looked >= settings.look - 1e-9 and not window.has_gap:
-        from_levels, looked = _level_findings(window), now
+        inputs = _inputs(inputs, window)
+        from_levels, looked = _level_findings(window, inputs.inputs), now
     findings = dict(from_levels) if not stream.away else {}
     if "string_still" not in findings:  # of noise alone a model may say anything
         _add_reasons(findings, estimates)
@@ -274,6 +285,7 @@ def step(
         lasting=lasting,
         from_levels=from_levels,
         looked=looked,
+        inputs=inputs,
         stream=stream,
         skipped=skipped,
     )
@@ -282,7 +294,7 @@ def step(
 
 def warm_up(window: Window) -> None:
     """Load and compile everything that would delay the first window."""
-    _level_findings(window)
+    _level_findings(window, _inputs(InputState(), window).inputs)
 
 
 def _lasting(
@@ -350,12 +362,16 @@ def _add_deviation(findings: dict[str, Finding], condition: Condition) -> None:
     text = (
         f"The string sounds {100.0 * abs(off):.1f} % ({1200.0 * abs(math.log2(1.0 + off)):.0f} cents) {side}"
     )
+    mistaken = mistaken_rates(1.0 + off)
+    rate = "If it is not, sound of {} Hz is stated as {} Hz.".format(*mistaken) if mistaken else ""
     if condition.follows:
-        sentence, remedy = f"{text} its known pitch; estimates follow it.", "To keep it, run monochord tune."
+        sentence = f"{text} its known pitch; estimates follow it."
+        remedy = f"To keep it, run monochord tune. {rate}".rstrip()
         findings["detuned"] = _finding("info", sentence, remedy)
     else:
         findings.pop("abstaining", None)
-        sentence, remedy = f"{text} what can be estimated from.", "Tune it, then run monochord tune."
+        sentence = f"{text} what can be estimated from."
+        remedy = f"Tune it, then run monochord tune. {rate}".rstrip()
         findings["detuned"] = _finding("error", sentence, remedy)
 
 
@@ -413,8 +429,17 @@ def _counted(number: int, noun: str) -> str:
     return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
-def _level_findings(window: Window) -> Mapping[str, Finding]:
-    """Return the findings from a window's levels."""
+def _inputs(state: InputState, window: Window) -> InputState:
+    """Return what two channels carry after a window."""
+    from monochord.dsp.microphones import compare_inputs  # noqa: PLC0415 (loads numba)
+
+    if len(window.samples) != 2:
+        return state
+    return state.after(compare_inputs(window.samples, window.sample_rate))
+
+
+def _level_findings(window: Window, inputs: Inputs) -> Mapping[str, Finding]:
+    """Return the findings from a window's levels, and from what two channels carry."""
     from monochord.dsp.levels import measure_levels, tone_prominence  # noqa: PLC0415 (compiled, and a sink imports this module)
 
     measured = measure_levels(window.samples, window.sample_rate)
@@ -424,9 +449,9 @@ def _level_findings(window: Window) -> Mapping[str, Finding]:
     if level.max() < SILENT_LEVEL:
         return {"silence": SILENT}
     findings = dict[str, Finding]()
-    for channel in range(min(len(level), 2)):
-        if len(level) == 2 and level[channel] < max(DEAD_CHANNEL_RATIO * level.max(), SILENT_LEVEL):
-            findings[f"microphone_{channel + 1}_dead"] = DEAD[channel]
+    if inputs.reason:
+        key, finding = REASONS[inputs.reason]
+        findings[key] = finding
     if ((peak >= CLIPPED_PEAK) & (extreme >= CLIPPED_SHARE)).any():
         findings["clipping"] = CLIPPING
     if (hum > HUM_SHARE).any():

@@ -11,6 +11,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from monochord.capture.sources._resampled import at_rate
 from monochord.capture.sources.base import Stream
 from monochord.core.clock import SampleClock
 from monochord.core.errors import InputError
@@ -112,12 +113,14 @@ class LiveStream:
     Attributes
     ----------
     signal
-        The source's audio format, with the run's string (the first of several).
+        The audio format of the windows, with the run's string (the first of several): the source's, at the
+        estimator's sample rate.
     strings
         The strings of the source; a single string has no name.
     """
 
     def __init__(self, setup: LiveRun, stream: Stream) -> None:
+        stream = at_rate(stream, setup.estimator.sample_rate)
         self._stream, self._seconds = stream, setup.seconds
         self._filter, self._health = setup.filter, setup.health
         self.signal, self.strings = _strings(stream.signal, setup)
@@ -255,7 +258,7 @@ class _Feed:
 
     def __iter__(self) -> Iterator[Block]:
         for block in self._stream.in_time():
-            self._block, self.at_hand = block, time.monotonic()
+            self._block, self.at_hand = block, time.monotonic() - self._stream.delay
             self.frames += block.samples.shape[1]
             if block.adc_time is not None:
                 # The block may have waited for the reader; its last frame was there from this time on.
@@ -272,9 +275,12 @@ class _Feed:
 
 
 def _sawtooth(signal: Signal, size: Samples) -> Window:
-    """Return a window with twelve periods of a sawtooth, later than any: the next window starts a stream."""
-    wave = 0.2 * (np.arange(size) * 12.0 / size % 1.0 - 0.5)
-    samples = np.tile(wave.astype(np.float32), (signal.channels, 1))
+    """Return a window with twelve periods of a sawtooth, later than any: the next window starts a stream.
+
+    Every other channel is half a period late, as no copy of the first is.
+    """
+    phase = np.arange(size) * 12.0 / size + 0.5 * np.arange(signal.channels)[:, np.newaxis]
+    samples = (0.2 * (phase % 1.0 - 0.5)).astype(np.float32)
     return Window(samples=samples, start=sys.maxsize, sample_rate=signal.sample_rate)
 
 

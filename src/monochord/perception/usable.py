@@ -1,16 +1,27 @@
 """Whether a window can be used at all, and whether touches of a stream may be stated."""
 
 import math
+from collections import deque
+from fractions import Fraction
+from itertools import permutations
 
 import numpy as np
 
+from monochord.core.clock import RATES
 from monochord.core.kernels import kernel, part
 from monochord.core.silence import SILENT_LEVEL
-from monochord.core.types import Audio, Window
+from monochord.core.types import Audio, Floats, Window
 from monochord.core.units import Samples, Seconds
 
 CLIPPED_SHARE = 0.1
 """Share of samples at the very top and bottom values from which a window is too clipped to trust."""
+STRONG_LINE = 1e-2
+"""Least power of a line that must jump with the others, as a share of its channel's strongest."""
+JUMPS = np.array([a / b for a, b in permutations(RATES, 2) if Fraction(a, b).denominator > 12])
+"""Factors by which a wrong sample rate moves the pitch. From one partial to another, it is a ratio
+of small numbers."""
+SAME_RATIO, SAME_LEVEL = 0.004, 0.5
+"""Largest relative difference of lines in such a factor, and of their levels, in nats of power."""
 PATIENCE: Seconds = 3.0
 """How long a stream may begin with a touch. A string that is more than a tenth out of tune always sounds like
 one that is touched."""
@@ -48,7 +59,11 @@ class Hearing:
     def __init__(self, sample_rate: int) -> None:
         self._patience = PATIENCE * sample_rate
         self._first = self._last = -1
-        self._heard = False
+        self._heard = self._lost = False
+
+    def forget(self) -> None:
+        """Wait for the untouched string to be heard anew: no touch is stated until then."""
+        self._heard, self._lost = False, True
 
     def __call__(self, start: Samples, *, heard: bool) -> bool:
         """Return whether touches may be stated in a window; see `Estimator.prepare` on streams.
@@ -56,9 +71,63 @@ class Hearing:
         `start` is the window's first frame. `heard` says whether the untouched string is known there.
         """
         if start <= self._last or self._last < 0:
-            self._first, self._heard = start, False
+            self._first, self._heard, self._lost = start, False, False
         self._last, self._heard = start, self._heard or heard
-        return self._heard or start - self._first <= self._patience
+        return self._heard or (not self._lost and start - self._first <= self._patience)
+
+
+class PitchJumps:
+    """Whether a stream's sample rate changes: all that its windows carry jumps in pitch by one of `JUMPS`.
+
+    A touch moves a string's lines by different factors, or changes their levels.
+
+    Examples
+    --------
+    >>> jumps = PitchJumps()
+    >>> frequency, height = np.array([[1000.0, 2000.0], [2000.0, 1000.0]]), np.ones((2, 2))
+    >>> [jumps(4410 * k, 4410, c * frequency, height) for k, c in enumerate((1.0, 1.0, 0.919, 0.919))]
+    [False, False, True, False]
+    """
+
+    def __init__(self) -> None:
+        self._windows = deque[tuple[Samples, Floats, Floats]]()
+
+    def __call__(self, start: Samples, size: Samples, frequency: Floats, height: Floats) -> bool:
+        """Return whether a window's lines are those of the window before it at another pitch.
+
+        `frequency` and `height` (channels, lines) are in Hz and in power, the strongest line first, zero
+        where there is none. Windows that overlap with this one are left out. A window that starts no later
+        than the last begins another stream.
+        """
+        known = self._windows
+        if known and start <= known[-1][0]:
+            known.clear()
+        while len(known) > 1 and known[1][0] + size <= start:
+            known.popleft()
+        jumped = bool(known) and known[0][0] + size <= start and _is_jump(known[0][1:], (frequency, height))
+        if jumped:
+            known.clear()
+        known.append((start, frequency, height))
+        return jumped
+
+
+def _is_jump(before: tuple[Floats, Floats], after: tuple[Floats, Floats]) -> bool:
+    """Return whether the strong lines of each channel have kept their levels and moved by one factor."""
+    ratios: list[Floats] = []
+    for channel in range(len(before[0])):
+        one, two = (_strong(each[0][channel], each[1][channel]) for each in (before, after))
+        if not one.shape[1] or one.shape != two.shape or np.abs(np.log(two[1] / one[1])).max() > SAME_LEVEL:
+            return False
+        ratios.append(two[0] / one[0])
+    off = np.abs(np.concatenate(ratios) / JUMPS[:, np.newaxis] - 1.0)
+    return bool((off < SAME_RATIO).all(axis=1).any())
+
+
+def _strong(frequency: Floats, height: Floats) -> Floats:
+    """Return frequency and height of a channel's strong lines (2, n), by frequency."""
+    strong = height > STRONG_LINE * height[0]
+    order = np.argsort(frequency[strong])
+    return np.stack((frequency[strong][order], height[strong][order]))
 
 
 @kernel(fastmath={"reassoc"})

@@ -3,10 +3,14 @@
 from datetime import UTC, datetime
 from typing import Any
 
+import numpy as np
+
 from monochord.core.config import Tree, to_tree
 from monochord.sessions.reader import SessionReader
 
 LABEL_WIDTH = 12
+MAX_LOOKS = 60
+"""Largest number of places at which two channels are compared."""
 MAX_KINDS = 8
 """Kinds of events that the lines name."""
 
@@ -35,12 +39,25 @@ def facts_of(session: SessionReader) -> Tree:
             "frames": frames,
             "gaps": len(audio.gaps),
             "lost_frames": sum(stop - first for first, stop in audio.gaps),
+            "inputs": _inputs(session),
         },
         "streams": {stream: _stream(session, stream) for stream in session.streams},
         "labels": {"columns": list(session.labels.columns), "rows": len(session.labels.time)},
         "events": _kinds(session),
         "about": about,
     }
+
+
+def _inputs(session: SessionReader) -> str:
+    """Return why two channels are not two microphones; empty where they are, or where nothing tells."""
+    from monochord.dsp.microphones import LOOK, inputs_of  # noqa: PLC0415 (loads numba)
+
+    samples, rate = session.audio.samples, session.description.sample_rate
+    size = round(LOOK * rate)
+    if len(samples) != 2 or samples.shape[1] < size:
+        return ""
+    starts = np.unique(np.linspace(0, samples.shape[1] - size, MAX_LOOKS).astype(int))
+    return inputs_of((samples[:, start : start + size] for start in starts.tolist()), rate).reason
 
 
 def _stream(session: SessionReader, stream: str) -> Tree:
@@ -80,6 +97,8 @@ def facts_lines(facts: Tree) -> list[str]:
     channels = f"{audio['channels']} channel{'' if audio['channels'] == 1 else 's'}"
     measured = f"{channels} at {audio['sample_rate']} Hz ({audio['measured_rate']:.2f} measured)"
     say("audio", f"{measured}; {audio['lost_frames']} frames lost in {audio['gaps']} gaps")
+    if audio["inputs"]:
+        say("inputs", audio["inputs"])
     for stream, each in facts["streams"].items():
         came = "" if each["measured_rate"] is None else f" ({each['measured_rate']:.2f} measured)"
         lost = f"{each['missing']} missing, {each['faulty']} faulty of {each['readings']}"

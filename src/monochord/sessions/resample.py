@@ -1,14 +1,13 @@
-"""Resample a session: a model accepts only the sample rate that it was trained at."""
+"""Resample a session: datasets, and models calibrated or evaluated on sessions, need one sample rate."""
 
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from monochord.core.errors import InputError
-from monochord.core.types import Audio
+from monochord.core.types import Block
 from monochord.core.units import Seconds
+from monochord.dsp.resample import resampled
 from monochord.sessions.exports import Stretch, tables, write_back
 from monochord.sessions.reader import SessionReader
 from monochord.sessions.tracks import AudioTrack
@@ -19,8 +18,7 @@ BLOCK: Seconds = 0.1
 def resample(session: SessionReader, path: Path, sample_rate: int) -> None:
     """Write a copy of a session with its sound at another sample rate; all other data and all times stay.
 
-    Each stretch of sound between two gaps is resampled as a whole, with linear phase, by soxr's "HQ". Nothing
-    remains above half of the lower rate.
+    Frames are those that a live run of the session reads, by `dsp.resample.resampled`.
 
     Parameters
     ----------
@@ -52,25 +50,25 @@ def resample(session: SessionReader, path: Path, sample_rate: int) -> None:
 
 def _stretches(audio: AudioTrack, rate: int) -> Iterator[Stretch]:
     """Yield the resampled sound, each frame at its time in the track."""
-    ratio, reached, size = rate / audio.sample_rate, 0, round(BLOCK * rate)
+    ratio = rate / audio.sample_rate
+    for block in resampled(_blocks(audio), sample_rate=audio.sample_rate, new_rate=rate):
+        yield Stretch(
+            start=block.start,
+            dropped=block.dropped,
+            time=float(audio.time(block.start / ratio)),
+            timed=bool(len(audio.anchor_frame)),
+            device_frame=-1,
+            samples=block.samples,
+        )
+
+
+def _blocks(audio: AudioTrack) -> Iterator[Block]:
+    """Yield the recorded sound, from gap to gap."""
+    size, reached = round(BLOCK * audio.sample_rate), 0
     ends = (*(first for first, _ in audio.gaps), audio.samples.shape[1])
     begins = (0, *(stop for _, stop in audio.gaps))
     for begin, end in zip(begins, ends, strict=True):
-        start, stop = round(begin * ratio), round(end * ratio)
-        samples = _resampled(audio.samples[:, begin:end], audio.sample_rate, rate)[:, : stop - start]
-        for at in range(0, samples.shape[1], size):
-            yield Stretch(
-                start=start + at,
-                dropped=start - reached if not at else 0,
-                time=float(audio.time((start + at) / ratio)),
-                timed=bool(len(audio.anchor_frame)),
-                device_frame=-1,
-                samples=np.ascontiguousarray(samples[:, at : at + size]),
-            )
-        reached = start + samples.shape[1]
-
-
-def _resampled(samples: Audio, old: int, new: int) -> Audio:
-    import soxr  # noqa: PLC0415
-
-    return np.asarray(soxr.resample(samples.T, old, new, quality="HQ"), np.float32).T
+        for start in range(begin, end, size):
+            samples = audio.samples[:, start : min(start + size, end)]
+            yield Block(samples=samples, start=start, dropped=start - reached)
+            reached = start + samples.shape[1]

@@ -12,9 +12,11 @@ from monochord.capture.instruments.base import Connection
 from monochord.capture.recording.disk import Space, space
 from monochord.capture.recording.pumps import Polled, Pumps
 from monochord.capture.sources.base import Stream
+from monochord.core.inputs import Inputs, InputState
 from monochord.core.silence import is_silent
-from monochord.core.types import Block, Feed, InstrumentHealth, Readings, StreamHealth
+from monochord.core.types import Audio, Block, Feed, InstrumentHealth, Readings, StreamHealth
 from monochord.core.units import Samples, Seconds
+from monochord.dsp.microphones import compare_inputs
 
 CLIPPED = 0.999
 """Full-scale level from which a sample counts as clipped; 16-bit samples reach 0.99997 and 1."""
@@ -29,7 +31,9 @@ OVERDUE_READINGS, OVERDUE_BLOCKS = 5, 4
 MIN_QUIET: Seconds = 1.0
 """How long a microphone picks up nothing before a warning, in s."""
 QUIET_PIECE: Seconds = 0.1
-"""Length of the pieces of sound checked for silence, in s."""
+"""Length of the pieces of sound that are checked for silence, and in which channels are compared, in s."""
+MIN_PIECE: Seconds = 0.05
+"""Least length of the sound by which two channels are compared, in s."""
 RATE_INTERVAL: Seconds = 1.0
 """Interval over which an instrument's rate is measured, in s."""
 TIMING_INTERVAL: Seconds = 1.0
@@ -76,6 +80,12 @@ class Levels:
     def __init__(self, channels: int, sample_rate: int) -> None:
         self._meters = [_Meter(sample_rate) for _ in range(channels)]
         self._blocks: list[Block] = []
+        self._rate, self._state = sample_rate, InputState()
+
+    @property
+    def inputs(self) -> Inputs:
+        """What two channels carry, by the blocks so far."""
+        return self._state.inputs
 
     def add(self, block: Block) -> None:
         """Add a block."""
@@ -88,7 +98,13 @@ class Levels:
             self._blocks.clear()
             for meter, channel in zip(self._meters, samples, strict=True):
                 meter.measure(channel, now)
+            self._compare(samples[:, -round(QUIET_PIECE * self._rate) :])
         return tuple(meter.level(now) for meter in self._meters)
+
+    def _compare(self, samples: Audio) -> None:
+        """Look at the newest sound of two channels."""
+        if len(samples) == 2 and samples.shape[1] >= MIN_PIECE * self._rate:
+            self._state = self._state.after(compare_inputs(samples, self._rate))
 
 
 class _Meter:
@@ -237,10 +253,10 @@ class Progress:
 
     `time` is the monotonic clock and `elapsed` the time since the start. `frames`, `dropped` and `gaps` count
     the blocks received; `silent` is the time without audio, 0 until the next block is late. `levels` holds
-    the microphones, `feeds` the instruments. `waiting` is the filled share of the write queue, and `blocked`
-    the time that devices waited for space in it. `implausible_age` is the age of the latest block by the
-    source's clock where that is impossible, else 0; `time_shift` is the shift of the source's times against
-    its frames.
+    the microphones, `inputs` is what two channels carry, and `feeds` holds the instruments. `waiting` is the
+    filled share of the write queue, and `blocked` the time that devices waited for space in it.
+    `implausible_age` is the age of the latest block by the source's clock where that is impossible, else 0;
+    `time_shift` is the shift of the source's times against its frames.
     """
 
     time: Seconds
@@ -251,6 +267,7 @@ class Progress:
     silent: Seconds
     health: StreamHealth
     levels: tuple[Level, ...]
+    inputs: Inputs = Inputs.UNKNOWN
     feeds: tuple[FeedNow, ...]
     space: Space
     waiting: float = 0.0
@@ -313,6 +330,7 @@ class RecordingCounters:
             silent=silent if silent > self._silence else 0.0,
             health=self._stream.health,
             levels=self._levels.look(now),
+            inputs=self._levels.inputs,
             feeds=tuple(feed.look(now, self._connections[name].health) for name, feed in self._feeds.items()),
             space=space(self._folder, size=size, elapsed=elapsed, reserve=self._reserve),
             waiting=pumps.queue.filled,

@@ -42,7 +42,7 @@ def from_files(
 ) -> None:
     r"""Write a session from an audio file and a table of labels.
 
-    The audio is WAV or FLAC, 1 or 2 channels at 16 to 96 kHz. Samples of up to 24 bits, and 32-bit floats,
+    The audio is WAV or FLAC, 1 or 2 channels at 16 to 192 kHz. Samples of up to 24 bits, and 32-bit floats,
     are stored exactly; wider ones are rounded to 32-bit floats. The session begins at the file's date minus
     its duration; without device times, frame n is at n / rate. In place of the file, a session recorded with
     microphones alone is accepted: its sensor, string and gaps are kept, and estimates that a live run

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from monochord.capture.recording.counters import FeedNow, Progress
+from monochord.capture.recording.watch import ONE_MICROPHONE
 from monochord.core.silence import SILENCE_REMEDY
 from monochord.core.units import Samples, Seconds, decibels
 
@@ -49,8 +50,9 @@ class RecordingSummary:
     `frames` were saved and `dropped` lost in `gaps`; `xruns` and `reconnects` are the source's counts. `peak`
     is each microphone's highest level in full scale; `clipped` and `not_numbers` count its samples.
     `instruments` are by name. `flags` counts the events by kind. `size` is the file's size in bytes,
-    `stopped` the reason for the end, and `failure` the error that caused it, empty for none. Where a disk
-    filled up, the file may contain a tenth of a second more than counted here.
+    `stopped` the reason for the end, and `failure` the error that caused it, empty for none. `inputs` says
+    why two channels are not two microphones, empty where they are. Where a disk filled up, the file may
+    contain a tenth of a second more than counted here.
     """
 
     path: Path
@@ -68,6 +70,7 @@ class RecordingSummary:
     size: int
     stopped: str
     failure: str = ""
+    inputs: str = ""
 
     @property
     def interrupted(self) -> bool:
@@ -95,6 +98,7 @@ class RecordingSummary:
             size=size,
             stopped=stopped,
             failure=failure,
+            inputs=now.inputs.reason if ONE_MICROPHONE in flags else "",
         )
 
     def lines(self) -> list[str]:
@@ -117,6 +121,7 @@ class RecordingSummary:
             *(_feed_line(name, feed) for name, feed in self.instruments.items()),
             f"flags  {flags}",
             *([f"silence: {SILENCE_REMEDY}"] if "silence" in self.flags else []),
+            *([f"inputs  {self.inputs}"] if self.inputs else []),
         ]
 
     def tree(self) -> dict[str, Any]:

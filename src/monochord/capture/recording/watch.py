@@ -4,12 +4,17 @@ from collections.abc import Iterator, Mapping
 
 from monochord.capture.recording.counters import FeedNow, Progress
 from monochord.core.clock import MIN_CLOCK_STEP
+from monochord.core.inputs import Inputs
 from monochord.core.silence import SILENCE_REMEDY
 from monochord.core.units import Seconds
 from monochord.sessions import Event
 
 EVENT_INTERVAL: Seconds = 1.0
 """Shortest time between events of one kind and stream, in s; changes in between are counted together."""
+MIN_ONE: Seconds = 1.0
+"""How long two channels are not two microphones before a notice, in s."""
+ONE_MICROPHONE = "one_microphone"
+"""Kind of the notice about two channels that are not two microphones."""
 MIN_BLOCKED: Seconds = 0.25
 """Waiting time for the disk from which it is reported, in s."""
 
@@ -23,8 +28,9 @@ class Watch:
         self._next: dict[tuple[str, str], Seconds] = {}
         self._silent: dict[str, Seconds] = {}
         self._quiet: set[int] = set()
+        self._inputs, self._inputs_since = Inputs.UNKNOWN, 0.0
         self._offsets: Mapping[str, Seconds] = {}
-        self._disk_low = self._implausible = False
+        self._disk_low = self._implausible = self._inputs_said = False
 
     def look(self, now: Progress, *, last: bool = False) -> list[Event]:
         """Return the new notices; with `last`, also pending counts."""
@@ -72,6 +78,7 @@ class Watch:
             text = f"audio: its times shifted by {shift:+.3f} s against its frames, without counted losses"
             yield _about("audio", now.time, "uncounted", text, seconds=shift)
         yield from self._sound(now)
+        yield self._one_microphone(now)
         clipped = sum(level.clipped for level in now.levels)
         if count := rise("clipping", clipped):
             microphones = ", ".join(f"{k + 1}" for k, level in enumerate(now.levels) if level.clipping)
@@ -93,6 +100,19 @@ class Watch:
                 text = f"audio: {kind}, microphone {microphones}{more}"
                 data = {"stream": "audio", "microphones": microphones}
                 yield Event(time=now.time, kind=kind, text=text, data=data)
+
+    def _one_microphone(self, now: Progress) -> Event | None:
+        """Return a notice once two channels have not been two microphones for a while.
+
+        A microphone that picks up nothing at all has a notice of its own.
+        """
+        reason = "" if any(level.is_silent for level in now.levels) else now.inputs.reason
+        if now.inputs is not self._inputs:
+            self._inputs, self._inputs_since, self._inputs_said = now.inputs, now.time, False
+        if not reason or self._inputs_said or now.time - self._inputs_since < MIN_ONE:
+            return None
+        self._inputs_said = True
+        return Event(time=now.time, kind=ONE_MICROPHONE, text=f"audio: {reason}", data={"stream": "audio"})
 
     def _feed(self, feed: FeedNow, time: Seconds, *, last: bool) -> Iterator[Event | None]:
         name, health = feed.name, feed.health

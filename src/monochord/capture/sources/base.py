@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from monochord.core.errors import InputError
 from monochord.core.ranges import Checked
 from monochord.core.types import Block, Contact, Signal, StreamHealth, Truth
-from monochord.core.units import Metres, Newtons, Samples
+from monochord.core.units import Metres, Newtons, Samples, Seconds
 
 MAX_CHANNELS = 64
 """Largest number of channels: two microphones for each of 32 strings."""
-MIN_RATE, MAX_RATE = 16_000, 96_000
-"""Range of sample rates in Hz: a string's partials need 16 kHz, and 96 kHz is ample."""
+MIN_RATE, MAX_RATE = 16_000, 192_000
+"""Range of sample rates in Hz: a string's partials need 16 kHz, and interfaces offer up to 192 kHz."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,6 +107,11 @@ class Stream(ABC):
         return 0
 
     @property
+    def delay(self) -> Seconds:
+        """How long a frame waits for later ones before it is yielded, in s; part of the latency."""
+        return 0.0
+
+    @property
     def paced(self) -> bool:
         """Whether a clock sets the pace, so that a late reader loses windows."""
         return False
@@ -164,6 +169,6 @@ def refuse_other_channels(channels: int) -> None:
 
 
 def refuse_other_rates(sample_rate: float, what: str, remedy: str) -> None:
-    """Raise `InputError` for a sample rate below 16 kHz or above 96 kHz."""
+    """Raise `InputError` for a sample rate below 16 kHz or above 192 kHz."""
     if not MIN_RATE <= sample_rate <= MAX_RATE:
         raise InputError(f"{what} at {sample_rate:g} Hz", f"{MIN_RATE} to {MAX_RATE} Hz", remedy)

@@ -20,7 +20,7 @@ from monochord.core.units import Samples
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wav(Source):
-    """A sound file of one or two channels (more for several strings), at 16 to 96 kHz.
+    """A sound file of one or two channels (more for several strings), at 16 to 192 kHz.
 
     libsndfile reads it: wav, flac, mp3, ogg (Vorbis or Opus), aiff, au, caf, w64, told by content.
 

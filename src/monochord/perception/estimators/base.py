@@ -83,6 +83,14 @@ class Estimator(Checked, ABC):
         return [estimate(window) for estimate, window in zip(prepared, windows, strict=True)]
 
     @property
+    def sample_rate(self) -> int | None:
+        """Sample rate in Hz of the windows that it takes, None for any.
+
+        The live loop resamples a source of a higher rate.
+        """
+        return None
+
+    @property
     def string_length(self) -> Metres | None:
         """Length of the string in m if an option states it, else None; sinks draw the string with it."""
         return None

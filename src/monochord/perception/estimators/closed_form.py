@@ -12,6 +12,7 @@ from monochord.core.errors import InputError
 from monochord.core.lengths import refuse_other_units
 from monochord.core.types import UNHEARD, Estimate, Estimates, Prepared, Signal, StringParams, Window
 from monochord.core.units import Hertz, KilogramsPerMetre, Metres, Newtons, Samples
+from monochord.dsp.microphones import Microphones
 from monochord.perception.closed_form import both_segments, far_segment
 from monochord.perception.closed_form.both_segments import MIN_CONTACT, MIN_UNTOUCHED, BothSegments
 from monochord.perception.closed_form.explanations import RANGE
@@ -68,8 +69,9 @@ class ClosedForm(Estimator):
         "far", "both" or "auto". With "auto", a signal with two channels of a known string and no
         `open_frequency` uses the two-sided form. With two channels and `open_frequency`, the windows decide:
         two segments, each louder at its own microphone, start the two-sided form; one note at both channels,
-        as in a stereo recording, selects the far form. Force and tension then require a known string, for its
-        density.
+        as in a stereo recording, selects the far form, and so does a single microphone: a channel that is a
+        copy of the other, or carries nothing, is left out. Force and tension then require a known string, for
+        its density.
     reach
         Largest position of the far form as a share of the length.
     margin
@@ -116,14 +118,16 @@ class ClosedForm(Estimator):
         )
         far = self._far_segment(signal)
         estimate = far.prepare(signal.sample_rate, size)
-        if self.sides == "far" or signal.channels != 2:
+        if signal.channels != 2:
             return estimate
+        if self.sides == "far":
+            return _Far(estimate)
         with suppress(InputError):  # windows too short or a rate too low for two segments
             string = _string_of(far, signal.string)
             both_sides = _Followed(self, replace(signal, string=string), size, is_known=True)
             reader = SidesReader(sample_rate=signal.sample_rate, size=size)
             return _Either(estimate, both_sides, reader, knows_density=signal.string is not None)
-        return estimate
+        return _Far(estimate)
 
     def _refuse_set(self, names: Sequence[str], form: str, remedy: str) -> None:
         """Refuse options that the selected form does not use."""
@@ -167,6 +171,7 @@ class _Followed(Watching):
 
     def __init__(self, options: ClosedForm, signal: Signal, size: Samples, *, is_known: bool = False) -> None:
         self._may_state, self._is_known = Hearing(signal.sample_rate), is_known
+        self._microphones = Microphones()
         self._tuner, self._state = Tuner.of(signal, size), TunerState()
         self._untuned = self._reader = BothSegments.of(
             self._tuner.string,
@@ -188,7 +193,8 @@ class _Followed(Watching):
             string = tuning.tuned(self._tuner.string)
             self._reader = self._untuned.tuned(string, tuning.frequency_std / tuning.frequency)
         may_state = self._may_state(window.start, heard=self._is_known or tuning is not None)
-        reason = unusable_reason(window)
+        inputs = self._microphones(window)
+        reason = unusable_reason(window) or inputs.reason
         if reason:
             return both_segments.abstain(reason)
         reading = self._reader.read(window.samples)
@@ -209,8 +215,26 @@ class _Followed(Watching):
         return Condition(open_frequency=tuning.open_frequency, deviation=tuning.deviation(self._tuner.string))
 
 
+class _Far:
+    """The far form on two channels: on both, or on one where the other is a copy or carries nothing."""
+
+    def __init__(self, far: FarReader) -> None:
+        self._far, self._microphones = far, Microphones()
+
+    def __call__(self, window: Window) -> Estimates:
+        one = self.single(window)
+        return self._far(window) if one is None else self._far(one)
+
+    def single(self, window: Window) -> Window | None:
+        """Return the window of the only microphone in a stream; None where there may be two."""
+        channel = self._microphones(window).channel
+        return None if channel is None else replace(window, samples=window.samples[[channel]])
+
+
 class _Either:
     """The far form or the two-sided form, selected by the windows of a stream.
+
+    The far form reads a single microphone.
 
     A window with two clear segments starts the two-sided form. The far form locates one note at both
     channels; it takes over once such windows outnumber windows with two segments. If a window may be either
@@ -219,13 +243,17 @@ class _Either:
 
     def __init__(self, far: FarReader, both: _Followed, sides: SidesReader, *, knows_density: bool) -> None:
         self._far, self._both, self._sides = far, both, sides
+        self._one = _Far(far)
         self._knows_density = knows_density
         self._start, self._lead = -1, 0
 
     def __call__(self, window: Window) -> Estimates:
         if window.start <= self._start:
             self._lead = 0
-        self._start = window.start
+        self._start, one = window.start, self._one.single(window)
+        if one is not None:
+            self._lead = 0
+            return self._far(one)
         two_sided, reason = self._two_sided(window), unusable_reason(window)
         if reason:
             return two_sided if self._lead > 0 else far_segment.abstain(reason)

@@ -34,6 +34,11 @@ class ModelEstimator(Estimator):
         """The folder or the name of the model."""
         return str(self.path)
 
+    @property
+    def sample_rate(self) -> int:
+        """The rate of the model's training, in Hz; raises `InputError` if there is no model."""
+        return load(self.path).definition.sample_rate
+
     def prepare(self, signal: Signal, size: Samples) -> Prepared:
         """Load the model, adapt it to the string's tuning, and check that it fits the signal."""
         return load(self.path).stream(signal, size)

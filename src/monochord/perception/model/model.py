@@ -26,6 +26,7 @@ from monochord.core.types import (
 )
 from monochord.core.units import Metres, Samples, Seconds
 from monochord.core.windows import windows
+from monochord.dsp.resample import resampled
 from monochord.metrics import hit_rate
 from monochord.perception.features import FEATURES
 from monochord.perception.features.base import Extractor
@@ -190,7 +191,7 @@ class Model:
         sound
             Samples (channels, n), full scale is 1; float32 or convertible to it.
         sample_rate
-            In Hz; must equal the training's.
+            In Hz; sound at a higher rate than the training's is resampled, as live.
         hop
             Time from one window start to the next, in s. Windows have the training's length.
         sensor
@@ -216,6 +217,10 @@ class Model:
         (11, np.False_, 'silence')
         """
         samples = checked(sound)
+        blocks, own = [Block(samples=samples, start=0)], self.definition.sample_rate
+        if sample_rate > own:
+            blocks = [*resampled(blocks, sample_rate=sample_rate, new_rate=own)]
+            sample_rate = own
         size, step = self.definition.window, round(hop * sample_rate) if isfinite(hop) else 0
         if step < 1:
             raise InputError(f"hop {hop:g} s", f"at least one sample, {1.0 / sample_rate:.1g} s")
@@ -225,10 +230,10 @@ class Model:
         elif string:
             signal = replace(signal, string=load_string(string).string)
         estimate = self.stream(signal, size)
-        if samples.shape[1] < size:
-            given = f"sound of {samples.shape[1]} frames"
+        frames = blocks[-1].start + blocks[-1].samples.shape[1]
+        if frames < size:
+            given = f"sound of {frames} frames"
             raise InputError(given, f"at least one window, {size} frames")
-        blocks = [Block(samples=samples, start=0)]
         starts: list[int] = []
         rows: list[Estimates] = []
         for window in windows(blocks, size=size, hop=step, sample_rate=sample_rate):
@@ -282,7 +287,7 @@ class Model:
         frames = checked(sound).shape[1]
         track = truth if isinstance(truth, LabelTrack) else _track(frames, sample_rate, truth)
         table = self.predict(sound, sample_rate=sample_rate, hop=hop, sensor=sensor, string=string)
-        end = table.time + self.definition.window / sample_rate
+        end = table.time + self.definition.window / self.definition.sample_rate
         labels = window_labels(track, table.time, end)
         rows = np.isfinite(labels["position"])
         if self.definition.place is None or not rows.any():

@@ -6,15 +6,17 @@ from typing import TYPE_CHECKING
 from monochord.core.errors import InputError
 from monochord.core.types import UNHEARD, Estimate, Estimates, Signal, StringParams, Window
 from monochord.core.units import Samples
+from monochord.dsp.microphones import Microphones
 from monochord.metrics import DECISION
 from monochord.perception.estimators.base import Condition, Watching
 from monochord.perception.model.context import ModelState
 from monochord.perception.model.faults import OF_REASON
 from monochord.perception.model.stepping import Entry, step_all
+from monochord.perception.spectrum import Spectrum
 from monochord.perception.tuning import Tuner, TunerState, Tuning
 from monochord.perception.tuning.sessions import HIGHEST, LOWEST
 from monochord.perception.tuning.tuner import detuned
-from monochord.perception.usable import Hearing
+from monochord.perception.usable import Hearing, PitchJumps
 from monochord.physics.theory import open_frequency
 
 if TYPE_CHECKING:
@@ -26,32 +28,50 @@ LASTING = {reason for reason, fault in OF_REASON.items() if not fault.brief}
 
 
 class ModelStream(ABC):
-    """A model on one stream of windows; call it with each window in order to get the estimates."""
+    """A model on one stream of windows; call it with each window in order to get the estimates.
+
+    Where two channels are not two microphones of one string, every estimate is an abstention.
+    """
+
+    def __init__(self) -> None:
+        self._microphones, self._inputs_reason = Microphones(), ""
 
     def __call__(self, window: Window) -> Estimates:
         """Return the estimates of the next window."""
         return self.after(*step_all([self.before(window)])[0])
 
-    @abstractmethod
     def before(self, window: Window) -> Entry:
+        """Return the entry of a window into the model that is applied to it."""
+        entry, inputs = self._entry(window), self._microphones(window)
+        self._inputs_reason = "" if entry.reason else inputs.reason
+        return entry
+
+    def after(self, state: ModelState, estimates: Estimates) -> Estimates:
+        """Store the state after a window, and return the window's estimates."""
+        estimates = self._estimates(state, estimates)
+        return _abstaining(estimates, self._inputs_reason) if self._inputs_reason else estimates
+
+    @abstractmethod
+    def _entry(self, window: Window) -> Entry:
         """Return the entry of a window into the model that is applied to it."""
 
     @abstractmethod
-    def after(self, state: ModelState, estimates: Estimates) -> Estimates:
-        """Store the state after a window, and return the window's estimates."""
+    def _estimates(self, state: ModelState, estimates: Estimates) -> Estimates:
+        """Store the state after a window, and return the estimates of two microphones."""
 
 
 class Fixed(ModelStream):
     """A model that does not follow the pitch."""
 
     def __init__(self, model: "Model") -> None:
+        super().__init__()
         self._stepper, self._state = model.stepper, ModelState()
 
-    def before(self, window: Window) -> Entry:
+    def _entry(self, window: Window) -> Entry:
         """Return the window's entry into the model."""
         return self._stepper.entry(self._state, window)
 
-    def after(self, state: ModelState, estimates: Estimates) -> Estimates:
+    def _estimates(self, state: ModelState, estimates: Estimates) -> Estimates:
         """Store the state, and return the estimates unchanged."""
         self._state = state
         return estimates
@@ -61,18 +81,24 @@ class Followed(ModelStream, Watching):
     """A model that follows the pitch of untouched windows."""
 
     def __init__(self, model: "Model", signal: Signal, size: Samples) -> None:
+        super().__init__()
         self._tuner = Tuner.of(signal, size)
         self._trained, self._string = model, self._tuner.string
         self._stepper, self._pitch = model.stepper, self._tuner.nominal
         self._state, self._tuned = ModelState(), TunerState()
-        self._reason, self._may_state = "", Hearing(signal.sample_rate)
+        self._reason, self._may_state, self._jumps = "", Hearing(signal.sample_rate), PitchJumps()
         self._gate, self._has_reference = model.definition.gate, model.definition.reference is not None
 
-    def before(self, window: Window) -> Entry:
+    def _entry(self, window: Window) -> Entry:
         """Update the pitch from the window, and return its entry into the model for this pitch."""
         if window.start <= self._state.start:
             self._use(self._trained, self._string)
         entry = self._stepper.entry(self._state, window)
+        if entry.spectrum is not None and self._has_jumped(window, entry.spectrum):
+            self._may_state.forget()
+            self._tuned = TunerState()
+            self._use(self._trained, self._string)
+            entry = self._stepper.entry(self._state, window)
         before, self._tuned = self._tuned.tuning, self._tuner.step(self._tuned, window, entry.spectrum)
         tuning = self._tuned.tuning
         if tuning is before or tuning is None or LOWEST <= tuning.frequency / self._pitch - 1.0 <= HIGHEST:
@@ -80,7 +106,7 @@ class Followed(ModelStream, Watching):
         self._follow(tuning)
         return self._stepper.entry(self._state, window, entry.spectrum)
 
-    def after(self, state: ModelState, estimates: Estimates) -> Estimates:
+    def _estimates(self, state: ModelState, estimates: Estimates) -> Estimates:
         """Store the state, and return the estimates; abstentions if the pitch cannot be followed.
 
         Under a touch they are abstentions, too, in a stream whose untouched string was not heard.
@@ -92,9 +118,7 @@ class Followed(ModelStream, Watching):
             # One that lasts tells more: a silent driver may be why no untouched string is heard.
             faults = {each.reason for each in estimates.values() if each.reason in LASTING}
             reason = faults.pop() if faults else UNHEARD
-        if not reason:
-            return estimates
-        return {name: Estimate.abstain(each.unit, reason) for name, each in estimates.items()}
+        return _abstaining(estimates, reason) if reason else estimates
 
     @property
     def condition(self) -> Condition:
@@ -104,6 +128,10 @@ class Followed(ModelStream, Watching):
             return Condition(follows=not self._reason)
         deviation = tuning.deviation(self._string)
         return Condition(open_frequency=tuning.open_frequency, deviation=deviation, follows=not self._reason)
+
+    def _has_jumped(self, window: Window, spectrum: Spectrum) -> bool:
+        """Return whether the pitch of everything jumps, as where the sample rate changes."""
+        return self._jumps(window.start, window.samples.shape[1], spectrum.frequency, spectrum.height)
 
     def _use(self, model: "Model", string: StringParams) -> None:
         """Read the windows to come by the model for a string."""
@@ -119,3 +147,7 @@ class Followed(ModelStream, Watching):
         except InputError:  # further off the training's string than a tuning can be estimated
             deviation = tuning.deviation(self._string)
             self._reason = "" if LOWEST <= deviation <= HIGHEST else detuned(deviation, EXPECTED_PITCH)
+
+
+def _abstaining(estimates: Estimates, reason: str) -> Estimates:
+    return {name: Estimate.abstain(each.unit, reason) for name, each in estimates.items()}

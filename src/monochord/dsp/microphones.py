@@ -1,0 +1,280 @@
+"""How many microphones two channels are: two, one in both, or one beside an input that carries nothing.
+
+Both microphones of a sensor hear all of the string, and each its own end louder: no multiple of one channel
+is the other. A copy is one, whatever its gain and polarity, but for noise. An input with nothing plugged in
+has noise, hum of the mains, and perhaps a trace of its neighbour. Two inputs of different clocks, or of two
+recordings, have no line in common.
+"""
+
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from monochord.core.inputs import MIN_LOOKS, Inputs, InputState
+from monochord.core.shapes import sound
+from monochord.core.silence import SILENT_LEVEL
+from monochord.core.types import Audio, Flags, Floats, Window
+from monochord.core.units import Hertz, Seconds
+from monochord.dsp.levels import MAINS
+
+LOOK: Seconds = 0.1
+"""Length of the sound of one look."""
+LOWEST: Hertz = 40.0
+HIGHEST: Hertz = 12_000.0
+"""Range of the lines that are compared."""
+NEIGHBOURHOOD: Hertz = 400.0
+"""Width of the bands whose median power is the noise beside a line."""
+CLEAR = 100.0
+"""Power over the noise from which a line is certain. Of noise alone, the largest line of a look is at 30. In
+simulated sensors, what a microphone has beside the other's multiple has lines at 200 or more."""
+STRONG = 1e-4
+"""Least power of a line, as a share of its channel's strongest."""
+UNUSED_RATIO = 1e-3
+"""Ratio of the channels' levels below which the quieter one carries nothing: 60 dB. The string reaches both
+ends."""
+TRACE = 0.03
+"""Largest multiple of the other channel that an unplugged input picks up."""
+LEAST_CROSSTALK = 1e-3
+"""Least share of a line's power that the other microphone of a sensor hears."""
+MAX_REST = 0.02
+"""Largest share of a copy's power, in its lines, that no multiple of the other channel explains: noise."""
+MIN_LINES = 2
+"""Fewest lines of a copy: of one line, any two channels are multiples."""
+SAME_LINE = 0.3
+"""Largest distance of one line's places in both channels, in bins."""
+QUARTER_TO_MEDIAN = 2.41
+"""Ratio of an exponential distribution's median to its lower quartile."""
+PRESENT = 20.0
+"""Power over the noise from which a channel may hear a line of the other."""
+APART = 0.05
+"""Largest share of the lines' power that two channels have in common which share no sound."""
+HUM_TOP: Hertz = 400.0
+HUM_WIDTH: Hertz = 1.0
+HUM_DRIFT = 2e-3
+"""Hum's strongest line is below `HUM_TOP`; each is a multiple of the mains within `HUM_WIDTH` and a share."""
+MAJORITY = 0.75
+"""Least share of the looks at a recording, of those that tell, that decide."""
+ONLY = (Inputs.FIRST, Inputs.SECOND)
+"""What is there where only this channel, counted from 0, has a microphone."""
+
+
+def compare_inputs(samples: Audio, sample_rate: int) -> Inputs:
+    """Return what two channels carry, from one look at them.
+
+    The multiple of one channel that is nearest to the other is subtracted. A channel has sound of its own
+    where clear lines are left, other than hum. Silence and noise tell nothing, and neither do samples that
+    are not numbers.
+
+    Parameters
+    ----------
+    samples
+        Sound (2, n) in full scale, some 0.1 s.
+    sample_rate
+        In Hz.
+
+    Examples
+    --------
+    >>> time = np.arange(4410) / 44100
+    >>> one, two = (np.sin(2.0 * np.pi * f * time) for f in (1000.0, 1500.0))
+    >>> compare_inputs(np.stack((one + two, -0.3 * (one + two))), 44100).name
+    'SAME'
+    >>> compare_inputs(np.stack((one + two, one - two)), 44100).name
+    'TWO'
+    >>> compare_inputs(np.stack((one + two, np.ones(4410))), 44100).name
+    'FIRST'
+    """
+    both = sound(samples, 2).astype(np.float64)
+    if not np.isfinite(both).all():
+        return Inputs.UNKNOWN
+    both -= both.mean(axis=1, keepdims=True)
+    levels = both.std(axis=1)
+    louder = int(levels.argmax())
+    if levels[louder] < SILENT_LEVEL:
+        return Inputs.UNKNOWN
+    spectrum, quieter = _Spectrum(both, sample_rate), levels[1 - louder]
+    is_unused = quieter < UNUSED_RATIO * levels[louder] and not spectrum.is_hum[louder]
+    if is_unused or (quieter < SILENT_LEVEL and spectrum.has_string[louder]):
+        return ONLY[louder]
+    return _compared(spectrum)
+
+
+def _compared(spectrum: "_Spectrum") -> Inputs:
+    """Return what two channels carry that may both be heard."""
+    own = [spectrum.has_own(channel) for channel in (0, 1)]
+    if all(own):
+        apart = spectrum.is_deaf(0) and spectrum.is_deaf(1)
+        return Inputs.APART if apart else Inputs.TWO
+    for channel in (0, 1):
+        quiet = 1 - channel
+        if not spectrum.has_string[channel] or own[quiet]:
+            continue
+        if spectrum.is_deaf(quiet) or (spectrum.explains(quiet) and spectrum.multiple(quiet) < TRACE):
+            return ONLY[channel]
+    is_same = not any(own) and all(spectrum.is_copy(channel) for channel in (0, 1))
+    return Inputs.SAME if is_same else Inputs.UNKNOWN
+
+
+class Microphones:
+    """What the channels of a stream carry, from a look every tenth of a second at most; see `InputState`.
+
+    Examples
+    --------
+    >>> noise = np.random.default_rng(0).standard_normal((2, 4410)).astype(np.float32)
+    >>> tone = np.sin(np.arange(4410)) + np.sin(0.5 * np.arange(4410)) + 0.001 * noise
+    >>> microphones = Microphones()
+    >>> pieces = enumerate((noise, tone))
+    >>> windows = [Window(samples=each, start=4410 * k, sample_rate=44100) for k, each in pieces]
+    >>> [microphones(window).name for window in windows]
+    ['UNKNOWN', 'SAME']
+    """
+
+    def __init__(self) -> None:
+        self._last = self._looked = -1
+        self._state = InputState()
+
+    def __call__(self, window: Window) -> Inputs:
+        """Return what the channels carry up to a window.
+
+        One without two channels, or with a gap, tells nothing. A window that starts no later than the last
+        begins another stream.
+        """
+        start, step = window.start, round(LOOK * window.sample_rate)
+        if start <= self._last or self._last < 0:
+            self._looked, self._state = start - step, InputState()
+        self._last = start
+        if start - self._looked >= step and not window.has_gap and len(window.samples) == 2:
+            self._looked = start
+            self._state = self._state.after(compare_inputs(window.samples, window.sample_rate))
+        return self._state.inputs
+
+
+def inputs_of(pieces: Iterable[Audio], sample_rate: int) -> Inputs:
+    """Return what the two channels of a recording carry, by nearly all looks at it that tell.
+
+    `pieces` (2, n) are some 0.1 s each.
+
+    >>> tone = np.sin(np.arange(44100, dtype=np.float32)) + np.sin(0.5 * np.arange(44100, dtype=np.float32))
+    >>> inputs_of(np.split(np.stack((tone, tone)), 10, axis=1), 44100).value
+    'both channels carry the same sound: there is one microphone'
+    """
+    seen = [each for piece in pieces if (each := compare_inputs(piece, sample_rate)) is not Inputs.UNKNOWN]
+    most = max(seen, key=seen.count, default=Inputs.UNKNOWN)
+    if len(seen) < MIN_LOOKS:
+        return Inputs.UNKNOWN
+    return most if seen.count(most) >= MAJORITY * len(seen) else Inputs.TWO
+
+
+class _Spectrum:
+    """The spectra (2, bins) of a look, with their noise and lines."""
+
+    def __init__(self, both: Floats, sample_rate: int) -> None:
+        size = both.shape[1]
+        self._spacing = sample_rate / size
+        self._width = max(round(NEIGHBOURHOOD / self._spacing), 8)
+        self._first = max(round(LOWEST / self._spacing), 3)
+        bands = max(int((min(HIGHEST, 0.45 * sample_rate) - LOWEST) / NEIGHBOURHOOD), 1)
+        bins = slice(self._first, self._first + bands * self._width)
+        taper = np.hanning(size)
+        self._values = np.fft.rfft(both * taper, axis=1)[:, bins] * (2.0 / taper.sum())
+        self._power = _power_of(self._values)
+        self._noise = self._noise_of(self._power)
+        lines = [self._lines_of(*each) for each in zip(self._power, self._noise, strict=True)]
+        self._lines = [self._other_than_hum(*each) for each in zip(self._values, lines, strict=True)]
+        self.has_string = [own.size > 0 for own in self._lines]
+        self.is_hum = [every.size > own.size for every, own in zip(lines, self._lines, strict=True)]
+
+    def has_own(self, channel: int) -> bool:
+        """Return whether a channel has lines that no multiple of the other explains."""
+        if not self.has_string[channel]:
+            return False
+        return all(self._has_rest(channel, multiple) for multiple in self._multiples(channel))
+
+    def explains(self, channel: int) -> bool:
+        """Return whether a multiple of the other channel is nearly all that is in this one's lines."""
+        for bins in self._shared_bins():
+            own, other = self._values[channel][bins], self._values[1 - channel][bins]
+            rest = own - self._multiple(channel, bins) * other
+            if _power_of(rest).sum() < MAX_REST * _power_of(own).sum():
+                return True
+        return False
+
+    def is_copy(self, channel: int) -> bool:
+        """Return whether a channel is a multiple of the other, by more than one line."""
+        return self._lines[channel].size >= MIN_LINES and self.explains(channel)
+
+    def multiple(self, channel: int) -> float:
+        """Return the size of the multiple of the other channel that is in this one."""
+        return min(map(abs, self._multiples(channel)))
+
+    def is_deaf(self, channel: int) -> bool:
+        """Return whether a channel does not hear the other's lines, though they are strong enough."""
+        lines, power = self._lines[1 - channel], self._power[1 - channel]
+        heard, noise = self._power[channel], self._noise[channel]
+        lines = lines[LEAST_CROSSTALK * power[lines] > PRESENT * noise[lines]]
+        if not lines.size:
+            return False
+        there = self._frequency(self._values[channel], self._lines_of(heard, noise, PRESENT))
+        own = self._frequency(self._values[1 - channel], lines)
+        present = (np.abs(own[:, None] - there) < SAME_LINE * self._spacing).any(axis=1)
+        return float(power[lines][present].sum()) < APART * float(power[lines].sum())
+
+    def _shared_bins(self) -> list[NDArray[np.int64]]:
+        """Return the bins of both channels' lines: all, and those above hum's strongest."""
+        lines = np.union1d(self._lines[0], self._lines[1])
+        near = np.unique(lines[:, None] + np.arange(-1, 2))
+        high = near[near > HUM_TOP / self._spacing - self._first]
+        return [bins for bins in (near, high) if bins.size]
+
+    def _multiples(self, channel: int) -> list[float]:
+        """Return multiples of the other channel that may explain a channel."""
+        return [self._multiple(channel, bins) for bins in self._shared_bins()] or [0.0]
+
+    def _multiple(self, channel: int, bins: NDArray[np.int64]) -> float:
+        own, other = self._values[channel][bins], self._values[1 - channel][bins]
+        return float(np.vdot(other, own).real / max(np.vdot(other, other).real, 1e-300))
+
+    def _has_rest(self, channel: int, multiple: float) -> bool:
+        rest = self._values[channel] - multiple * self._values[1 - channel]
+        power = _power_of(rest)
+        if power.max() < SILENT_LEVEL**2:
+            return False
+        return self._other_than_hum(rest, self._lines_of(power, self._noise_of(power))).size > 0
+
+    def _noise_of(self, power: Floats) -> Floats:
+        """Return the noise beside each bin, as a median: from its band's lower quarter, between lines."""
+        bands = power.reshape(*power.shape[:-1], -1, self._width)
+        place = self._width // 4
+        quarter = np.partition(bands, place, axis=-1)[..., place]
+        return np.repeat(quarter * QUARTER_TO_MEDIAN, self._width, axis=-1)
+
+    @staticmethod
+    def _lines_of(power: Floats, noise: Floats, least: float = CLEAR) -> NDArray[np.int64]:
+        """Return the bins of lines that stand out."""
+        inner = power[1:-1]
+        is_line: Flags = (inner > power[:-2]) & (inner >= power[2:])
+        is_line &= (inner > least * noise[1:-1]) & (inner > STRONG * power.max())
+        return np.flatnonzero(is_line) + 1
+
+    def _frequency(self, values: NDArray[np.complex128], lines: NDArray[np.int64]) -> Floats:
+        """Return the frequencies of lines, between bins."""
+        log = np.log(np.abs(values[lines[:, None] + np.arange(-1, 2)]) + 1e-300)
+        bend = log[:, 0] - 2.0 * log[:, 1] + log[:, 2]
+        shift = 0.5 * (log[:, 0] - log[:, 2]) / np.where(bend < 0.0, bend, -1.0)
+        return (self._first + lines + np.clip(shift, -0.5, 0.5)) * self._spacing
+
+    def _other_than_hum(self, values: NDArray[np.complex128], lines: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return the lines of a spectrum (bins,); none if all of them are hum."""
+        if not lines.size:
+            return lines
+        frequency = self._frequency(values, lines)
+        strongest = frequency[np.abs(values[lines]).argmax()]
+        for mains in MAINS:
+            off = np.abs(frequency - mains * np.round(frequency / mains))
+            if strongest < HUM_TOP and (off < HUM_WIDTH + HUM_DRIFT * frequency).all():
+                return lines[:0]
+        return lines
+
+
+def _power_of(values: NDArray[np.complex128]) -> Floats:
+    return values.real**2 + values.imag**2

@@ -1,0 +1,34 @@
+"""The twin through a real JACK server at 48 kHz answers as at 44.1 kHz."""
+
+import numpy as np
+import pytest
+from tests.conftest import own_name
+
+import monochord as mc
+from monochord.capture.jack.server import JackServer
+from monochord.lab.jack_twin import JackTwin
+
+pytestmark = pytest.mark.jack
+PLACE = 0.08
+TWIN = {"seed": 1, "script": [{"start": 4.0, "position": PLACE, "force": 1.0, "seconds": 30.0}]}
+
+
+@pytest.mark.parametrize("rate", [44100, 48000])
+def test_the_chain_answers_alike_at_both_rates(rate: int) -> None:
+    touched, errors, starts, origins = 0, list[float](), list[int](), list[float]()
+    with own_name() as name, JackServer(name, period=256, rate=rate):
+        for update in mc.listen(JackTwin(server=name, twin=TWIN), sensor="prototype", seconds=8.0):
+            assert update.window.sample_rate == 44100
+            starts.append(update.prediction.start)
+            if update.adc_time is not None:
+                origins.append(update.adc_time - update.time)
+            if update.truth.get("position") and update.time > 4.2 and not update.window.has_gap:
+                touched += 1
+                errors.append(update.position.value - update.truth["position"])
+    assert not np.any(np.array(starts) % 441)
+    assert touched > 3  # a busy machine skips windows
+    assert np.isfinite(errors).mean() > 0.95
+    assert np.nanmedian(np.abs(errors)) < 3e-4
+    # The converter's clock is this machine's, but for the jitter of JACK's periods.
+    assert len(origins) > 3
+    assert np.median(np.abs(np.array(origins) - np.median(origins))) < 2e-3
