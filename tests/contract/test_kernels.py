@@ -104,6 +104,7 @@ WHO_CHECKS = {
     "perception.model.correction": {"terms": "itself", "residual": "the kernel"},
     "perception.model.faults": {"step": "Definition.fault_columns"},
     "perception.model.network": {"outputs": "the kernel", "network_inputs": "itself"},
+    "perception.training.regression": {"first": "network_inputs", "_left_out": "network_inputs"},
     "front.identify": {"_partials": "Tuner"},
     "perception.tuning.lines": {"window_lines": "spectrum_of", "lasting_lines": "window_lines"},
     "perception.tuning.tuner": {"_tuning": "window_lines"},
