@@ -20,8 +20,8 @@ from monochord.metrics import coverage
 from monochord.perception.heads.base import Task
 from monochord.perception.model import ModelState, load
 from monochord.perception.model.definition import Definition, Method
-from monochord.perception.model.network import Network
-from monochord.perception.training.choice import Candidate, choose, regressions
+from monochord.perception.model.network import Network, Output
+from monochord.perception.training.choice import Candidate, choose, head_error, regressions
 from monochord.perception.training.examples import Examples, scaled_heads, scaling
 from monochord.perception.training.regression import Regression, fit_regression
 from monochord.perception.training.settings import METHODS, TrainingSettings
@@ -73,7 +73,7 @@ def test_a_position_that_is_refined_is_certain_only_where_the_column_is_right(me
     rng = np.random.default_rng(0)
     inputs = rng.normal(size=(900, 2)).astype(np.float32)
     wrong = inputs[:, 1] > 1.0  # a wrong pair of lines: 80 mm off, in units of 1 mm
-    target = np.where(wrong, 80.0, 0.3 * inputs[:, 0])
+    target = np.where(wrong, 80.0, 0.3 * inputs[:, 0]).astype(np.float64)
     task = Task(label="position", unit="m", loss="laplace", refines="position")
     fitted = fit_regression(method, task, inputs, target, np.arange(900))
     right = ~wrong & (inputs[:, 1] < 0.7)
@@ -108,7 +108,8 @@ def test_every_head_says_its_method_and_why(lesson: dict[str, Any], tmp_path: Pa
 
 def made_examples(definition: Definition, labels: Floats, base: Audio) -> Examples:
     count, names = len(labels), list(definition.heads)
-    truth = {name: labels if name == "force" else np.arange(count) % 2.0 for name in names}
+    truth: dict[str, Floats] = {name: np.arange(count, dtype=np.float64) % 2.0 for name in names}
+    truth["force"] = labels
     return Examples(
         rows=np.arange(count),
         session=np.arange(count) // 20,
@@ -131,7 +132,9 @@ def test_what_fits_the_data_is_chosen(drawn_definition: Definition, shape: str, 
     )
     scaler, scaled = scaling(train), scaled_heads(definition, train)
     methods: tuple[Method, ...] = ("ridge", "extra_trees")
-    candidates = {each: regressions(each, scaled, scaler, train, drop=0.0, seed=0) for each in methods}
+    candidates: dict[Method, Candidate] = {
+        each: regressions(each, scaled, scaler, train, drop=0.0, seed=0) for each in methods
+    }
     chosen, choices = choose(candidates, scaler, validation)
     assert choices["force"].method == best == chosen.definition.heads["force"].method
     assert set(chosen.weights) == {
@@ -265,3 +268,13 @@ def test_a_damaged_forest_is_refused_or_ends(lesson: dict[str, Any], tmp_path: P
 def test_a_linear_layer_is_a_regression_without_trees() -> None:
     layer = Regression(weight=np.ones((1, 2), np.float32), bias=np.full(1, 0.5, np.float32))
     assert layer.first(np.ones((3, 2))).tolist() == [2.5, 2.5, 2.5]
+
+
+def test_a_wrong_position_costs_more_than_none(drawn_definition: Definition) -> None:
+    task = Task(label="position", unit="m", loss="laplace", refines="position")
+    record = dataclasses.replace(drawn_definition.heads["force"], task=task, scale=1e-3)
+    zeros = np.zeros(2)
+    withheld = [Output(value=0.0), Output(value=60.0, certainty=0.5)]
+    assert head_error(record, withheld, zeros) == pytest.approx(2.5e-3)
+    stated = [Output(value=0.0), Output(value=60.0)]
+    assert head_error(record, stated, zeros) == pytest.approx(30e-3)

@@ -104,7 +104,7 @@ def _definition(file: Path) -> Definition:
         given = f"{file} of format {version!r:.20}" if version is not None else f"{file} without a format"
         raise InputError(given, f"format {OLDEST} or {FORMAT}, of this version of Monochord", TRAIN_AGAIN)
     try:
-        return from_tree(Definition, _infinite(tree), file.name)
+        return from_tree(Definition, {**_infinite(tree), "format": FORMAT}, file.name)
     except RecursionError as error:
         raise InputError(f"{file} (nested too deep)", "a file that monochord train wrote", AGAIN) from error
 

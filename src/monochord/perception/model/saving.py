@@ -12,7 +12,6 @@ import numpy as np
 from monochord.core.config import to_tree
 from monochord.core.files import replacing
 from monochord.core.ownership import part_folder
-from monochord.perception.model.definition import FORMAT
 
 if TYPE_CHECKING:
     from monochord.perception.model.model import Model
@@ -29,8 +28,7 @@ def save(model: "Model", folder: Path) -> "Model":
 
     names = model.definition.shapes()
     blob = packed({name: np.ascontiguousarray(model.weights[name], np.float32) for name in names})
-    digest = hashlib.sha256(blob).hexdigest()
-    definition = dataclasses.replace(model.definition, format=FORMAT, weights=digest)
+    definition = dataclasses.replace(model.definition, weights=hashlib.sha256(blob).hexdigest())
     text = json.dumps(_finite(to_tree(definition)), indent=1, ensure_ascii=False, allow_nan=False)
     content = ((WEIGHTS, blob), (TEXT, text.encode() + b"\n"))
     if folder.exists():

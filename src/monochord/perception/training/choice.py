@@ -28,8 +28,8 @@ class Choice:
     """The chosen method of a head, and the error of each method on the validation part and its noisy copies.
 
     The error of a quantity is its mean absolute error in the label's unit. Where the head refines a position,
-    a window without an answer counts as 5 mm, and no window as more. The error of a probability is its log
-    loss at its best temperature.
+    a window without an answer counts as 5 mm: a wrong answer costs more than none. The error of a probability
+    is its log loss at its best temperature.
     """
 
     method: Method
@@ -101,12 +101,14 @@ def choose(
 
     A method is chosen over an earlier one if its error is smaller by `MARGIN`.
     """
-    errors = {method: _errors(each, scaler, validation) for method, each in candidates.items()}
+    errors = dict[Method, dict[str, float]]()
+    for method, candidate in candidates.items():
+        errors[method] = _errors(candidate, scaler, validation)
     first = next(iter(candidates.values())).definition
     heads, weights = dict[str, HeadRecord](), dict[str, Audio]()
     choices: dict[str, Choice] = {}
     for name in first.heads:
-        own = {method: of[name] for method, of in errors.items()}
+        own: dict[Method, float] = {method: of[name] for method, of in errors.items()}
         best, *others = own
         for method in others:
             if own[method] < (1.0 - MARGIN) * own[best]:
@@ -128,11 +130,12 @@ def _errors(candidate: Candidate, scaler: Mapping[str, Audio], examples: Example
     for name, record in definition.heads.items():
         mask = examples.masks[name]
         own = [each[name] for copy in outputs for each in compress(copy, mask.tolist())]
-        errors[name] = _error(record, own, targets_of(definition, name, examples)[:, mask].ravel())
+        errors[name] = head_error(record, own, targets_of(definition, name, examples)[:, mask].ravel())
     return errors
 
 
-def _error(record: HeadRecord, outputs: list[Output], target: Floats) -> float:
+def head_error(record: HeadRecord, outputs: list[Output], target: Floats) -> float:
+    """Return the error of a head's outputs for targets (n,) in its scale; see `Choice`."""
     value = np.array([each.value for each in outputs])
     if record.task.is_probability:
         bound = np.log(len(value) + 1.0)  # as after calibration
@@ -141,5 +144,5 @@ def _error(record: HeadRecord, outputs: list[Output], target: Floats) -> float:
     error = record.scale * np.abs(value - target)
     if record.task.refines:
         certain = np.array([each.certainty for each in outputs]) >= record.task.certain
-        error = np.where(certain, np.minimum(error, RIGHT_WITHIN), RIGHT_WITHIN)
+        error = np.where(certain, error, RIGHT_WITHIN)
     return float(error.mean())
