@@ -15,6 +15,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 VERSIONS := constraints.txt
 INSTALL := $(PIP) install --no-compile --constraint $(VERSIONS)
 TORCH := torch==2.13.0
+TORCH_INDEX := https://download.pytorch.org/whl/cpu
 EXTRAS := dev,ros,cluster,export,pandas,figures,train,encoders,openvino
 REPOSITORY_RULES := tests/contract/test_layout.py tests/contract/test_identifiers.py
 SPELLED := src docs examples hardware ros studies README.md ARCHITECTURE.md CONTRIBUTING.md CHANGELOG.md Makefile
@@ -47,9 +48,12 @@ $(DEMO_INSTALLED): pyproject.toml $(VERSIONS) | system $(BIN)/python
 	@$(BIN)/python -m monochord.cli._compile
 	@touch $@
 
+# PyTorch first and from its own index of builds for the CPU: from the default one it brings gigabytes for a graphics
+# card. Where such a build lies in a folder that pip is set to look into, it is installed from there, and nothing waits
+# for the index. What PyTorch depends on comes with the next line.
 $(INSTALLED): pyproject.toml $(VERSIONS) | $(DEMO_INSTALLED)
 	@echo "installing its development tools into $(VENV)"
-	@$(INSTALL) '$(TORCH)' # by itself: any other way of asking brings gigabytes for a graphics card
+	@$(INSTALL) --no-deps --no-index '$(TORCH)+cpu' 2>/dev/null || $(INSTALL) --no-deps --index-url $(TORCH_INDEX) '$(TORCH)'
 	@$(INSTALL) --editable '.[$(EXTRAS)]'
 	@$(BIN)/python -m monochord.cli._compile pitch
 	@touch $@
@@ -61,7 +65,8 @@ $(DOCS_INSTALLED): pyproject.toml $(VERSIONS) | $(INSTALLED)
 install: system $(INSTALLED) ## Set everything up: Debian packages, .venv, Monochord itself
 
 constraints: | $(BIN)/python ## Renew constraints.txt: the newest versions that pyproject.toml allows; installs nothing
-	@$(PIP) install --dry-run --ignore-installed --report $(VENV)/versions.json '$(TORCH)' --editable '.[$(EXTRAS),docs,cad]'
+	@$(PIP) install --dry-run --ignore-installed --report $(VENV)/versions.json \
+	  --extra-index-url $(TORCH_INDEX) '$(TORCH)' --editable '.[$(EXTRAS),docs,cad]'
 	@$(BIN)/python -c "$$LIST_VERSIONS" $(VENV)/versions.json >$(VENV)/versions.txt
 	@mv $(VENV)/versions.txt $(VERSIONS)
 

@@ -141,6 +141,7 @@ def command(
         f"length_std={LENGTH_STD}",
         f"corrections={CORRECTIONS}",
         f"seed={seed}",
+        'methods=["network"]',  # for builds of other worlds than those that validation has
     ]
     model = mc.train(folder / "ordinary_dataset", run, config="reader", settings=settings, workers=workers)
     target = bundled_folder("demo")

@@ -8,7 +8,7 @@ from pathlib import Path
 from hardware.cad.ebow import refuse_ebows_that_do_not_fit
 from hardware.cad.parameters import UNMEASURED, Hardware, load_hardware
 from hardware.cad.physics import physics
-from monochord.core.errors import InputError, MonochordError
+from monochord.core.errors import InputError, MissingLibraryError, MonochordError
 
 NEEDED = ("build123d", "trimesh")
 
@@ -58,8 +58,7 @@ def _print_physics(sensors: list[Hardware]) -> int:
 def _build(sensors: list[Hardware], out: Path, given: dict[str, float], options: argparse.Namespace) -> int:
     missing = [each for each in NEEDED if importlib.util.find_spec(each) is None]
     if missing:
-        remedy = "install them: pip install 'monochord[cad]'"
-        raise InputError(f"CAD without {' and '.join(missing)}", " and ".join(NEEDED), remedy)
+        raise MissingLibraryError("CAD", " and ".join(missing), "cad")
     from hardware.cad.build import build  # noqa: PLC0415 - a gigabyte that --physics does without
 
     failed = 0

@@ -4,6 +4,7 @@ import os
 import shutil
 import subprocess
 import sys
+import urllib.request
 from importlib.metadata import requires
 from pathlib import Path
 
@@ -38,7 +39,9 @@ def test_every_installation_of_monochord_is_by_these_versions(tmp_path: Path) ->
     printed = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
     installations = [line for line in printed.splitlines() if "pip" in line and " install " in line]
     assert len(installations) == 4  # Monochord, PyTorch, all else, the documentation's
-    assert all("--constraint constraints.txt" in line for line in installations)
+    assert all(
+        line.count("--constraint constraints.txt") == line.count(" install ") for line in installations
+    )
 
 
 def place(folder: Path, name: str, text: str) -> None:
@@ -120,3 +123,38 @@ def test_a_python_that_is_too_old_is_refused(machine: Path, tmp_path: Path) -> N
     assert "Python 3.9" in run.stderr
     assert "3.11" in run.stderr
     assert not venv.exists()
+
+
+def reachable(url: str) -> bool:
+    try:
+        with urllib.request.urlopen(url, timeout=10.0):  # noqa: S310  (https)
+            return True
+    except OSError:
+        return False
+
+
+@needs_make
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+def test_what_make_demo_installs_comes_from_the_index_alone(tmp_path: Path) -> None:
+    if not reachable("https://pypi.org/simple/pip/"):
+        pytest.skip("the index of packages cannot be reached")
+    command = ["make", "--dry-run", "--always-make", f"VENV={tmp_path}/venv", "demo"]
+    printed = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    lines = [line for line in printed.splitlines() if " -m pip " in line and " install " in line]
+    assert len(lines) == 1
+    subprocess.run([sys.executable, "-m", "venv", tmp_path / "venv"], check=True)
+    own = {"PIP_CERT", "PIP_INDEX_URL"}
+    alone = {name: value for name, value in os.environ.items() if not name.startswith("PIP_") or name in own}
+    for line in lines:
+        dry = line.replace(" --quiet ", " ").replace(" install ", " install --dry-run ")
+        told = subprocess.run(
+            ["sh", "-c", dry], cwd=ROOT, env=alone | {"PIP_CONFIG_FILE": os.devnull}, capture_output=True,
+            text=True, check=False,
+        )  # fmt: skip
+        assert told.returncode == 0, told.stderr
+        (would,) = [line for line in told.stdout.splitlines() if line.startswith("Would install ")]
+        assert "numba-" in would
+        assert "nvidia" not in would
+        assert "torch" not in would
+        print(f"$ {dry}\n{would}")  # noqa: T201  (shown with -s)

@@ -116,7 +116,7 @@ def test_a_sensor_as_tuned_is_read() -> None:
 
 
 def test_a_model_is_refused_with_what_to_do() -> None:
-    with pytest.raises(InputError, match=r"model\.json of format 2: expected format 3.*train it again"):
+    with pytest.raises(InputError, match=r"model\.json of format 2: expected format 3 or 4.*train it again"):
         mc.load(V0_1 / "model")
 
 

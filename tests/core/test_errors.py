@@ -1,12 +1,10 @@
 import pickle
-import sys
-from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from monochord.core.errors import TORCH, DeviceError, InputError, MonochordError, did_you_mean, installation
+from monochord.core.errors import DeviceError, InputError, MonochordError, did_you_mean
 
 
 @given(st.text(), st.text(), st.text())
@@ -36,20 +34,6 @@ def test_an_input_error_crosses_to_another_process() -> None:
     error = InputError("force -1 N", "0 N or more", "press")
     copy = pickle.loads(pickle.dumps(error))  # noqa: S301
     assert (type(copy), str(copy), vars(copy)) == (InputError, str(error), vars(error))
-
-
-def test_a_missing_library_is_installed_into_the_environment_that_misses_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "executable", str(tmp_path / "my env" / "bin" / "python"))
-    assert installation("train") == "'my env/bin/python' -m pip install torch==2.13.0"
-    first, *others = installation("encoders").split(" && ")
-    assert first == installation("train")
-    assert not any("torch" in command for command in others)
-    assert installation("tensorboard").endswith("pip install tensorboard")
-    makefile = Path(__file__).parents[2] / "Makefile"
-    assert f"TORCH := {TORCH}\n" in makefile.read_text(encoding="utf-8")
 
 
 words = st.text("abcdefghij_", min_size=3, max_size=10)

@@ -81,8 +81,11 @@ try:
 except mc.InputError as error:
     told = error.given, error.expected, error.remedy
 assert "demmo" in told[0] and "demo" in told[1], told
+model = mc.train(data, out="without", settings=["noise.copies=0"])
+assert model.epochs == 0 and model.left_out.endswith("https://download.pytorch.org/whl/cpu"), model.left_out
+assert len(mc.load("without").predict(sound)) == 41
 try:
-    mc.train(data, out="run")
+    mc.train(data, out="run", settings=['methods=["network"]'])
 except mc.InputError as error:
     line = str(error)
 assert "requires torch >= 2.6. Install it: " in line and "\\n" not in line, line

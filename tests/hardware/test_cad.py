@@ -5,12 +5,8 @@ from pathlib import Path
 
 import pytest
 
-pytest.importorskip(
-    "build123d", reason="the cad extra is not installed: pip install 'monochord[cad]' (about 1 GB)"
-)
-pytest.importorskip(
-    "trimesh", reason="the cad extra is not installed: pip install 'monochord[cad]' (about 1 GB)"
-)
+pytest.importorskip("build123d", reason="the extra cad is not installed: pip install '.[cad]' (about 1 GB)")
+pytest.importorskip("trimesh", reason="the extra cad is not installed: pip install '.[cad]' (about 1 GB)")
 
 from hardware.cad import __main__ as command
 from hardware.cad import assembly, checks, shapes

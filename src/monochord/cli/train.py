@@ -35,4 +35,6 @@ def train(
     monochord train paper --dataset dataset --out paper --set seed=1
     """  # noqa: D301
     model = train_model(dataset, out, settings=assignments, **options)
+    if model.left_out:
+        echo(f"note: no network: it requires PyTorch. Install it: {model.left_out}", err=True)
     echo(*([json.dumps(model.tree())] if as_json else model.lines()))

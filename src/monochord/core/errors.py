@@ -1,14 +1,10 @@
 """The errors that users see: one line with what was given, what was expected, and what to do."""
 
-import shlex
-import sys
 from collections.abc import Iterable
 from difflib import get_close_matches
-from importlib.metadata import requires
-from pathlib import Path
 
-TORCH = "torch==2.13.0"
-"""The CPU-only release of PyTorch, without GPU libraries."""
+from monochord.core.installing import installation
+
 LONGEST_GIVEN = 1000
 """Most characters of the given value quoted in an error; a file may hold a value of any length."""
 
@@ -85,25 +81,6 @@ class MissingLibraryError(InputError):
 
     def __reduce__(self) -> tuple[type["MissingLibraryError"], tuple[str, str, str]]:
         return type(self), (self._task, self._library, self._extra)
-
-
-def installation(extra: str) -> str:
-    """Return the command that installs an extra's libraries into the running environment.
-
-    PyTorch comes first and separately, since any other order downloads gigabytes of GPU libraries.
-
-    >>> installation("train")
-    '...python... -m pip install torch==2.13.0'
-    """
-    texts = [line.partition(";") for line in requires("monochord") or ()]
-    needed = [name for name, _, marker in texts if f"extra == '{extra}'" in marker.replace('"', "'")]
-    others = [name.strip() for name in needed if not name.startswith("torch")]
-    groups = [[TORCH] if len(others) < len(needed) else [], others or ([] if needed else [extra])]
-    python = Path(sys.executable)
-    if python.is_relative_to(Path.cwd()):
-        python = python.relative_to(Path.cwd())
-    pip = f"{shlex.quote(str(python))} -m pip install"
-    return " && ".join(f"{pip} {shlex.join(group)}" for group in groups if group)
 
 
 class DeviceError(MonochordError, RuntimeError):

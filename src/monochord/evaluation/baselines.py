@@ -2,10 +2,10 @@
 
 They show whether a model's complexity pays off: every table lists what a linear map and averaged decision
 trees reach on the same features. Both see single windows, without the untouched reference and without noise
-augmentation.
+augmentation. The heads of a model may be learned by the same methods, from all that a head sees; see
+`monochord.perception.training.choice`.
 """
 
-import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -30,6 +30,11 @@ from monochord.evaluation.replay import (
 from monochord.evaluation.results import Results, join
 from monochord.perception.features import FEATURES
 from monochord.perception.features.base import Extractor
+from monochord.perception.heads.base import Task
+from monochord.perception.model.definition import CLIP, Method
+from monochord.perception.model.network import MAX_LOGIT, Scaling, network_inputs
+from monochord.perception.training.examples import mean_and_scale, touches_of
+from monochord.perception.training.regression import Regression, fit_regression, groups_of
 from monochord.perception.tuning.sessions import (
     at_length_of,
     force_scale,
@@ -38,8 +43,8 @@ from monochord.perception.tuning.sessions import (
     retuned_strings,
 )
 
-RIDGE = "ridge"
-BASELINES = (RIDGE, "extra_trees")
+RIDGE: Method = "ridge"
+BASELINES: tuple[Method, ...] = (RIDGE, "extra_trees")
 PROBABILITIES = ("contact", "slip")
 FORCE = "force"
 QUANTITIES = ("position", FORCE)
@@ -47,27 +52,21 @@ MAX_TRAINING_WINDOWS = 20_000
 """Most training windows used, spread evenly."""
 BATCH = 64
 """Number of windows whose features are computed at once."""
-MAX_DEVIATION = 8.0
-"""Bound on scaled features, in standard deviations of the training windows, as in the model.
-
-Without it, a column that hardly varies in training could drive a linear map anywhere.
-"""
-
-
 FeatureRows: TypeAlias = tuple[Audio, Floats]
 """Features (k, columns) of windows, and the scales (k, 2) of their positions and forces."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Baselines:
-    """Fitted baselines: by name and label the regressor or classifier on a feature's rows.
+    """Fitted baselines: by name and label what was learned from a feature's rows, scaled by `scaling`.
 
     `design` is the string of the training. For a sensor tuned differently, features are relative to its own
     string, and positions and forces are scaled, as in a model.
     """
 
     feature: Mapping[str, Any]
-    fitted: Mapping[str, Mapping[str, Any]]
+    scaling: Scaling
+    fitted: Mapping[Method, Mapping[str, Regression]]
     design: StringParams | None = None
 
     def results(
@@ -83,9 +82,10 @@ class Baselines:
         """
         if features is None:
             features = features_of(selection, self.feature, self.design, noise, progress)
-        usable = selection.dataset.usable[selection.rows]
+        usable, (rows, scale) = selection.dataset.usable[selection.rows], features
+        inputs = _inputs(rows, self.scaling)
         return {
-            name: results_of(selection, _columns(models, *features, usable), name=name, disturbance=noise)
+            name: results_of(selection, _columns(models, inputs, scale, usable), name=name, disturbance=noise)
             for name, models in self.fitted.items()
         }
 
@@ -169,7 +169,7 @@ def _features_of_session(
 def fit_baselines(
     training: Selection,
     feature: Mapping[str, Any],
-    names: Sequence[str] = BASELINES,
+    names: Sequence[Method] = BASELINES,
     *,
     workers: int | None = 1,
     cluster: str = "",
@@ -190,8 +190,11 @@ def fit_baselines(
     step = -(-len(training.rows) // MAX_TRAINING_WINDOWS)
     rows = training.rows[::step]
     features = training_features(training, rows, feature, workers=workers, cluster=cluster)
-    fitted = _fitted(training, rows, features.astype(np.float64), names)
-    return Baselines(feature=feature, fitted=fitted, design=training.string)
+    mean, scale = mean_and_scale(features)
+    nothing = np.zeros(0, np.float32)
+    own = Scaling(mean, scale, nothing, nothing, nothing.astype(np.int64))
+    fitted = _fitted(training, rows, _inputs(features, own), names)
+    return Baselines(feature=feature, scaling=own, fitted=fitted, design=training.string)
 
 
 def prepared(feature: Mapping[str, Any], signal: Signal, size: Samples) -> Extractor:
@@ -279,13 +282,18 @@ def baseline_results(
     return {name: join([parts[at][name] for at in range(len(conditions))]) for name in BASELINES}
 
 
+def _inputs(features: Audio, scaling: Scaling) -> Audio:
+    return network_inputs(features, features[:, :0], scaling, CLIP)
+
+
 def _fitted(
-    training: Selection, rows: Indices, features: Floats, names: Sequence[str]
-) -> dict[str, dict[str, Any]]:
-    """Return, by baseline, the fitted regressor or classifier of each label in the training windows."""
+    training: Selection, rows: Indices, inputs: Audio, names: Sequence[Method]
+) -> dict[Method, dict[str, Regression]]:
+    """Return, by baseline, what was learned of each label in the training windows."""
     dataset, design = training.dataset, training.string
     touched = dataset.label("contact")[rows] == 1.0
-    fitted: dict[str, dict[str, Any]] = {baseline: {} for baseline in names}
+    group = groups_of(dataset.session[rows].astype(np.int64), touches_of(dataset)[rows])
+    fitted: dict[Method, dict[str, Regression]] = {baseline: {} for baseline in names}
     for name in (*PROBABILITIES, *QUANTITIES):
         if name not in dataset.labels:
             continue
@@ -296,43 +304,26 @@ def _fitted(
         counts = np.isfinite(label) & (touched | (name == "contact"))
         if np.unique(label[counts]).size < 2:
             continue
+        task = Task(label=name, loss="logistic" if name in PROBABILITIES else "square")
         for baseline, models in fitted.items():
-            models[name] = _fit(baseline, name, features[counts], label[counts])
+            models[name] = fit_regression(baseline, task, inputs[counts], label[counts], group[counts])
     return fitted
 
 
-def _fit(baseline: str, name: str, features: Floats, label: Floats) -> Any:
-    from sklearn.ensemble import ExtraTreesClassifier, ExtraTreesRegressor  # noqa: PLC0415
-    from sklearn.exceptions import ConvergenceWarning  # noqa: PLC0415
-    from sklearn.linear_model import LogisticRegression, RidgeCV  # noqa: PLC0415
-    from sklearn.pipeline import make_pipeline  # noqa: PLC0415
-    from sklearn.preprocessing import FunctionTransformer, StandardScaler  # noqa: PLC0415
-
-    if baseline == "extra_trees":
-        kind: Any = ExtraTreesClassifier if name in PROBABILITIES else ExtraTreesRegressor
-        return kind(50, max_features=0.1, min_samples_leaf=2, random_state=0).fit(features, label)
-    linear = LogisticRegression(max_iter=300) if name in PROBABILITIES else RidgeCV(np.logspace(-3.0, 3.0, 7))
-    bound = FunctionTransformer(np.clip, kw_args={"a_min": -MAX_DEVIATION, "a_max": MAX_DEVIATION})
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ConvergenceWarning)
-        return make_pipeline(StandardScaler(), bound, linear).fit(features, label)
-
-
 def _columns(
-    models: Mapping[str, Any], rows: Audio, scale: Floats, usable: NDArray[np.bool_]
+    models: Mapping[str, Regression], inputs: Audio, scale: Floats, usable: NDArray[np.bool_]
 ) -> dict[str, Any]:
     """Return the columns of `replay.columns` for n windows; unusable windows have no estimate."""
-    features = rows.astype(np.float64)
-    value = {
-        name: model.predict_proba(features)[:, 1] if name in PROBABILITIES else model.predict(features)
-        for name, model in models.items()
-    }
+    value = {name: model.first(inputs) for name, model in models.items()}
+    for name in PROBABILITIES:
+        if name in value:
+            value[name] = 1.0 / (1.0 + np.exp(-np.clip(value[name], -MAX_LOGIT, MAX_LOGIT)))
     for number, name in enumerate(QUANTITIES):
         if name in value:
             value[name] = scale[:, number] * value[name]
     return {
         "value": {name: np.where(usable, column, np.nan) for name, column in value.items()},
-        "std": {name: np.full(len(rows), np.nan) for name in value},
+        "std": {name: np.full(len(inputs), np.nan) for name in value},
         "reason_index": {name: (~usable).astype(np.int16) for name in value},
         "reasons": ("", "gap"),
     }

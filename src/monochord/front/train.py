@@ -6,7 +6,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from monochord.core.config import load_toml, override
+from monochord.core.config import load_toml, override, to_tree
 from monochord.core.progress import progress_bar
 from monochord.core.types import Progress
 from monochord.core.workers import refuse_both
@@ -16,27 +16,33 @@ from monochord.figures import FIGURES
 from monochord.perception.data import LabelledData
 from monochord.perception.heads.base import Task
 from monochord.perception.model import Model
+from monochord.perception.training.choice import Choice
 from monochord.perception.training.configs import DEFAULT, config_path
 from monochord.perception.training.settings import TrainingSettings
 from monochord.perception.training.train import HeadScores
 from monochord.perception.training.train import train as train_model
 
+SHOWN = {"m": "mm"}
+"""Displayed unit by SI unit; other units are shown unchanged."""
 LEARNING = "learning"
 """The figure that is drawn into the folder of a run, under its own name."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrainedModel(Model):
-    """A model as it was trained, with the folder of its `run`, its `scores` by head, and its `epochs`.
+    """A trained model, with the folder of its `run`, its `scores` and `choices` by head, and its `epochs`.
 
     The scores are those of the validation part, in SI units: of a quantity ``windows``, ``mae``,
     ``median_error``, ``r``, ``std`` and ``baseline_mae``, of contact and slip ``windows``, ``accuracy``,
-    ``auc`` and ``baseline_accuracy``.
+    ``auc`` and ``baseline_accuracy``. A choice is the `method` of a head, with the validation `errors` of all
+    methods that were tried. `left_out` says how to install PyTorch if no network was tried without it.
     """
 
     run: Path
     scores: Mapping[str, HeadScores] = field(repr=False)
     epochs: int
+    choices: Mapping[str, Choice] = field(repr=False)
+    left_out: str = ""
 
     __repr__ = Model.__repr__
 
@@ -49,6 +55,7 @@ class TrainedModel(Model):
             "epochs": self.epochs,
             "part": "validation",
             "heads": self.scores,
+            "methods": to_tree(self.choices),
             "weights": self.definition.weights,
         }
 
@@ -60,7 +67,9 @@ class TrainedModel(Model):
         tasks = {name: record.task for name, record in definition.heads.items()}
         return [
             f"{self.run}{kind}: feature {definition.feature.name}{beside}, {self.epochs} epochs",
-            "on the validation part, which chose the epoch of each head and its calibration:",
+            "the method with the smallest error on the validation part:",
+            *choice_lines(self.choices, tasks),
+            "on the validation part, which chose the method of each head and its calibration:",
             *score_lines(self.scores, tasks),
         ]
 
@@ -128,9 +137,32 @@ def train(
     read, folder = TrainingSettings.read(override(tree, settings)), Path(out)
     with progress_bar("windows", progress) as report:
         result = train_model(read, folder, report, workers=workers, cluster=cluster)
-    _draw(folder)
+    if result.epochs:
+        _draw(folder)
     known = {each.name: getattr(result.model, each.name) for each in fields(Model)}
-    return TrainedModel(**known, run=folder, scores=result.scores, epochs=result.epochs)
+    return TrainedModel(
+        **known,
+        run=folder,
+        scores=result.scores,
+        epochs=result.epochs,
+        choices=result.choices,
+        left_out=result.left_out,
+    )
+
+
+def choice_lines(choices: Mapping[str, Choice], tasks: Mapping[str, Task]) -> list[str]:
+    """Return each head's method with its error, and those of the other methods, as lines of text."""
+    lines: list[str] = []
+    for name, choice in choices.items():
+        unit = "log loss" if tasks[name].is_probability else SHOWN.get(tasks[name].unit, tasks[name].unit)
+        factor = 1e3 if unit == "mm" else 1.0
+        own, *others = (
+            f"{method.replace('_', ' ')} {factor * choice.errors[method]:.3g}"
+            for method in sorted(choice.errors, key=lambda method: method != choice.method)
+        )
+        beside = f" ({', '.join(others)})" if others else ""
+        lines.append(f"  {name:<10} {own} {unit}{beside}")
+    return lines
 
 
 def score_lines(scores: Mapping[str, HeadScores], tasks: Mapping[str, Task]) -> list[str]:

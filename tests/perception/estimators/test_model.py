@@ -19,7 +19,7 @@ from monochord.live.sinks.base import Listener, Update
 from monochord.perception import features
 from monochord.perception.estimators import ESTIMATORS
 from monochord.perception.estimators.model import ModelEstimator
-from monochord.perception.training.settings import TrainingSettings
+from monochord.perception.training.settings import METHODS, TrainingSettings
 from monochord.perception.training.train import train, window_of
 
 pytest.importorskip("torch")
@@ -29,13 +29,18 @@ MADE_UP = Path(__file__).parents[2] / "made_up_features"
 SESSIONS = (0, 3)
 
 
-@pytest.fixture(scope="module")
-def trained(learnable: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+@pytest.fixture(scope="module", params=METHODS)
+def trained(
+    learnable: Path, tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest
+) -> Path:
     home = tmp_path_factory.mktemp("trained")
     lesson = {**LESSON, "dataset": str(learnable), "cache": str(learnable.parent / "features")}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(features, "__path__", [*features.__path__, str(MADE_UP)])
-        train(TrainingSettings.read({**lesson, "optimiser": {"epochs": 4}}), home / "run")
+        train(
+            TrainingSettings.read({**lesson, "methods": [request.param], "optimiser": {"epochs": 4}}),
+            home / "run",
+        )
     return home / "run"
 
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from monochord.core.types import Floats
-from monochord.perception.model.correction import BUILD_SHARE, Correction, Indices, forest_of, prior
+from monochord.perception.model.correction import BUILD_SHARE, Correction, Indices, prior
+from monochord.perception.model.forest import forest_of
 
 WEIGHTS = np.array([0.2, 0.3, -0.1, 0.1, 0.05, 0.1])
 """Standard deviations of the weights of 1, a, b, a^2, a b, b^2 between groups."""

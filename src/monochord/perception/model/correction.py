@@ -13,7 +13,7 @@ not change, and the prior covariance is the uncertainty that an unknown build ad
 
 Where nothing was learned at training, the prior is physics: a position is off by the tool's offset and by the
 length of the string, a force by a gain, its curvature and an offset (`physical`). What these terms leave is
-learned by regression trees on the columns of the feature (`forest_of`).
+learned by regression trees on the columns of the feature (`monochord.perception.model.forest`).
 
 Windows of one touch have nearly the same error, so all windows of a touch count as one observation. Noise has
 the tails of Student's t, because a misread mode gives a large error.
@@ -22,8 +22,7 @@ References
 ----------
 Dempster, Laird and Rubin (1977), Maximum likelihood from incomplete data via the EM algorithm, J. R. Stat.
 Soc. B 39, 1; Lange, Little and Taylor (1989), Robust statistical modeling using the t distribution, J. Am.
-Stat. Assoc. 84, 881; Bishop (2006), Pattern Recognition and Machine Learning, section 3.3; Geurts, Ernst and
-Wehenkel (2006), Extremely randomized trees, Mach. Learn. 63, 3.
+Stat. Assoc. 84, 881; Bishop (2006), Pattern Recognition and Machine Learning, section 3.3.
 """
 
 from dataclasses import dataclass, field, replace
@@ -33,6 +32,7 @@ import numpy as np
 from monochord.core.kernels import kernel
 from monochord.core.types import Audio, Floats, Indices
 from monochord.metrics import normal_coverage
+from monochord.perception.model.forest import NO_FOREST, forest_sums
 
 MAX_VARIABLE = 4.0
 """Largest magnitude of a scaled variable; beyond it, a polynomial would extrapolate."""
@@ -49,12 +49,6 @@ MIN_SHARE = 0.01
 """Smallest factor of the covariance in one of these iterations."""
 ROBUST_ROUNDS = 4
 """Iterations that reduce the weight of large errors."""
-NO_FOREST: Audio = np.zeros((0, 3), np.float32)
-"""The nodes of no tree."""
-
-
-TREES = 50
-"""Number of trees in a forest."""
 BUILD_SHARE = 0.3
 """Share of the covariance that all sessions of one build share; the rest varies with the object and the day.
 
@@ -71,7 +65,8 @@ class Correction:
     Errors are label minus estimate, in units of the head's scale. `centre` (v,) and `scale` (v,) scale the
     variables. `mean` (k,) and `covariance` (k, k) describe the weights. `noise` is the residual variance, as
     a multiple of the head's own variance; it is fitted to the shares of errors within one and two sigma.
-    `forest` (n, 3) are the nodes of the trees, see `forest_of`; none by default. Variables are the v ones of
+    `forest` (n, 3) are the nodes of the trees, see
+    `monochord.perception.model.forest`; none by default. Variables are the v ones of
     the weights, and behind them the columns that trees need.
 
     Examples
@@ -110,7 +105,7 @@ class Correction:
     def residual(self, variables: Floats) -> Floats:
         """Return what the trees add to the expected error (...,) for variables (..., v)."""
         rows = variables.reshape(-1, variables.shape[-1])
-        return _sums(rows, self.forest).reshape(variables.shape[:-1])
+        return forest_sums(rows, self.forest).reshape(variables.shape[:-1])
 
     def stated(self, variables: Floats, std: Floats) -> tuple[Floats, Floats]:
         """Return the expected error (...,), and the standard error (...,) where the head states `std`."""
@@ -182,38 +177,6 @@ class Correction:
             mean = mean + gain @ (after.mean - before.mean)
             build = _symmetric(build - gain @ (before.covariance - after.covariance) @ gain.T)
         return replace(self, mean=mean, covariance=build + own)
-
-
-def forest_of(variables: Floats, error: Floats) -> Audio:
-    """Return the nodes (n, 3) of extremely randomized trees that learned errors (n,) in windows.
-
-    A node has a column, a threshold and the node to go on with if the column's value lies above; otherwise
-    the next one follows. A leaf has column -1, what it adds to the sum, and the root of the next tree.
-
-    Examples
-    --------
-    >>> variables = np.linspace(0.0, 1.0, 40)[:, np.newaxis]
-    >>> nodes = forest_of(variables, np.where(variables[:, 0] > 0.5, 1.0, -1.0))
-    >>> learned = physical(0.0, 1.0, (0.1, 0.0, 0.0)).with_forest(nodes)
-    >>> (learned.residual(np.array([[0.1], [0.9]])) > 0.0).tolist()
-    [False, True]
-    """
-    from sklearn.ensemble import ExtraTreesRegressor  # noqa: PLC0415
-
-    forest = ExtraTreesRegressor(TREES, max_features=0.3, min_samples_leaf=2, random_state=0)
-    forest.fit(variables, error)
-    parts, count = list[Floats](), 0
-    for tree in (each.tree_ for each in forest.estimators_):
-        leaf, end = tree.children_right < 0, count + tree.node_count
-        value = np.where(leaf, tree.value[:, 0, 0] / TREES, tree.threshold)
-        parts.append(
-            np.stack(
-                [np.where(leaf, -1, tree.feature), value, np.where(leaf, end, count + tree.children_right)],
-                axis=1,
-            )
-        )
-        count = end
-    return np.concatenate(parts).astype(np.float32)
 
 
 def physical(offset: float, scale: float, stds: tuple[float, float, float]) -> Correction:
@@ -315,20 +278,6 @@ def _terms(variables: Floats, centre: Floats, scale: Floats) -> Floats:
                 terms[row, at] = factors[one] * factors[other]
                 at += 1
     return terms
-
-
-@kernel()
-def _sums(variables: Floats, nodes: Audio) -> Floats:
-    """Return the sum (n,) of the leaves that variables (n, v) reach; any nodes end, and read no further."""
-    sums = np.zeros(variables.shape[0])
-    for row in range(variables.shape[0]):
-        k = 0
-        while k < nodes.shape[0]:
-            column, further = min(int(nodes[k, 0]), variables.shape[1] - 1), max(int(nodes[k, 2]), k + 1)
-            if column < 0:
-                sums[row] += nodes[k, 1]
-            k = k + 1 if column >= 0 and variables[row, column] <= nodes[k, 1] else further
-    return sums
 
 
 def _by_others(unknown: Correction, variables: Floats, error: Floats, std: Floats, touch: Indices) -> Floats:

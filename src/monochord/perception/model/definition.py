@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from itertools import pairwise
 from math import inf
-from typing import Annotated, Any, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias
 
 from msgspec import Meta
 
@@ -15,11 +15,14 @@ from monochord.core.units import Metres, Samples, Seconds
 from monochord.perception.heads.base import CONTACT, POSITION, Task
 from monochord.perception.model.faults import FAULTS, LINES
 
-FORMAT = 3
-"""Version of the format of a model's folder."""
+FORMAT, OLDEST = 4, 3
+"""Version of the format of a model's folder, and the oldest that is read: heads of format 3 are networks."""
 RISE_COLUMNS, RISE_REFERENCES, RISE_COUNT = ("open", "position"), ("rest", "lowest"), 5
 """Columns of the feature and of the untouched reference that give the rise of the pitch, and its number of
 inputs: the open pitch in thousandths, the position x / L, and two readings of the untouched pitch."""
+CLIP = 8.0
+"""Largest magnitude of a scaled column, in standard deviations of the training. Without it, a column that
+hardly varies in training could drive an estimate anywhere."""
 ORDINARY = "ordinary"
 """Kind of a window without a fault."""
 TOUCHES_KEPT = 64
@@ -27,6 +30,9 @@ TOUCHES_KEPT = 64
 MAX_COLUMNS, MAX_HEADS, MAX_LAYERS, MAX_PATTERNS, MAX_VARIABLES = 1 << 17, 64, 16, 64, 16
 MAX_NODES = 1 << 23
 """Bounds on the contents of a file, checked before memory is allocated."""
+Method: TypeAlias = Literal["network", "ridge", "extra_trees"]
+"""How a head was learned: layers of a network, ridge regression (logistic regression of a probability), or
+extremely randomized trees."""
 Kept: TypeAlias = Annotated[int, Meta(ge=1, le=1000)]
 """Number of windows in the untouched reference."""
 Pause: TypeAlias = Annotated[Seconds, Meta(ge=0.0, le=60.0)]
@@ -127,13 +133,16 @@ class FaultRecord(Checked):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeadRecord(Checked):
-    """A head: its task, and the scaling from outputs to the label.
+    """A head: its task, the method that learned it, and the scaling from outputs to the label.
 
     A quantity is ``offset + scale * output``, and its standard error is ``scale * spread``, both before
-    calibration and correction.
+    calibration and correction. With ridge and trees the task has no hidden layers; trees of this number of
+    `nodes` add to the first output of its one layer.
     """
 
     task: Task
+    method: Method = "network"
+    nodes: Whole = 0
     offset: Finite[float] = 0.0
     scale: Positive[float] = 1.0
     calibration: Calibration = Calibration()
@@ -145,6 +154,8 @@ class HeadRecord(Checked):
         if len(self.task.hidden) > MAX_LAYERS or patterns > MAX_PATTERNS:
             given = f"{len(self.task.hidden)} hidden layers and {patterns} patterns of columns"
             raise InputError(given, f"at most {MAX_LAYERS} layers and {MAX_PATTERNS} patterns")
+        if self.nodes > MAX_NODES:
+            raise InputError(f"{self.nodes} nodes of a head", f"at most {MAX_NODES}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -173,7 +184,7 @@ class Definition(Checked):
     reference: Reference | None = None
     heads: dict[str, HeadRecord]
     faults: FaultRecord | None = None
-    clip: Positive[float] = 8.0
+    clip: Positive[float] = CLIP
     quietest: NonNegative[float] = 0.0
     string: StringParams | None = None
     sensing_range: tuple[Metres, Metres] | None = None
@@ -351,7 +362,7 @@ class Definition(Checked):
         Their order is:
 
         - the scaling, with the features of the probe windows;
-        - for each head, its layers in order and its correction.
+        - for each head, its layers in order, its trees and its correction.
 
         A layer has a matrix (outputs, inputs) and a bias (outputs,). A correction includes position, force
         and variables of representative touches.
@@ -373,6 +384,8 @@ class Definition(Checked):
             for number, (inputs, outputs) in enumerate(pairwise(units)):
                 shapes[f"{name}.{number}.weight"] = (outputs, inputs)
                 shapes[f"{name}.{number}.bias"] = (outputs,)
+            if record.nodes:
+                shapes[f"{name}.forest"] = (record.nodes, 3)
             if record.correction:
                 count, terms = 1 + len(record.correction.variables), record.correction.terms
                 shapes[f"{name}.correction.centre"] = (count,)

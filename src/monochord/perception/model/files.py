@@ -22,7 +22,7 @@ from monochord.core.errors import InputError
 from monochord.core.files import refuse_endless, similar_name
 from monochord.core.types import Audio
 from monochord.perception.model.bundled import bundled_folder, bundled_names
-from monochord.perception.model.definition import FORMAT, Definition
+from monochord.perception.model.definition import FORMAT, OLDEST, Definition
 from monochord.perception.model.model import Model
 from monochord.perception.model.saving import TEXT, WEIGHTS
 
@@ -99,12 +99,12 @@ def _refuse_older(path: Path) -> None:
 
 def _definition(file: Path) -> Definition:
     tree = load_json(file, AGAIN)
-    if not isinstance(tree, dict) or tree.get("format") != FORMAT:
+    if not isinstance(tree, dict) or tree.get("format") not in range(OLDEST, FORMAT + 1):
         version = tree.get("format") if isinstance(tree, dict) else None
         given = f"{file} of format {version!r:.20}" if version is not None else f"{file} without a format"
-        raise InputError(given, f"format {FORMAT}, of this version of Monochord", TRAIN_AGAIN)
+        raise InputError(given, f"format {OLDEST} or {FORMAT}, of this version of Monochord", TRAIN_AGAIN)
     try:
-        return from_tree(Definition, _infinite(tree), file.name)
+        return from_tree(Definition, {**_infinite(tree), "format": FORMAT}, file.name)
     except RecursionError as error:
         raise InputError(f"{file} (nested too deep)", "a file that monochord train wrote", AGAIN) from error
 

@@ -32,8 +32,9 @@ from monochord.perception.features import FEATURES
 from monochord.perception.features.base import Extractor
 from monochord.perception.model import stepping
 from monochord.perception.model.context import ModelState
-from monochord.perception.model.correction import NO_FOREST, Correction
+from monochord.perception.model.correction import Correction
 from monochord.perception.model.definition import Definition, FeatureRecord
+from monochord.perception.model.forest import NO_FOREST
 from monochord.perception.model.network import Network, Output
 from monochord.perception.model.probe import probed, refuse_another
 from monochord.perception.model.saving import save

@@ -14,6 +14,7 @@ from monochord.metrics import DECISION
 from monochord.perception.heads.base import Loss
 from monochord.perception.model.correction import Correction
 from monochord.perception.model.definition import RISE_COUNT, Definition, HeadRecord
+from monochord.perception.model.forest import forest_sums
 
 NO_CONTACT, UNCERTAIN, TWO_PLACES = "no contact", "too uncertain", "two candidates"
 """Reasons for a head to abstain."""
@@ -96,12 +97,16 @@ class Scaling(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Network:
-    """The scaling of the inputs and the layers of all heads, in the order of `names`."""
+    """The scaling of the inputs and the layers of all heads, in the order of `names`.
+
+    `forests` holds the nodes (n, 3) of the trees that add to the first output of a head, by its number.
+    """
 
     scaling: Scaling
     clip: float
     names: tuple[str, ...]
     heads: tuple[Layers, ...]
+    forests: Mapping[int, Audio]
 
     @classmethod
     def of(cls, definition: Definition, weights: Mapping[str, Audio]) -> "Network":
@@ -116,21 +121,35 @@ class Network:
             )
             for name, record in definition.heads.items()
         ]
-        scaling = Scaling.of(definition, weights)
-        return cls(scaling=scaling, clip=definition.clip, names=tuple(definition.heads), heads=tuple(heads))
+        names = tuple(definition.heads)
+        return cls(
+            scaling=Scaling.of(definition, weights),
+            clip=definition.clip,
+            names=names,
+            heads=tuple(heads),
+            forests={
+                number: weights[f"{name}.forest"]
+                for number, name in enumerate(names)
+                if definition.heads[name].nodes
+            },
+        )
 
     def outputs(self, rows: Audio, references: Audio) -> list[dict[str, Output]]:
         """Return the outputs of all heads for features (n, d) and untouched references (n, c).
 
         Equal rows give equal bits in any batch.
         """
-        values = _outputs(rows, references, self.scaling, self.clip, self.heads).tolist()
+        outputs = _outputs(rows, references, self.scaling, self.clip, self.heads)
+        if self.forests:
+            inputs = network_inputs(rows, references, self.scaling, self.clip).astype(np.float64)
+            for number, nodes in self.forests.items():
+                outputs[:, number, 0] += forest_sums(inputs.take(self.heads[number].columns, 1), nodes)
         return [
             {
                 name: Output(value, log_spread, 1.0 / (1.0 + math.exp(min(-logit, MAX_LOGIT))))
                 for name, (value, log_spread, logit) in zip(self.names, row, strict=True)
             }
-            for row in values
+            for row in outputs.tolist()
         ]
 
 

@@ -58,6 +58,7 @@ def _head(record: HeadRecord) -> str:
         text, share = f"quantity in {unit}" if unit else "quantity", measured.get("coverage_1")
         stated = f"standard error covers {100.0 * share:.0f} % of errors" if share is not None else ""
     where = f"{stated}, measured on {_sessions(record.calibration.sessions)}"
+    text = f"{text} by {record.method.replace('_', ' ')}"
     touches = record.correction.touches if record.correction else 0
     calibrated = f"; calibrated by {touches} touches" if touches else ""
     return f"{text}; {where if stated else 'stated error not measured'}{calibrated}"

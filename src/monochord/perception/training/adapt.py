@@ -15,11 +15,11 @@ from monochord.metrics import coverage
 from monochord.perception.model.correction import (
     BUILD_SHARE,
     Correction,
-    forest_of,
     touch_weights,
 )
 from monochord.perception.model.definition import Definition, HeadRecord
 from monochord.perception.model.faults import MAX_ODDS, fault_reason
+from monochord.perception.model.forest import forest_of
 from monochord.perception.model.model import Model
 from monochord.perception.training.adaptation import Adaptation, HeadAdaptation, Suggestion, Trust
 from monochord.perception.training.correct import (

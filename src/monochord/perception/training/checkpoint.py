@@ -50,6 +50,11 @@ class Checkpoint:
     at: dict[str, int]
     history: list[Line] = field(default_factory=list[Line])
 
+    @classmethod
+    def none(cls, data: str) -> "Checkpoint":
+        """Return the state before any epoch, without a network."""
+        return cls(epoch=0, data=data, weights={}, moments={}, best={}, score={}, at={})
+
     def write(self, file: Path) -> None:
         """Write the checkpoint to a file, replacing the previous one."""
         from safetensors.numpy import save  # noqa: PLC0415

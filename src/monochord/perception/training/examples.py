@@ -2,8 +2,9 @@
 
 import dataclasses
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from monochord.datasets.store import Dataset
 from monochord.perception.heads.base import CONTACT, POSITION, REFINED_SCALE, Task
 from monochord.perception.model.context import ModelState, context_row, step
 from monochord.perception.model.definition import Definition, FeatureRecord, HeadRecord, Reference
+from monochord.perception.model.network import Scaling, network_inputs
 from monochord.perception.model.probe import probed
 from monochord.perception.training.rows import Noise, Rows
 from monochord.perception.training.settings import TrainingSettings
@@ -123,9 +125,18 @@ def training_data(
         simulated=any(manifest.parts[number].simulated for number in used),
         dataset=dataset.checksum,
         sessions={manifest.parts[number].name: manifest.parts[number].checksum for number in used},
-        versions={name: version(name) for name in ("monochord", "numpy", "torch")},
+        versions=_versions(),
     )
     return TrainingData(dataset=dataset, definition=definition, feature=feature, reference=reference)
+
+
+def _versions() -> dict[str, str]:
+    """Return the versions of the libraries that learn, as far as they are installed."""
+    found = dict[str, str]()
+    for name in ("monochord", "numpy", "scikit-learn", "torch"):
+        with suppress(PackageNotFoundError):
+            found[name] = version(name)
+    return found
 
 
 def _sensing_range(
@@ -304,17 +315,34 @@ def examples_of(
     return assembled(dataset, rows, data.tasks, base, context, scales)
 
 
+def inputs_of(definition: Definition, scaler: Mapping[str, Audio], examples: Examples) -> Audio:
+    """Return the scaled inputs (copies, n, inputs) of all heads; see `network_inputs`."""
+    own = Scaling.of(definition, scaler)
+    pairs = zip(examples.base, examples.context, strict=True)
+    return np.stack([network_inputs(base, context, own, definition.clip) for base, context in pairs])
+
+
+def targets_of(definition: Definition, name: str, examples: Examples) -> Floats:
+    """Return what a head's first output should be (copies, n): 0 or 1, or the quantity in its scale."""
+    record, shape = definition.heads[name], examples.base.shape[:2]
+    target = np.broadcast_to(examples.labels[name] - record.offset, shape)
+    refined = definition.refined(name)
+    if refined is not None and definition.string is not None:
+        target = target - examples.base[..., refined].astype(np.float64) * definition.string.length
+    return target / record.scale
+
+
 def scaling(train: Examples) -> dict[str, Audio]:
     """Return mean and standard deviation of each column, as the arrays of a model.
 
     The reference's statistics use only windows with a reference. Its presence mark is not scaled.
     """
-    mean, scale = _mean_and_scale(train.base.reshape(-1, train.base.shape[-1]))
+    mean, scale = mean_and_scale(train.base.reshape(-1, train.base.shape[-1]))
     result = {"scaler.mean": mean, "scaler.scale": scale}
     if train.context.shape[-1]:
         context = train.context.reshape(-1, train.context.shape[-1])
         context = context[context[:, -1] > 0.0]
-        mean, scale = _mean_and_scale(context) if len(context) else (np.zeros(1), np.ones(1))
+        mean, scale = mean_and_scale(context) if len(context) else (np.zeros(1), np.ones(1))
         zeros = np.zeros(train.context.shape[-1], np.float32)
         context_mean, context_scale = zeros + mean.astype(np.float32), zeros + scale.astype(np.float32)
         context_mean[-1], context_scale[-1] = 0.0, 1.0
@@ -338,7 +366,8 @@ def scaled_heads(definition: Definition, train: Examples) -> Definition:
     return dataclasses.replace(definition, heads=heads)
 
 
-def _mean_and_scale(rows: Audio) -> tuple[Audio, Audio]:
+def mean_and_scale(rows: Audio) -> tuple[Audio, Audio]:
+    """Return mean and standard deviation of each column of rows (n, d); 1 for a constant column."""
     mean = rows.mean(axis=0, dtype=np.float64)
     deviation = rows.std(axis=0, dtype=np.float64)
     return mean.astype(np.float32), np.where(deviation > MIN_DEVIATION, deviation, 1.0).astype(np.float32)

@@ -87,7 +87,7 @@ def _fit(
 ) -> tuple[Checkpoint, dict[str, Audio]]:
     torch, options = torch_library(), setup.optimiser
     learned, judged = (TrainingTensors(setup.definition, scaler, each) for each in (train, validation))
-    heads, data = heads_module(setup.definition, setup.seed), _checksum(scaler, train, validation)
+    heads, data = heads_module(setup.definition, setup.seed), training_checksum(scaler, train, validation)
     state = Checkpoint.read(file) or Checkpoint(
         epoch=0, data=data, weights=arrays(heads), moments={}, best=arrays(heads), score={}, at={}
     )
@@ -120,7 +120,7 @@ def _fit(
     return state, state.best
 
 
-def _checksum(scaler: Mapping[str, Audio], train: Examples, validation: Examples) -> str:
+def training_checksum(scaler: Mapping[str, Audio], train: Examples, validation: Examples) -> str:
     """Return the sha256 that identifies a training: windows, labels, and how features are scaled."""
     digest = hashlib.sha256()
     for examples in (train, validation):

@@ -9,14 +9,12 @@ import numpy as np
 from monochord.core.types import Audio
 from monochord.perception.heads.base import REFINED_SCALE, RIGHT_WITHIN, Task
 from monochord.perception.model.definition import Definition
-from monochord.perception.model.network import Scaling, network_inputs
 from monochord.perception.training._torch import torch_library
-from monochord.perception.training.examples import Examples
+from monochord.perception.training.examples import Examples, inputs_of, targets_of
+from monochord.perception.training.regression import LIKELY_RIGHT
 
 MAX_REFINED_LOSS = 20.0
 """Largest loss of a window from the error of a refined position."""
-LIKELY_RIGHT = 4.0
-"""Initial log odds that a refined position is right: few windows of training do not tell otherwise."""
 SPREAD_POWER = 0.5
 """Power of the spread that weights a window's likelihood; with 0, difficult windows are not learned."""
 
@@ -28,22 +26,14 @@ class TrainingTensors:
         torch = torch_library()
         self.copies, self.count = examples.base.shape[:2]
         self.tasks = {name: record.task for name, record in definition.heads.items()}
-        scaling = Scaling.of(definition, scaler)
-        inputs = [
-            network_inputs(base, context, scaling, definition.clip)
-            for base, context in zip(examples.base, examples.context, strict=True)
-        ]
-        self._inputs = torch.from_numpy(np.stack(inputs))
+        self._inputs = torch.from_numpy(inputs_of(definition, scaler, examples))
         self._columns = {name: torch.tensor(definition.input_columns(name)) for name in self.tasks}
         self._own = torch.arange(self._inputs.shape[-1]) < definition.widths[0]
         self._targets: dict[str, Any] = {}
         self.masks: dict[str, Any] = {}
-        for name, record in definition.heads.items():
-            target = np.broadcast_to(examples.labels[name] - record.offset, (self.copies, self.count))
-            refined = definition.refined(name)
-            if refined is not None and definition.string is not None:
-                target = target - examples.base[..., refined].astype(np.float64) * definition.string.length
-            self._targets[name] = torch.from_numpy((target / record.scale).astype(np.float32))
+        for name in self.tasks:
+            target = targets_of(definition, name, examples)
+            self._targets[name] = torch.from_numpy(target.astype(np.float32))
             self.masks[name] = torch.from_numpy(examples.masks[name].astype(np.float32))
 
     def loss(self, heads: Any, batch: Any, copies: Any, shown: Any) -> Any:

@@ -21,8 +21,9 @@ from monochord.perception.features import FEATURES
 from monochord.perception.features.base import Feature
 from monochord.perception.heads import HEADS
 from monochord.perception.heads.base import Head, Task
-from monochord.perception.model.definition import FeatureRecord, Kept, Pause, Reference
+from monochord.perception.model.definition import FeatureRecord, Kept, Method, Pause, Reference
 
+METHODS: tuple[Method, ...] = ("network", "ridge", "extra_trees")
 DEFAULT_HEADS = ("contact", "slip", "position", "force")
 
 
@@ -106,6 +107,9 @@ class TrainingSettings:
         The untouched reference.
     heads
         Options of each head to train, by name.
+    methods
+        Methods that learn the heads; each head keeps that with the smallest error on validation. Only
+        "network" needs PyTorch. At equal errors, the first is kept.
     noise
         Noisy copies of training windows.
     faults
@@ -134,6 +138,7 @@ class TrainingSettings:
     heads: dict[str, dict[str, Any]] = field(
         default_factory=lambda: dict[str, dict[str, Any]]((name, {}) for name in DEFAULT_HEADS)
     )
+    methods: tuple[Method, ...] = METHODS
     noise: Augmentation = field(default_factory=Augmentation)
     faults: Annotated[float, Meta(ge=0.0, lt=0.5)] = 0.0
     corrections: dict[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
@@ -147,6 +152,9 @@ class TrainingSettings:
         settings = from_tree(cls, tree)
         if settings.seed < 0:
             raise InputError(f"seed {settings.seed}", "0 or more")
+        if not settings.methods or len(set(settings.methods)) < len(settings.methods):
+            given = f"methods {', '.join(settings.methods) or '(none)'}"
+            raise InputError(given, f"one or more of {', '.join(METHODS)}")
         return settings
 
     def tasks(self) -> dict[str, Task]:

@@ -3,19 +3,27 @@
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from monochord.core.config import to_tree
+from monochord.core.installing import installation
 from monochord.core.types import Floats, Indices, Progress, Signal, Window
 from monochord.core.units import Samples
 from monochord.datasets.store import Dataset, open_dataset
 from monochord.metrics import detection_score, mean_absolute_error, regression_score
 from monochord.perception.model.context import ModelState
 from monochord.perception.model.correction import Correction
-from monochord.perception.model.definition import ORDINARY, Calibration, Definition, FaultRecord
+from monochord.perception.model.definition import (
+    ORDINARY,
+    Calibration,
+    Definition,
+    FaultRecord,
+    Method,
+)
 from monochord.perception.model.faults import FAULTS
 from monochord.perception.model.files import INSIDE_A_RUN
 from monochord.perception.model.model import Model
@@ -24,6 +32,7 @@ from monochord.perception.model.saving import save
 from monochord.perception.training._torch import torch_library
 from monochord.perception.training.calibrate import calibrate_probability, calibrate_quantity
 from monochord.perception.training.checkpoint import Checkpoint
+from monochord.perception.training.choice import Candidate, Choice, choose, regressions
 from monochord.perception.training.correct import Replayed, counting, with_prior, with_variables
 from monochord.perception.training.examples import (
     chosen,
@@ -38,7 +47,7 @@ from monochord.perception.training.examples import (
     touches_of,
     training_data,
 )
-from monochord.perception.training.loop import TrainingSetup, fit
+from monochord.perception.training.loop import TrainingSetup, fit, training_checksum
 from monochord.perception.training.run_folder import (
     BOARD,
     CHECKPOINT,
@@ -58,12 +67,18 @@ NEVER = 1.0e6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrainingResult:
-    """The result of a training run; `scores` holds each head's scores on validation."""
+    """The result of a training run.
+
+    `scores` holds each head's scores on validation, and `choices` its method, with the error of each method.
+    `left_out` is the command that installs PyTorch if it is not installed, so that no network was trained.
+    """
 
     out: Path
     model: Model
     scores: dict[str, HeadScores]
     epochs: int
+    choices: dict[str, Choice]
+    left_out: str = ""
 
 
 def train(
@@ -90,14 +105,14 @@ def train(
     Raises
     ------
     InputError
-        If a setting, the dataset or the split cannot be used; if `out` is not such a run; or if PyTorch, or
-        TensorBoard with ``board = true``, is not installed.
+        If a setting, the dataset or the split cannot be used; if `out` is not such a run; or if TensorBoard
+        with ``board = true`` is not installed, or PyTorch with no method but the network.
 
     Examples
     --------
     ``examples/train_a_model.py`` trains a model on two simulated sessions.
     """
-    torch_library()
+    methods, left_out = _usable(settings.methods)
     if settings.board:
         summary_writer()
     dataset = open_dataset(settings.dataset)
@@ -108,23 +123,38 @@ def train(
     claim(out, settings.resolved())
     noises = noises_of(settings, dataset.manifest.sample_rate)
     learned = examples_of(data, split.train, "train", noises, progress)
-    judged = examples_of(data, split.validation, "validation", progress=progress)
+    copies = examples_of(data, split.validation, "validation", noises, progress)
+    judged = dataclasses.replace(copies, base=copies.base[:1], context=copies.context[:1])
     definition, scaler = scaled_heads(data.definition, learned), scaling(learned)
     definition = dataclasses.replace(definition, quietest=quietest(dataset, learned.rows))
     definition = with_variables(definition, settings.corrections)
-    setup = TrainingSetup(
-        definition=definition, optimiser=settings.optimiser, drop=settings.context.drop, seed=settings.seed
-    )
+    candidates: dict[Method, Candidate] = {}
+    state = Checkpoint.none(training_checksum(scaler, learned, judged))
+    for number, method in enumerate(methods):
+        progress("methods", number, len(methods))
+        if method != "network":
+            candidates[method] = regressions(
+                method, definition, scaler, learned, drop=settings.context.drop, seed=settings.seed
+            )
+            continue
+        setup = TrainingSetup(
+            definition=definition,
+            optimiser=settings.optimiser,
+            drop=settings.context.drop,
+            seed=settings.seed,
+        )
+        with board(out / BOARD if settings.board else None) as show:
 
-    with board(out / BOARD if settings.board else None) as show:
+            def report(state: Checkpoint) -> None:
+                write_history(out, state.history)
+                show(state.history)
+                progress("epochs", state.epoch, settings.optimiser.epochs)
 
-        def report(state: Checkpoint) -> None:
-            write_history(out, state.history)
-            show(state.history)
-            progress("epochs", state.epoch, settings.optimiser.epochs)
-
-        state, weights = fit(setup, scaler, learned, judged, out / CHECKPOINT, report)
-        report(state)  # a kill between a checkpoint and its report would leave out its epoch
+            state, weights = fit(setup, scaler, learned, judged, out / CHECKPOINT, report)
+            report(state)  # a kill between a checkpoint and its report would leave out its epoch
+        candidates[method] = Candidate(definition=definition, weights=weights)
+    chosen_heads, choices = choose(candidates, scaler, copies)
+    definition, weights = chosen_heads.definition, chosen_heads.weights
     if settings.faults:
         definition = dataclasses.replace(definition, faults=FaultRecord(limits=(NEVER,) * len(FAULTS)))
     model = Model(definition=definition, weights={**scaler, **probes(data), **weights})
@@ -137,6 +167,7 @@ def train(
             "simulated": model.definition.simulated,
             "part": "validation",
             "heads": scores,
+            "methods": to_tree(choices),
             "calibration": {
                 name: to_tree(record.calibration) for name, record in model.definition.heads.items()
             },
@@ -148,7 +179,18 @@ def train(
             "versions": model.definition.versions,
         },
     )
-    return TrainingResult(out=out, model=model, scores=scores, epochs=state.epoch)
+    return TrainingResult(
+        out=out, model=model, scores=scores, epochs=state.epoch, choices=choices, left_out=left_out
+    )
+
+
+def _usable(methods: tuple[Method, ...]) -> tuple[tuple[Method, ...], str]:
+    """Return the methods without the network if PyTorch is not installed, and then how to install it."""
+    if "network" not in methods or find_spec("torch") is not None or methods == ("network",):
+        if "network" in methods:
+            torch_library()
+        return methods, ""
+    return tuple(method for method in methods if method != "network"), installation("train")
 
 
 def calibrated(
