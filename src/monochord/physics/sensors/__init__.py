@@ -228,7 +228,7 @@ def designs_with(string: StringParams | None) -> list[str]:
     Examples
     --------
     >>> designs_with(load_string("prototype").string)
-    ['prototype', 'prototype_one_driver']
+    ['prototype', 'prototype_ebow', 'prototype_one_driver']
     """
     if string is None:
         return []
