@@ -18,6 +18,7 @@ const TASK = [
   ["force_resolution", "Force wanted to", "N", 1, 0.01, 1, 0.01],
   ["resolution", "Position wanted to", "mm", 1e3, 0.05, 5, 0.05],
   ["room", "Room for other strings", "mm", 1e3, 100, 700, 1],
+  ["model", "Model that takes it"],
 ];
 const OTHERS = [
   ["least", "Least press", "N", 1, 0.01, 1, 0.01],
@@ -164,6 +165,7 @@ function showString(one) {
   element("verdict").className = lacks.length ? "warns" : "good";
   const most = value("most");
   facts("figures", [
+    ...(one.fits_model === null ? [] : [["Model", `${value("model")} ${one.fits_model ? "takes" : "refuses"} it`, !one.fits_model]]),
     ["Open pitch", `${Math.round(one.frequency)} Hz`, warns("open")],
     ["Lines", `${Math.round(one.lowest)} to ${Math.round(one.highest)} Hz`, warns("lines")],
     [`Force of ${usual}, to`, `${short(one.force_std)} N`, warns("force")],
