@@ -36,7 +36,7 @@ GROSS = 5e-3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cost:
-    """What a sensor gives: a touch's `loudness` in dB FS, shares `answered` and `gross`, errors in m and N."""
+    """What a sensor gives: a touch's `loudness` in dB FS, shares `answered` and `gross`, errors in m, N."""
 
     loudness: float
     answered: float

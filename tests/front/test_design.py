@@ -124,10 +124,9 @@ def test_marks_are_what_the_model_says(made: StringDesign) -> None:
     model = mc.load("demo")
 
     def refuses(sensor: Sensor, length: float) -> bool:
+        built = replace(sensor, string=with_length(sensor.string, length))
         try:
-            model.predict(
-                np.zeros((2, 4410)), sensor=replace(sensor, string=with_length(sensor.string, length))
-            )
+            model.predict(np.zeros((2, 4410)), sensor=built)
         except mc.InputError:
             return True
         return False
