@@ -111,7 +111,7 @@ def test_the_virtual_sensor_needs_no_hands(capsys: pytest.CaptureFixture[str]) -
     words = ["--source", "twin", "--set", "source.world=plausible", "--set", "source.build=1005"]
     assert run(["doctor", "--sensor", "prototype", *words, "--drift", "4"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert lines[-1] == "No fault."
+    assert lines[-1] == "No fault."  # of recordings: who made them is not known
     assert any(line.startswith("ok") and " drift " in line for line in lines)
 
 

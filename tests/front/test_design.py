@@ -15,7 +15,7 @@ from tests.contract.test_layout import PAGES, ROOT
 import monochord as mc
 from monochord.cli import run
 from monochord.front.design import StringDesign
-from monochord.physics.design import Wishes, ambiguity, bounds_at, candidate, curves, string_of
+from monochord.physics.design import Wishes, ambiguity, bounds_at, candidate, curves, sensor_from, string_of
 from monochord.physics.sensors import Sensor, with_length
 
 GAUGE = 0.254e-3
@@ -133,7 +133,7 @@ def test_marks_are_what_the_model_says(made: StringDesign) -> None:
 
     marks = list[bool | None]()
     for one in made.candidates[::15]:
-        sensor = replace(made.sensor, string=one.string, range=one.range)
+        sensor = sensor_from(made.wishes, one)
         refused = [refuses(sensor, share * one.string.length) for share in (0.99, 1.01)]
         assert one.fits_model is not any(refused), one
         marks.append(one.fits_model)

@@ -16,6 +16,7 @@ from starlette.responses import PlainTextResponse, Response
 from starlette.routing import BaseRoute, Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from monochord.bringup.drawing import drawing
 from monochord.bringup.examine import BringUp, number
 from monochord.bringup.page import page
 from monochord.bringup.run import END, RECORD, SKIP, Guide, Taking
@@ -27,6 +28,7 @@ from monochord.live.sinks._view import levels
 from monochord.live.web.messages import number as finite
 from monochord.live.web.messages import packed
 from monochord.live.web.server import Part
+from monochord.physics.sensors import load_sensor
 
 METERED: Seconds = 0.05
 """Length of sound behind each level of the meter, in s."""
@@ -203,6 +205,8 @@ class BringUpPage:
                         "name": each.name,
                         "instruction": each.instruction,
                         "seconds": each.seconds,
+                        "lit": each.lit,
+                        "on": each.on,
                         "status": status[each.name],
                     }
                     for each in self._steps
@@ -219,6 +223,8 @@ class BringUpPage:
                     for check in checks
                 ],
                 "faults": list(result.faults) if result else [],
+                "verdict": result.verdict if result else "",
+                "simulated": bool(result and result.simulated),
                 "error": self._error or self._silence,
                 "toml": bool(result and result.toml()),
                 "report": result is not None,
@@ -232,6 +238,7 @@ class BringUpPage:
     def _routes(self, with_tabs: Callable[[bytes], bytes]) -> Sequence[BaseRoute]:
         static = files("monochord.bringup").joinpath("static")
         html = with_tabs(static.joinpath("bring_up.html").read_bytes())
+        html = html.replace(b"<!--sensor-->", drawing(load_sensor(self._sensor)).encode())
         script = static.joinpath("bring_up.js").read_bytes()
         return (
             Route("/bring-up", lambda _: Response(html, media_type="text/html")),
