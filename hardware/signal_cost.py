@@ -16,7 +16,6 @@ from monochord.physics.sensors import Sensor, load_sensor, with_length
 FORCES_AND_GAINS = ((0.5, 1.0), (0.25, 1.0), (0.125, 1.0), (0.25, 4.0))
 """Shares of the driver's largest force, and factors on the microphones' gain."""
 PLACES = (
-    (0.010, 0.030),
     (0.015, 0.013),
     (0.015, 0.030),
     (0.015, 0.040),

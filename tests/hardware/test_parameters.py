@@ -121,10 +121,10 @@ def test_every_unmeasured_dimension_is_a_field_and_is_listed_with_its_value() ->
 
 
 def test_the_figures_on_the_page_are_those_of_the_design() -> None:
-    rows = table(README, "| figure | `prototype` | `long` |")
+    rows = table(README, "| figure | `prototype` | `long` | `prototype_ebow`, its EBows 92 x 37 x 38 mm |")
     assert len(rows) > 15
-    for index, name in enumerate(("prototype", "long"), start=1):
-        figures = physics(load_hardware(name))
+    built = load_hardware("prototype"), load_hardware("long"), load_hardware("prototype_ebow", "ebow", **CASE)
+    for index, figures in enumerate(map(physics, built), start=1):
         for row in rows:
             assert float(row[index]) == pytest.approx(figures[row[0].strip("`")], rel=6e-3), row[0]
     prototype = physics(load_hardware("prototype"))

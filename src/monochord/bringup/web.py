@@ -21,6 +21,7 @@ from monochord.bringup.examine import BringUp, number
 from monochord.bringup.page import page
 from monochord.bringup.run import END, RECORD, SKIP, Guide, Taking
 from monochord.bringup.steps import Step
+from monochord.bringup.takes import Virtual
 from monochord.core.errors import MonochordError
 from monochord.core.types import Audio
 from monochord.core.units import Seconds
@@ -84,6 +85,7 @@ class BringUpPage:
         self._result: BringUp | None = None
         self._skipped: set[str] = set()
         self._error = self._silence = ""
+        self._simulated = False
         self._paths = list[str]()
         self._number = self._pages = 0
         self._sound, self._seconds, self._levels = list[Audio](), 0.0, list[list[float | None]]()
@@ -91,6 +93,7 @@ class BringUpPage:
 
     def guide(self, source: Listening) -> Guide:
         """Return the guide that asks this page; it listens to the source while it waits."""
+        self._simulated = isinstance(source, Virtual)
         return _Asking(self, source)
 
     def on_audio(self, samples: Audio, sample_rate: int) -> None:
@@ -224,7 +227,7 @@ class BringUpPage:
                 ],
                 "faults": list(result.faults) if result else [],
                 "verdict": result.verdict if result else "",
-                "simulated": bool(result and result.simulated),
+                "simulated": self._simulated or bool(result and result.simulated),
                 "error": self._error or self._silence,
                 "toml": bool(result and result.toml()),
                 "report": result is not None,

@@ -59,7 +59,7 @@ function checkOf({ name, value, passed, fault, advice }) {
 }
 
 // Lights the parts of the drawing that a step is about, and shows where to act and which drivers are on.
-function light({ lit = [], on = [] } = {}) {
+function light({ lit, on } = { lit: [], on: [] }) {
   for (const part of document.querySelectorAll("#sensor [data-part]")) {
     part.classList.toggle("lit", lit.includes(part.dataset.part));
     if (part.classList.contains("action")) part.toggleAttribute("hidden", !lit.includes(part.dataset.part));
@@ -83,7 +83,8 @@ function show(message) {
   element("record").disabled = element("skip").disabled = element("end").disabled = !ready;
   element("record").hidden = element("skip").hidden = element("end").hidden = phase === "done";
   element("share").hidden = !recording;
-  light(phase === "done" ? {} : step);
+  light(step);
+  element("sensor").hidden = phase === "done";
   element("simulated").hidden = !message.simulated;
   refuse(error);
   const own = checks.filter((each) => each.step === before), status = steps.find(({ name }) => name === before)?.status;
