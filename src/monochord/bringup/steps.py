@@ -46,7 +46,8 @@ STEPS = (
         name="tap",
         lit=("tap", "end_1", "microphone_1"),
         seconds=2.0,
-        instruction="Drivers off. Tap the string once, briefly, within a centimetre of microphone 1's end.",
+        instruction=f"Drivers off. Tap the string once, briefly, within {1e3 * TAP_PLACE:g} mm "
+        "of microphone 1's end.",
     ),
     Step(
         name="driver_1",
