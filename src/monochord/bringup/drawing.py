@@ -64,10 +64,10 @@ def _end(number: int) -> str:
     outer, edge, anchor = (LEFT - 40.0, 2.0, "start") if number == 1 else (RIGHT + 2.0, WIDTH - 2.0, "end")
     x, y = f"{outer + 19.0:g}", STRING + 32.0
     block = _box(outer, STRING + 4.0, 38.0, BAR - STRING - 4.0, 3.0)
-    disc = "".join(f'<circle cx="{x}" cy="{y:g}" r="{radius}"/>' for radius in (12, 7))
+    microphone = "".join(f'<circle cx="{x}" cy="{y:g}" r="{radius}"/>' for radius in (12, 7))
     lead = f'<line class="lead" x1="{x}" x2="{x}" y1="19" y2="{y - 14.0:g}"/>'
     text = f'<text x="{edge:g}" y="14" text-anchor="{anchor}">microphone {number}</text>'
-    return _part(f"end_{number}", block) + _part(f"microphone_{number}", lead + disc + text)
+    return _part(f"end_{number}", block) + _part(f"microphone_{number}", lead + microphone + text)
 
 
 def _driver(number: int, sense: float, drive: float) -> str:
