@@ -107,9 +107,8 @@ def random_design(random: np.random.Generator) -> Any:
         gauge, length = float(random.choice(GAUGES)), round(float(random.uniform(*LENGTHS)), 3)
         tension = round(float(np.exp(random.uniform(*np.log(TENSIONS)))), 1)
         try:
-            made = mc.design(
-                gauge=gauge, tension=tension, length=length, range=round(length - 0.1, 3), gap=GAP
-            )
+            wishes = {"gauge": gauge, "tension": tension, "length": length, "range": round(length - 0.1, 3)}
+            made = mc.design(**wishes, gap=GAP, model="none")
         except InputError:
             continue  # the wire breaks
         if all(word.startswith(("force", "position")) for word in made.chosen.lacks):
@@ -344,7 +343,8 @@ def with_knowledge(made: Any, knowledge: Mapping[str, Any]) -> Any:
     """Return the same string's design for another knowledge of build and object."""
     string, wishes = made.chosen.string, made.wishes
     own = {"gauge": string.core_diameter, "tension": string.tension, "length": string.length}
-    return mc.design(**own, range=min(wishes.range, string.length - 0.0901), gap=wishes.gap, **knowledge)
+    room = min(wishes.range, string.length - 0.0901)
+    return mc.design(**own, range=room, gap=wishes.gap, model="none", **knowledge)
 
 
 def of_design(made: Any, take: Take) -> dict[str, Any]:
@@ -443,7 +443,7 @@ def tensions(kept: Kept, progress: Callable[[str, int, int], None]) -> list[dict
     """Return the figures of the prototype's string at `COMPARED`."""
     objects, rows = bolted(TRAINING + UNSEEN, 100), list[dict[str, Any]]()
     for done, tension in enumerate(COMPARED):
-        made = mc.design(gauge=0.254e-3, tension=tension, length=0.2, range=0.11, gap=GAP)
+        made = mc.design(gauge=0.254e-3, tension=tension, length=0.2, range=0.11, gap=GAP, model="none")
         takes = [
             kept.take(
                 f"tension_{tension:.0f}_{number}",

@@ -52,10 +52,11 @@ def _room(hardware: Hardware, first: Millimetres, last: Millimetres, *, outwards
     """Return what walls `first` from end 1 and `last` from end 2 leave, outwards or inwards."""
     spacings = tuple(abs(sense - drive) for sense, drive in hardware.coils)
     limits: dict[str, list[Millimetres]] = {"before": [], "after": []}
-    middle = sum(sum(pair) for pair in hardware.coils) / 4
+    middles = sum(sum(pair) for pair in hardware.coils) / 4
     for index, (sense, drive) in enumerate(hardware.coils):
         wall = first if index == 0 else hardware.length - last
         low, high = min(sense, drive), max(sense, drive)
+        middle = middles + (hardware.gap / 2 if index else -hardware.gap / 2)
         outer, inner = (low - wall, middle - high) if index == 0 else (wall - high, low - middle)
         if not outwards:
             outer, inner = hardware.length, (wall - high if index == 0 else low - wall)

@@ -10,6 +10,10 @@ ADAPTER_SCREW: Millimetres = 22.0
 """From the middle of the bar to each screw of the gripper adapter."""
 FOOT_LENGTH: Millimetres = 16.0
 FOOT_WIDTH: Millimetres = 60.0
+FOOT_ROOM: Millimetres = 10.0
+"""From a foot's screw to the base of a driver and to a screw of the adapter, at least."""
+EBOW_BASE: Millimetres = 38.0
+"""Length of the base below an EBow, whose case and cradle reach over it."""
 LOCATING: Millimetres = 3.5
 """From a saddle pin back to the screws that hold its block, so that heat hardly moves the pin."""
 
@@ -25,18 +29,19 @@ class Hole:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Driver:
-    """One driver: its middle on the string, coil spacing, size of base and carrier, y of height screws."""
+    """One driver: its middle on the string, coil spacing, size of carrier and base, y of height screws."""
 
     x: Millimetres
     spacing: Millimetres
     length: Millimetres
+    base: Millimetres
     width: Millimetres
     screw: Millimetres
 
     @property
     def screws(self) -> tuple[tuple[Millimetres, Millimetres], ...]:
         """Places of the height screws from the middle: one near each corner, so that it tilts no way."""
-        along = self.length / 2 - 4.0
+        along = self.base / 2 - 4.0
         return tuple((x, y) for x in (-along, along) for y in (-self.screw, self.screw))
 
 
@@ -49,19 +54,20 @@ class Layout:
     @cached_property
     def drivers(self) -> tuple[Driver, ...]:
         """The drivers, from end 1."""
-        return tuple(self._driver(sense, drive) for sense, drive in self.hardware.coils)
+        return tuple(self._driver(index) for index in range(len(self.hardware.coils)))
 
-    def _driver(self, sense: Millimetres, drive: Millimetres) -> Driver:
+    def _driver(self, index: int) -> Driver:
         hardware = self.hardware
+        sense, drive = hardware.coils[index]
         middle, spacing = (sense + drive) / 2, abs(sense - drive)
-        length, width, screw = spacing + 2 * hardware.edge, hardware.bar_width, hardware.bar_width / 2 - 4.0
+        length = base = spacing + 2 * hardware.edge
+        width, screw = hardware.bar_width, hardware.bar_width / 2 - 4.0
         if hardware.driver == "ebow":
-            length = hardware.ebow_length or 0.0
+            start, end = hardware.faces[index]
+            middle, length, base = (start + end) / 2, end - start, min(end - start, EBOW_BASE)
             screw = (hardware.ebow_width or 0.0) / 2 + 3.0 + 4.5
             width = 2 * screw + 7.0
-            direction = 1 if drive > sense else -1
-            middle = sense + direction * (length / 2 - (hardware.ebow_end_to_sense or 0.0))
-        return Driver(x=middle, spacing=spacing, length=length, width=width, screw=screw)
+        return Driver(x=middle, spacing=spacing, length=length, base=base, width=width, screw=screw)
 
     @cached_property
     def block_screws(self) -> tuple[tuple[Millimetres, Millimetres], ...]:
@@ -88,10 +94,15 @@ class Layout:
 
     @property
     def feet(self) -> tuple[Millimetres, ...]:
-        """Places of the feet: just inside the drivers, or near the ends under long ones."""
+        """Places of the feet: just inside the drivers' bases, or where these leave no room, outside them."""
         first, last = self.drivers
-        inside = (first.x + first.length / 2 + 10.0, last.x - last.length / 2 - 10.0)
-        return inside if inside[1] - inside[0] > 4 * ADAPTER_SCREW else ()
+        inside, outside = (
+            (first.x + side * (first.base / 2 + FOOT_ROOM), last.x - side * (last.base / 2 + FOOT_ROOM))
+            for side in (1, -1)
+        )
+        if inside[1] - inside[0] > 2 * (ADAPTER_SCREW + FOOT_ROOM):
+            return inside
+        return outside if outside[0] - FOOT_LENGTH / 2 > self.hardware.front else ()
 
     @cached_property
     def holes(self) -> tuple[Hole, ...]:

@@ -1,5 +1,6 @@
 """The mechanics behind the dimensions: saddle, bar, swing, temperature. SI units."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import pi, sin, sqrt
 
@@ -120,17 +121,21 @@ def swing(sensor: Sensor) -> float:
     return 4.0 / pi * max(pushes) / (mass * 2.0 * sigma * omega)
 
 
-def sag(sensor: Sensor, force: float = 2.0) -> float:
-    """Return how far a press within the sensing range brings the string nearer to a coil, in m.
+def sag(sensor: Sensor, spans: Sequence[tuple[float, float]], force: float = 2.0) -> float:
+    """Return how far a press within the sensing range brings the string nearer to what lies below, in m.
 
     A press F at a makes a triangle of depth F a (L - a) / (T L), T that of the untouched string, which errs
-    on the safe side. The worst place is an end of the range.
+    on the safe side. `spans` are where something lies, from and to in m; a coil's begins and ends at it. The
+    worst press is the one nearest to the middle of the string, or to the span.
     """
     string = sensor.string
     length = string.length
+
+    def depth(press: float, place: float) -> float:
+        return force * min(press, place) * (length - max(press, place)) / (string.tension * length)
+
     return max(
-        force * min(at, coil) * (length - max(at, coil)) / (string.tension * length)
-        for at in sensor.range
-        for each in sensor.drivers
-        for coil in (each.sense, each.drive)
+        depth(press, min(max(press, start), end))
+        for start, end in spans
+        for press in (min(max(at, sensor.range[0]), sensor.range[1]) for at in (start, 0.5 * length, end))
     )

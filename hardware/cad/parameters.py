@@ -104,9 +104,27 @@ class Hardware:
         return tuple((1e3 * each.sense, 1e3 * each.drive) for each in self.sensor.drivers)
 
     @property
+    def faces(self) -> tuple[tuple[Millimetres, Millimetres], ...]:
+        """What the string passes, from and to: the case of each measured EBow, else each coil."""
+        length, before = self.ebow_length, self.ebow_end_to_sense
+        if self.driver == "coil" or length is None or before is None:
+            return tuple((place, place) for pair in self.coils for place in pair)
+        return tuple(
+            (sense - before, sense - before + length)
+            if drive > sense
+            else (sense + before - length, sense + before)
+            for sense, drive in self.coils
+        )
+
+    @property
+    def sag(self) -> Millimetres:
+        """How far a press of 2 N brings the string nearer to a pole, or to an EBow's case."""
+        return 1e3 * sag(self.sensor, [(1e-3 * start, 1e-3 * end) for start, end in self.faces])
+
+    @property
     def pole_clearance(self) -> Millimetres:
         """From a pole to the string at rest: what a press of 2 N and the swing take, and a margin."""
-        return 1e3 * (sag(self.sensor) + swing(self.sensor)) + self.clearance_margin
+        return self.sag + 1e3 * swing(self.sensor) + self.clearance_margin
 
     @property
     def bobbin_diameter(self) -> Millimetres:

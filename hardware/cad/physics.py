@@ -27,7 +27,7 @@ def physics(hardware: Hardware) -> dict[str, float]:
         "break_angle_deg": degrees(hardware.break_angle),
         "saddle_force_N": mechanics.downforce(string, hardware.break_angle),
         "swing_mm": 1e3 * mechanics.swing(hardware.sensor),
-        "sag_2N_mm": 1e3 * mechanics.sag(hardware.sensor),
+        "sag_2N_mm": hardware.sag,
         "pole_clearance_mm": hardware.pole_clearance,
         "string_height_mm": hardware.string_height,
         "cents_per_um": 1e-6 * mechanics.cents_per_metre(string),

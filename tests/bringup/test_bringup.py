@@ -1,5 +1,6 @@
 """The checks of a bring-up as pure functions, the sensor's file, and the report."""
 
+import json
 import math
 import re
 import time
@@ -7,19 +8,22 @@ from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
 
-from monochord.bringup import STEPS, BringUp, Live, Take, Virtual, examine, write
+from monochord.bringup import STEPS, BringUp, Live, Take, Virtual, examine, steps, write
+from monochord.bringup.drawing import LEFT, RIGHT, drawing
 from monochord.bringup.inputs import dropped_check, inputs_check, rate_check
 from monochord.bringup.noise import hum_checks
 from monochord.bringup.string import measure_pluck, tuner_turns
 from monochord.bringup.timing import drift_checks, latency_check
 from monochord.capture.sources.base import Source, Stream
+from monochord.cli import run
 from monochord.core.errors import InputError
 from monochord.core.types import Block, Signal
-from monochord.physics.sensors import load_sensor, retuned, sensor_tuning
+from monochord.physics.sensors import load_sensor, retuned, sensor_names, sensor_tuning
 from monochord.physics.theory import inharmonicity, open_frequency
 
 RATE = 44100
@@ -62,6 +66,48 @@ def test_the_sensor_file_is_read_with_the_measured_pitch(healthy: BringUp, tmp_p
     text = report.read_text(encoding="utf-8")
     assert text.count("<svg") == 2 * len(STEPS)
     assert not re.search(r"(src|href)=|@import|url\(", text)
+
+
+def test_a_rehearsal_says_so_wherever_it_is_written(
+    healthy: BringUp, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, report = write(healthy, tmp_path / "mine.toml")
+    assert healthy.simulated
+    assert file
+    assert file.read_text(encoding="utf-8").startswith("# Simulated")
+    html = report.read_text(encoding="utf-8")
+    assert "simulated</title>" in html
+    assert "simulated</h1>" in html
+    assert healthy.verdict in html
+    assert run(["doctor", "--sensor", "prototype", "--source", "twin"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "Simulated: a rehearsal on the virtual sensor."
+    assert "Simulated" in lines[-1]
+    assert run(["doctor", "--sensor", "prototype", "--source", "twin", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["simulated"] is True
+
+
+def test_what_was_recorded_is_not_called_simulated(healthy: BringUp, tmp_path: Path) -> None:
+    takes = {name: replace(each, simulated=False) for name, each in healthy.takes.items()}
+    real = examine("prototype", DESIGN, takes)
+    _, report = write(real, tmp_path / "mine.toml")
+    assert "imulated" not in report.read_text(encoding="utf-8") + (real.toml() or "") + real.verdict
+
+
+@pytest.mark.parametrize("name", sensor_names())
+def test_the_drawing_has_every_part_at_its_place(name: str) -> None:
+    sensor = load_sensor(name)
+    root = ET.fromstring(drawing(sensor))  # noqa: S314  (ours)
+    parts = {each.attrib["data-part"]: each for each in root.iter() if "data-part" in each.attrib}
+    assert {part for step in steps(60.0) for part in step.lit} <= parts.keys()
+    scale = (RIGHT - LEFT) / sensor.string.length
+    for number, driver in enumerate(sensor.drivers, 1):
+        coils = [each for each in parts[f"driver_{number}"] if each.get("class") == "coil"]
+        middles = [float(each.attrib["x"]) + float(each.attrib["width"]) / 2 for each in coils]
+        assert middles == pytest.approx([LEFT + scale * driver.sense, LEFT + scale * driver.drive], abs=0.1)
+    for part, place in (("tap", 0.01), ("pluck", 0.025), ("press", sensor.string.length / 3)):
+        label = next(each for each in parts[part] if each.text == part)
+        assert float(label.attrib["x"]) == pytest.approx(LEFT + scale * place, abs=0.1)
 
 
 def test_advice_cannot_put_markup_into_the_report(healthy: BringUp, tmp_path: Path) -> None:

@@ -166,6 +166,7 @@ def test_a_page_leads_through_the_steps_and_gives_the_files(tmp_path: Path) -> N
         run.send("skip", "tap")
         state = run.wait(step=None, phase="done", paths=[str(out), str(out.with_suffix(".html"))])
         assert run.status() == {"quiet": "passed", "pluck": "passed", "tap": "skipped"}
+        assert (state["simulated"], "Simulated" in state["verdict"]) == (True, True)
         pitch = next(each for each in state["checks"] if each["name"] == "open pitch")
         assert (pitch["value"], pitch["passed"]) == ("1011 Hz", True)
         answer = get(run.server, "/sensor.toml")

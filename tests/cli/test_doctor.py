@@ -84,7 +84,7 @@ def test_the_status_is_1_if_a_check_fails(
         samples, rate = soundfile.read(file, dtype="float32")
         soundfile.write(tmp_path / file.name, samples * [1.0, 0.0], rate, subtype="FLOAT")
     assert run(["doctor", "--sensor", "prototype", "--recordings", str(tmp_path)]) == 1
-    assert "1 fault(s): microphone 2 dead" in capsys.readouterr().out.splitlines()
+    assert "1 fault(s): microphone 2 dead." in capsys.readouterr().out.splitlines()
 
 
 def test_a_step_is_skipped_and_another_repeated_at_the_terminal(
@@ -111,7 +111,7 @@ def test_the_virtual_sensor_needs_no_hands(capsys: pytest.CaptureFixture[str]) -
     words = ["--source", "twin", "--set", "source.world=plausible", "--set", "source.build=1005"]
     assert run(["doctor", "--sensor", "prototype", *words, "--drift", "4"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert lines[-1] == "No fault."
+    assert lines[-1] == "No fault. Simulated: a rehearsal on the virtual sensor."
     assert any(line.startswith("ok") and " drift " in line for line in lines)
 
 

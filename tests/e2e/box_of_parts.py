@@ -56,7 +56,7 @@ class Box:
 
     def __init__(self, server: str, build: int, day: int) -> None:
         self._server, self._build, self._day = server, build, day
-        self._twin = VirtualSensor("prototype", seed=build, build=build, day=day, world=WORLD)
+        self._twin = VirtualSensor("prototype_ebow", seed=build, build=build, day=day, world=WORLD)
         self._virtual = Virtual(sensor=self._twin.sensor, seed=build)
         self._steps = {step.name: self._step(step.name) for step in STEPS}
         self.asked: queue.SimpleQueue[str] = queue.SimpleQueue()

@@ -46,7 +46,7 @@ def page(folder: Path) -> Iterator[Page]:
             process.send_signal(signal.SIGINT)  # all steps are done: it ends with the result
             out, errors = process.communicate(timeout=60)
             assert process.returncode == 0, errors
-            assert out.splitlines()[0] == "No fault."
+            assert out.splitlines()[0] == "No fault. Simulated: a rehearsal on the virtual sensor."
             assert "written to mine.toml" in out
         finally:
             process.kill()
@@ -68,6 +68,28 @@ def words(page: Page, name: str) -> str:
     return page.ask(f"document.getElementById({json.dumps(name)}).innerText")
 
 
+PARTS = "[...document.querySelectorAll('#sensor [data-part]')]"
+
+
+def lit(page: Page) -> set[str]:
+    """Return the parts of the drawing that are lit; they and no others are in another colour."""
+    matching = "filter((each) => each.matches('.lit')).map((each) => each.dataset.part)"
+    named: set[str] = {*page.ask(f"{PARTS}.{matching}")}
+    shown = "filter((each) => each.getClientRects().length && each.dataset.part !== 'string')"
+    stroke = "getComputedStyle(each.querySelector('rect, line, path, circle')).stroke"
+    colours: list[tuple[str, str]] = page.ask(f"{PARTS}.{shown}.map((each) => [each.dataset.part, {stroke}])")
+    actions = {"pluck", "tap", "press", "damp"}
+    assert {part for part, _ in colours} & actions == named & actions
+    plain = dict(colours)["microphone_2"]
+    assert {part for part, colour in colours if colour != plain} == named - {"string"}
+    return named
+
+
+def on(page: Page) -> list[str]:
+    words = "[...document.querySelectorAll('#sensor [data-switch]')]"
+    return page.ask(f"{words}.map((each) => each.textContent.trim())")
+
+
 def lines_fit(page: Page) -> None:
     for size in SIZES:
         sized(page, size)
@@ -81,7 +103,9 @@ def lines_fit(page: Page) -> None:
 
 def test_a_sensor_is_brought_up_step_by_step(page: Page, folder: Path) -> None:
     at(page, "quiet")
+    assert words(page, "simulated") == "simulated"
     assert "Switch both drivers off" in words(page, "instruction")
+    assert (lit(page), on(page)) == ({"driver_1", "driver_2", "damp"}, ["off", "off"])
     click(page, "record")
     at(page, "quiet", "recording")
     page.wait("document.querySelectorAll('[role=meter]').length === 2", PATIENCE)
@@ -90,12 +114,14 @@ def test_a_sensor_is_brought_up_step_by_step(page: Page, folder: Path) -> None:
     at(page, "pluck", "recording")
     page.wait("Number(document.querySelector('[role=meter]').getAttribute('aria-valuenow')) > -60", 30.0)
     at(page, "tap")
+    assert (lit(page), on(page)) == ({"tap", "end_1", "microphone_1"}, ["off", "off"])
     assert "open pitch" in words(page, "advice")
     assert status(page) == {"quiet": "passed", "pluck": "passed"} | dict.fromkeys(
         ("tap", "driver_1", "driver_2", "both", "press", "damped"), "waiting"
     )
     click(page, "skip")
     at(page, "driver_1")
+    assert (lit(page), on(page)) == ({"driver_1"}, ["on", "off"])
     click(page, "repeat")
     at(page, "pluck")
     click(page, "record")
@@ -103,7 +129,10 @@ def test_a_sensor_is_brought_up_step_by_step(page: Page, folder: Path) -> None:
     lines_fit(page)
     click(page, "end")
     at(page, None, "done")
-    assert words(page, "verdict") == "No fault in 2 of 8 steps."
+    assert page.ask("document.getElementById('sensor').hidden")
+    assert words(page, "verdict") == (
+        "No fault. Simulated: a rehearsal on the virtual sensor. 2 of 8 steps are recorded."
+    )
     lines_fit(page)
     assert "Written to mine.toml and mine.html" in words(page, "paths")
     assert mc.load_sensor(str(folder / "mine.toml")).string.tension == pytest.approx(65.0, rel=0.01)
@@ -119,4 +148,5 @@ def test_the_links_give_the_files(page: Page, folder: Path, tmp_path: Path) -> N
     page.call("Page.navigate", url=page.ask("document.getElementById('report').href"))
     time.sleep(0.5)
     page.wait("document.querySelectorAll('svg').length === 4", PATIENCE)
+    assert "simulated" in page.ask("document.querySelector('h1').textContent")
     assert page.ask("getComputedStyle(document.body).maxWidth") == "1170px"  # its own styles are let in

@@ -63,6 +63,7 @@ def test_a_slider_changes_every_figure_and_the_address_keeps_it(page: Page) -> N
     assert page.ask("document.getElementById('tension').value") == "40"
     assert page.ask("monochord.own.force_std") == pytest.approx(of(40.0).force_std)
     assert "It lacks: clearance" in words(page, "verdict")
+    assert "The model demo refuses it." in words(page, "verdict")
     assert "793 Hz" in words(page, "figures")
     assert "it squeals at 1.5 mm" in words(page, "figures")
     page.call("Page.reload")

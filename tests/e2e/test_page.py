@@ -110,7 +110,8 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
 
 TEXTS = """(() => {
     const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT), found = [];
-    const clipped = (each) => each.closest('.unseen, .skip') || getComputedStyle(each).clipPath !== 'none';
+    const unseen = '.unseen, .skip, [hidden]';
+    const clipped = (each) => each.closest(unseen) || getComputedStyle(each).clipPath !== 'none';
     for (let node; (node = walker.nextNode());) {
         const parent = node.parentElement;
         if (!node.textContent.trim() || !parent.checkVisibility() || clipped(parent)) continue;

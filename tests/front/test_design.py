@@ -15,7 +15,8 @@ from tests.contract.test_layout import PAGES, ROOT
 import monochord as mc
 from monochord.cli import run
 from monochord.front.design import StringDesign
-from monochord.physics.design import Wishes, ambiguity, bounds_at, candidate, curves, string_of
+from monochord.physics.design import Wishes, ambiguity, bounds_at, candidate, curves, sensor_from, string_of
+from monochord.physics.sensors import Sensor, with_length
 
 GAUGE = 0.254e-3
 TOUCH = mc.Contact(position=0.077, force=1.0)
@@ -84,12 +85,70 @@ def test_what_is_recommended_meets_every_wish_and_is_the_fastest(made: StringDes
     assert one.lacks == ()
     assert one.force_std <= made.wishes.force_resolution
     assert one.clearance <= made.wishes.gap
-    assert all(each.settling >= 0.95 * one.settling for each in made.candidates if not each.lacks)
+    others = [each for each in made.candidates if each.fits_model and not each.lacks]
+    assert all(each.settling >= 0.95 * one.settling for each in others)
     assert [each.string.tension for each in made.compared] == [20.0, 40.0, 65.0]
     text = "\n".join(made.lines())
     assert all(f"\n{tension} N: " in text for tension in (20, 40, 65))
     front = made.pareto
     assert all(a.settling < b.settling and a.force_std > b.force_std for a, b in pairwise(front))
+
+
+def sounds(sensor: Sensor, build: int) -> bool:
+    """Return whether the bundled model takes the sound of a build, and locates a touch on it."""
+    twin = mc.VirtualSensor(sensor, seed=build, build=build, world="plausible")
+    before, _ = twin.advance(0.4)
+    place = 0.4 * twin.sensor.string.length
+    twin.press(place, 1.0)
+    after, _ = twin.advance(0.5)
+    string = with_length(sensor.string, twin.sensor.string.length)
+    built = replace(sensor, string=string)
+    table = mc.load("demo").predict(np.concatenate([before, after], axis=1), sensor=built)
+    return abs(float(np.nanmedian(table.position.value[-20:])) - place) < 2e-3
+
+
+@pytest.mark.parametrize(
+    "wishes", [{}, {"gauge": GAUGE, "range": 0.1}, {"length": 0.3}, {"range": 0.05, "force_resolution": 0.3}]
+)
+def test_the_bundled_model_takes_every_build_of_what_is_recommended(wishes: dict[str, float]) -> None:
+    made = mc.design(**wishes)
+    assert made.chosen.fits_model
+    assert all(sounds(made.sensor, build) for build in range(3))
+    assert "The model 'demo' takes it" in made.reasons()[2]
+    rows = [line for line in made.lines() if line.startswith("*")]
+    assert rows
+    assert all(" takes" in row for row in rows)
+
+
+def test_marks_are_what_the_model_says(made: StringDesign) -> None:
+    model = mc.load("demo")
+
+    def refuses(sensor: Sensor, length: float) -> bool:
+        built = replace(sensor, string=with_length(sensor.string, length))
+        try:
+            model.predict(np.zeros((2, 4410)), sensor=built)
+        except mc.InputError:
+            return True
+        return False
+
+    taken = [each for each in made.candidates if each.fits_model]
+    sample = [*taken[::6], *made.candidates[::25]]
+    for one in sample:
+        sensor = sensor_from(made.wishes, one)
+        refused = [refuses(sensor, share * one.string.length) for share in (0.99, 1.01)]
+        assert one.fits_model is not any(refused), one
+    assert {each.fits_model for each in sample} == {True, False}
+
+
+def test_another_string_is_recommended_where_no_model_is_wished_or_none_takes_it() -> None:
+    free = mc.design(gauge=GAUGE, range=0.1, model="none")
+    assert free.chosen.fits_model is None
+    assert free.chosen.settling < mc.design(gauge=GAUGE, range=0.1).chosen.settling
+    assert not [line for line in free.lines() if "model" in line.lower() and "demo" in line]
+    far = mc.design(range=0.25, length=0.4)
+    assert far.chosen.fits_model is False
+    assert far.chosen.lacks == ()
+    assert "takes no string of these wishes" in far.reasons()[2]
 
 
 def test_impossible_wishes_name_what_is_lacking() -> None:
@@ -159,6 +218,7 @@ def test_it_is_drawn(made: StringDesign, suffix: str, tmp_path: Path, capsys: Ca
         ("--out design.txt", ".toml"),
         ("--figure design.bmp", ".png"),
         ("--window 0.001", "window"),
+        ("--model nope", "nope"),
     ],
 )
 def test_bad_input_is_refused_in_a_line(words: str, named: str, capsys: Capture) -> None:

@@ -13,7 +13,7 @@ from hardware.cad import assembly, checks, shapes
 from hardware.cad.build import build
 from hardware.cad.layout import Layout
 from hardware.cad.parameters import load_hardware
-from tests.hardware.test_parameters import FOLDER, MEASURED
+from tests.hardware.test_parameters import CASE, FOLDER, MEASURED
 
 pytestmark = [
     pytest.mark.slow,
@@ -46,7 +46,13 @@ def test_three_sensors_are_built_and_good_in_one_command(
 
 
 @pytest.mark.parametrize(
-    ("name", "driver", "given"), [("long", "ebow", MEASURED), ("prototype", "coil", {"piezo_diameter": 27.0})]
+    ("name", "driver", "given"),
+    [
+        ("prototype_ebow", "ebow", CASE),
+        ("prototype_ebow", "coil", {}),
+        ("long", "ebow", MEASURED),
+        ("prototype", "coil", {"piezo_diameter": 27.0}),
+    ],
 )
 def test_measured_dimensions_make_parts_that_fit(
     name: str, driver: str, given: dict[str, float], tmp_path: Path
@@ -54,6 +60,7 @@ def test_measured_dimensions_make_parts_that_fit(
     report = build(load_hardware(name, driver, **given), tmp_path, pictures=False)
     assert report.good, (report.overlaps, [each for each in report.clearances if not each.kept])
     assert ("cradle_1" in {each.name for each in report.meshes}) == (driver == "ebow")
+    assert "bench" in {each.second for each in report.clearances}  # it stands on feet
 
 
 def test_a_build_that_does_not_fit_says_what(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -90,9 +97,16 @@ def test_a_nut_slides_into_its_slot() -> None:
     assert pytest.approx(shapes.M4["nut"] * 2 / 3**0.5) == size.Y
 
 
-def test_pictures_are_drawn(tmp_path: Path) -> None:
-    build(load_hardware("prototype"), tmp_path)
+@pytest.mark.parametrize(
+    ("name", "driver", "given", "folder"),
+    [("prototype", "coil", {}, "pictures"), ("prototype_ebow", "ebow", CASE, "pictures/prototype_ebow")],
+)
+def test_pictures_are_drawn(
+    name: str, driver: str, given: dict[str, float], folder: str, tmp_path: Path
+) -> None:
+    build(load_hardware(name, driver, **given), tmp_path)
     drawn = {each.stem: each.stat().st_size for each in tmp_path.glob("*.svg")}
-    used = {each.stem for each in (FOLDER / "pictures").glob("*.svg")}
+    used = {each.stem for each in (FOLDER / folder).glob("*.svg")}
+    assert used
     assert used <= drawn.keys()
     assert min(drawn.values()) > 1000

@@ -17,10 +17,10 @@ import pytest
 from hardware.cad import coil, mechanics
 from hardware.cad.crosstalk import feedthrough, mutual_inductance
 from hardware.cad.ebow import BATTERY, refuse_ebows_that_do_not_fit, room_above, room_below
-from hardware.cad.layout import Layout
+from hardware.cad.layout import ADAPTER_SCREW, Layout
 from hardware.cad.parameters import EBOW, UNMEASURED, Hardware, load_hardware
 from hardware.cad.physics import physics
-from hardware.signal_cost import mirrored
+from hardware.signal_cost import PLACES, mirrored
 from hardware.wiring import __main__ as wiring
 from hardware.wiring.figures import follower, low_corner
 
@@ -41,6 +41,14 @@ MEASURED = {
     "ebow_end_to_sense": 32.0,
 }
 """An EBow made up for these tests."""
+CASE = {
+    "ebow_length": 92.0,
+    "ebow_width": 37.0,
+    "ebow_height": 38.0,
+    "ebow_coil_spacing": 30.0,
+    "ebow_end_to_sense": 8.0,
+}
+"""The EBow that `prototype_ebow` has room for, with the size that its pictures assume."""
 
 
 def run(*arguments: str, path: str = "") -> "subprocess.CompletedProcess[str]":
@@ -113,10 +121,10 @@ def test_every_unmeasured_dimension_is_a_field_and_is_listed_with_its_value() ->
 
 
 def test_the_figures_on_the_page_are_those_of_the_design() -> None:
-    rows = table(README, "| figure | `prototype` | `long` |")
+    rows = table(README, "| figure | `prototype` | `long` | `prototype_ebow`, its EBows 92 x 37 x 38 mm |")
     assert len(rows) > 15
-    for index, name in enumerate(("prototype", "long"), start=1):
-        figures = physics(load_hardware(name))
+    built = load_hardware("prototype"), load_hardware("long"), load_hardware("prototype_ebow", "ebow", **CASE)
+    for index, figures in enumerate(map(physics, built), start=1):
         for row in rows:
             assert float(row[index]) == pytest.approx(figures[row[0].strip("`")], rel=6e-3), row[0]
     prototype = physics(load_hardware("prototype"))
@@ -181,15 +189,45 @@ def test_two_stock_ebows_do_not_fit_below_the_prototypes_string() -> None:
 
 
 def test_mirrored_drivers_have_room_and_couple_less_the_farther_apart_they_are() -> None:
-    coupled: list[float] = []
-    for spacing in (0.013, 0.025, 0.040, 0.055):
-        hardware = Hardware(sensor=mirrored(spacing))
-        room = room_below(hardware)
-        assert (room.length, room.before, room.off) == pytest.approx((93.0, 8.0, 0.0), abs=1e-9)
-        coupled.append(feedthrough(hardware, 0))
-        assert coupled[-1] == pytest.approx(feedthrough(hardware, 1))
-    rows = [row[4] for row in table(README, "| drivers | answered |") if row[0].startswith("mirrored")]
-    assert [f"{each:.0f} dB" for each in coupled] == rows
+    rows = {row[0]: row for row in table(README, "| drivers, simulated | answered |")}
+    assert len(rows) == 1 + len(PLACES)
+    for sense, spacing in PLACES:
+        hardware = Hardware(sensor=mirrored(sense, spacing))
+        room, before = room_below(hardware), 1e3 * sense - 7.0
+        assert (room.length, room.before, room.off) == pytest.approx((92.5, before, 0.0), abs=1e-9)
+        coupled = feedthrough(hardware, 0)
+        assert coupled == pytest.approx(feedthrough(hardware, 1))
+        row = rows[f"mirrored, coils at {1e3 * sense:g} and {1e3 * (sense + spacing):g} mm"]
+        assert row[-2:] == [f"{before:g} mm", f"{coupled:.0f} dB"]
+
+
+def test_two_ebows_fit_below_the_string_of_prototype_ebow() -> None:
+    hardware = load_hardware("prototype_ebow", "ebow", **CASE)
+    refuse_ebows_that_do_not_fit(hardware)
+    (first, last), sensor = hardware.faces, hardware.sensor
+    assert (first, last) == ((7.0, 99.0), (101.0, 193.0))
+    assert all(1e-3 * place < sensor.range[0] for place in hardware.coils[0])
+    with pytest.raises(InputError, match=r"an EBow of 93 mm: expected at most 8\.0 mm before"):
+        refuse_ebows_that_do_not_fit(load_hardware("prototype_ebow", "ebow", **{**CASE, "ebow_length": 93.0}))
+    layout = Layout(hardware)
+    bases = [(each.x - each.base / 2, each.x + each.base / 2) for each in layout.drivers]
+    for x in (*layout.feet, 100.0 - ADAPTER_SCREW, 100.0 + ADAPTER_SCREW):
+        assert all(not start - 4.0 < x < end + 4.0 for start, end in bases)
+    assert len(layout.feet) == 2
+
+
+def test_a_press_anywhere_in_the_range_leaves_the_string_above_a_case() -> None:
+    hardware = load_hardware("prototype_ebow", "ebow", **CASE)
+    string = hardware.sensor.string
+    length, lowest = string.length, 0.0
+    for press in np.linspace(*hardware.sensor.range, 41):
+        for start, end in hardware.faces:
+            place = np.linspace(1e-3 * start, 1e-3 * end, 93)
+            near, far = np.minimum(press, place), np.maximum(press, place)
+            lowest = max(lowest, float((2.0 * near * (length - far) / (string.tension * length)).max()))
+    assert 1e-3 * hardware.sag >= lowest
+    assert hardware.sag == pytest.approx(1e3 * lowest, rel=0.02)
+    assert hardware.pole_clearance > hardware.sag > load_hardware("prototype_ebow").sag
 
 
 def test_the_wire_reaches_its_strength_at_the_break_angle_and_not_before() -> None:

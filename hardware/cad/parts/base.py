@@ -11,7 +11,7 @@ NUT_DEPTH = 6.0
 
 def build(layout: Layout, driver: Driver) -> Compound:
     """Return the base, centred, on z = 0."""
-    half, across, top = driver.length / 2, driver.width / 2, layout.hardware.base_thickness
+    half, across, top = driver.base / 2, driver.width / 2, layout.hardware.base_thickness
     body = block((-half, half), (-across, across), (0, top))
     body -= rod(M4["hole"], (-1, top + 1)) + nut_pocket(M4, (top - 4, top + 1))
     for x, y in driver.screws:

@@ -1,4 +1,4 @@
-"""Cradle of an EBow, on a base and four height screws as the coils' carrier; two straps hold the case."""
+"""Cradle of an EBow, on a base and four height screws as the coils' carrier; tape below holds the case."""
 
 from build123d import Compound
 
@@ -7,7 +7,6 @@ from hardware.cad.shapes import M3, block, joined, rod
 
 WALL = 6.0
 """Height of the walls at the sides of the case."""
-STRAP = 10.0
 
 
 def build(layout: Layout, driver: Driver) -> Compound:
@@ -19,9 +18,6 @@ def build(layout: Layout, driver: Driver) -> Compound:
     for side in (-1, 1):
         limits = sorted((side * inside, side * (inside + 3)))
         body = joined(body, block((-half, half), (limits[0], limits[1]), (top - 1, top + WALL)))
-        for x in (-half / 2, half / 2):  # slots for the straps, through the wall
-            slot = sorted((side * (inside - 1), side * (inside + 4)))
-            body -= block((x - STRAP / 2, x + STRAP / 2), (slot[0], slot[1]), (top + 1, top + 3))
     for x, y in driver.screws:
         body -= rod(M3["hole"], (-1, top + 1), x, y)
     return body

@@ -13,7 +13,8 @@ class Take:
     """The sound of one step, (2, n) in full scale.
 
     `elapsed` is the time in s that a live source took for it, by the machine's clock; None for a recording.
-    `source` names where it comes from, `dropped` counts the frames that were lost.
+    `source` names where it comes from, `dropped` counts the frames that were lost. `simulated` is whether a
+    virtual sensor made it.
     """
 
     samples: Audio
@@ -21,6 +22,7 @@ class Take:
     source: str = ""
     elapsed: Seconds | None = None
     dropped: int = 0
+    simulated: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -26,6 +26,9 @@ from monochord.physics.sensors import MAX_RETUNING, SensorTuning, retuned, senso
 from monochord.physics.theory import open_frequency
 from monochord.physics.twin import Sensor
 
+REHEARSAL = "Simulated: a rehearsal on the virtual sensor."
+"""What every report of a rehearsal says."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BringUp:
@@ -48,6 +51,17 @@ class BringUp:
     def faults(self) -> tuple[str, ...]:
         """The named faults, each once, in order."""
         return tuple(dict.fromkeys(check.fault for check in self.checks if check.fault))
+
+    @property
+    def simulated(self) -> bool:
+        """Whether a virtual sensor made the sound of any step: a rehearsal."""
+        return any(take.simulated for take in self.takes.values())
+
+    @property
+    def verdict(self) -> str:
+        """The faults, or that there is none, in a line that says where it is simulated."""
+        faults = f"{len(self.faults)} fault(s): {', '.join(self.faults)}." if self.faults else "No fault."
+        return f"{faults} {REHEARSAL}" if self.simulated else faults
 
     def toml(self) -> str | None:
         """Return the text of the sensor's file; None without a pitch, or at a wrong sample rate.
@@ -82,6 +96,7 @@ class BringUp:
             for check in self.checks
             if check.name.startswith(("level of microphone", "tap beside")) or check.passed is False
         ]
+        notes = [REHEARSAL, *notes] if self.simulated else notes
         return "".join(f"# {note}\n" for note in notes) + sensor_toml(self.design, tuning)
 
 

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from monochord.bringup.check import MICROPHONES, Check, Take, left_out
+from monochord.bringup.steps import TAP_PLACE
 from monochord.bringup.string import LOWEST, onset
 from monochord.core.inputs import Inputs
 from monochord.core.types import Audio, Floats
@@ -223,7 +224,7 @@ def order_check(tap: Take, relative: float) -> Check:
             advice=advice,
             fault="microphones swapped",
         )
-    advice = "no clear order: tap once, within a centimetre of microphone 1's end of the string"
+    advice = f"no clear order: tap once, within {1e3 * TAP_PLACE:g} mm of microphone 1's end of the string"
     return Check(
         step="tap", name=name, value=value, unit="dB", passed=False, advice=advice, fault="unclear tap"
     )

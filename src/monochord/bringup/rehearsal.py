@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from monochord.bringup.steps import PADS
 from monochord.core.types import Audio
 from monochord.core.units import Seconds
 from monochord.physics.materials import load_material
@@ -17,8 +18,6 @@ SWITCHED_ON: Seconds = 0.5
 """When a driver is switched on in its step."""
 PRESS_FORCE, DAMPING_FORCE = 1.5, 1.0
 """Forces in N of the rod that presses, and of each of the pads that damp."""
-PADS = (0.1, 0.3, 0.5, 0.7, 0.9)
-"""Where the hand's pads lie, as shares of the length."""
 
 
 def rehearse(

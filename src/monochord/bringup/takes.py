@@ -82,13 +82,18 @@ def record(source: Source, seconds: float, name: str, *, on_audio: OnAudio = ign
             frames += block.samples.shape[1]
             if frames + dropped >= wanted:
                 break
-        paced = stream.paced
+        paced, simulated = stream.paced, stream.controls is not None
     if not blocks:
         raise InputError(f"{name} without sound", "1 s or more")
     samples = np.concatenate(blocks, axis=1)
     elapsed = end - begin if paced and frames >= signal.sample_rate else None
     return Take(
-        samples=samples, sample_rate=signal.sample_rate, source=name, elapsed=elapsed, dropped=dropped
+        samples=samples,
+        sample_rate=signal.sample_rate,
+        source=name,
+        elapsed=elapsed,
+        dropped=dropped,
+        simulated=simulated,
     )
 
 
@@ -134,7 +139,7 @@ class Virtual:
             for start in range(0, samples.shape[1], size):
                 self.on_audio(samples[:, start : start + size], self.sample_rate)
                 time.sleep(PLAYED)
-        return Take(samples=samples, sample_rate=self.sample_rate, source="twin")
+        return Take(samples=samples, sample_rate=self.sample_rate, source="twin", simulated=True)
 
     def listen(self, ended: Event) -> None:
         """Return at once: there is no sound between the steps."""

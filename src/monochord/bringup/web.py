@@ -16,10 +16,12 @@ from starlette.responses import PlainTextResponse, Response
 from starlette.routing import BaseRoute, Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from monochord.bringup.drawing import drawing
 from monochord.bringup.examine import BringUp, number
 from monochord.bringup.page import page
 from monochord.bringup.run import END, RECORD, SKIP, Guide, Taking
 from monochord.bringup.steps import Step
+from monochord.bringup.takes import Virtual
 from monochord.core.errors import MonochordError
 from monochord.core.types import Audio
 from monochord.core.units import Seconds
@@ -27,6 +29,7 @@ from monochord.live.sinks._view import levels
 from monochord.live.web.messages import number as finite
 from monochord.live.web.messages import packed
 from monochord.live.web.server import Part
+from monochord.physics.sensors import load_sensor
 
 METERED: Seconds = 0.05
 """Length of sound behind each level of the meter, in s."""
@@ -82,6 +85,7 @@ class BringUpPage:
         self._result: BringUp | None = None
         self._skipped: set[str] = set()
         self._error = self._silence = ""
+        self._simulated = False
         self._paths = list[str]()
         self._number = self._pages = 0
         self._sound, self._seconds, self._levels = list[Audio](), 0.0, list[list[float | None]]()
@@ -89,6 +93,7 @@ class BringUpPage:
 
     def guide(self, source: Listening) -> Guide:
         """Return the guide that asks this page; it listens to the source while it waits."""
+        self._simulated = isinstance(source, Virtual)
         return _Asking(self, source)
 
     def on_audio(self, samples: Audio, sample_rate: int) -> None:
@@ -203,6 +208,8 @@ class BringUpPage:
                         "name": each.name,
                         "instruction": each.instruction,
                         "seconds": each.seconds,
+                        "lit": each.lit,
+                        "on": each.on,
                         "status": status[each.name],
                     }
                     for each in self._steps
@@ -219,6 +226,8 @@ class BringUpPage:
                     for check in checks
                 ],
                 "faults": list(result.faults) if result else [],
+                "verdict": result.verdict if result else "",
+                "simulated": self._simulated or bool(result and result.simulated),
                 "error": self._error or self._silence,
                 "toml": bool(result and result.toml()),
                 "report": result is not None,
@@ -232,6 +241,7 @@ class BringUpPage:
     def _routes(self, with_tabs: Callable[[bytes], bytes]) -> Sequence[BaseRoute]:
         static = files("monochord.bringup").joinpath("static")
         html = with_tabs(static.joinpath("bring_up.html").read_bytes())
+        html = html.replace(b"<!--sensor-->", drawing(load_sensor(self._sensor)).encode())
         script = static.joinpath("bring_up.js").read_bytes()
         return (
             Route("/bring-up", lambda _: Response(html, media_type="text/html")),

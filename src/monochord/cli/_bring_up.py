@@ -22,6 +22,7 @@ from monochord.bringup import (
     steps,
     write,
 )
+from monochord.bringup.examine import REHEARSAL
 from monochord.bringup.page import rows
 from monochord.bringup.takes import OnAudio, ignore_audio
 from monochord.capture.sources import SOURCES
@@ -61,12 +62,21 @@ def bring_up_sensor(options: dict[str, Any], *, as_json: bool) -> int:
         paths = [str(path) for path in written if path is not None]
         echo(
             json.dumps(
-                {"faults": result.faults, "passed": result.passed, "files": paths, "checks": rows(result)}
+                {
+                    "simulated": result.simulated,
+                    "faults": result.faults,
+                    "passed": result.passed,
+                    "files": paths,
+                    "checks": rows(result),
+                }
             )
         )
         return int(not result.passed)
-    echo(f"{len(result.faults)} fault(s): {', '.join(result.faults)}" if result.faults else "No fault.")
-    for path, use in zip(written, (f"use it with --sensor {out}", "the report"), strict=False):
+    echo(result.verdict)
+    uses = f"use it with --sensor {out}", "the report"
+    for path, use in zip(
+        written, (f"{each}, simulated" if result.simulated else each for each in uses), strict=False
+    ):
         echo(f"written to {path}; {use}" if path else "no sensor file: the pitch is not measured")
     return int(not result.passed)
 
@@ -124,7 +134,9 @@ class _Unasked(Guide):
         self._quiet = quiet
 
     def show(self, result: BringUp) -> None:
-        """Print the checks."""
+        """Print the checks, and first that they are simulated where they are."""
+        if result.simulated and not (self._printed or self._quiet):
+            echo(REHEARSAL)
         for check in result.checks:
             text = f"{PASSED[check.passed]}  {check.name:<42}  {shown(check)}"
             known = check.step in result.takes or check.step == "loopback"

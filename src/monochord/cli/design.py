@@ -21,7 +21,7 @@ from monochord.core.errors import InputError
 from monochord.core.files import replacing
 from monochord.figures.base import require_matplotlib
 from monochord.front.design import design as designed
-from monochord.physics.design import FRAMES, WIRES, Wishes
+from monochord.physics.design import FRAMES, NO_MODEL, WIRES, Wishes
 from monochord.physics.materials import material_names
 
 USUAL = Wishes()
@@ -86,6 +86,13 @@ def _wish(name: str, unit: str, text: str, **options: Any) -> Any:
 @_wish("window", "S", "Length of a window.")
 @_wish("gap", "M", "Distance from the string at rest to a driver's pole.")
 @_wish("level", "TIMES", "Force of the drivers, relative to the presets'.")
+@click.option(
+    "--model",
+    default=USUAL.model,
+    show_default=True,
+    metavar="MODEL",
+    help=f"Model that is to take the string, bundled or a folder; '{NO_MODEL}' for any string.",
+)
 @click.option(
     "--figure", type=click.Path(path_type=Path), metavar="FILE", help="Draw it: .png, .pdf or .svg."
 )

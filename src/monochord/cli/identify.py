@@ -13,12 +13,17 @@ from monochord.core.files import replacing
 from monochord.front.identify import CALIPER_ERROR, LENGTH_ERROR, WEIGHED_ERROR
 from monochord.front.identify import identify as identified
 from monochord.live.tuning import SECONDS
+from monochord.physics.sensors import HOW_LONG
 
 
 @click.command()
 @click.argument("files", metavar="FILES...", nargs=-1, required=True)
 @click.option(
-    "--length", type=metres, required=True, metavar="M", help="Length of the string between its ends."
+    "--length",
+    type=metres,
+    required=True,
+    metavar="M",
+    help=f"Length of the string, by a ruler {HOW_LONG}.",
 )
 @click.option("--caliper", type=metres, metavar="M", help="Diameter of a plain steel wire.")
 @click.option(

@@ -26,7 +26,7 @@ from monochord.core.errors import InputError
 from monochord.core.files import replacing
 from monochord.live import LiveRun
 from monochord.live.tuning import SECONDS, WINDOW, SensorAsTuned, tuned
-from monochord.physics.sensors import sensor_tuning
+from monochord.physics.sensors import HOW_LONG, sensor_tuning
 
 OUT = Path("sensor.toml")
 
@@ -47,7 +47,7 @@ OUT = Path("sensor.toml")
     "--length",
     type=metres,
     metavar="M",
-    help="Length of the string from end to end, measured with a ruler.  [default: as in --sensor FILE]",
+    help=f"Length of the string, by a ruler {HOW_LONG}.  [default: as in --sensor FILE]",
 )
 @window_options
 @click.option(

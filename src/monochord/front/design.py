@@ -1,7 +1,7 @@
 """Designs a sensor before it is built, like ``monochord design``."""
 
 from dataclasses import asdict, dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,12 +13,15 @@ from monochord.core.notebook import lines
 from monochord.core.types import Contact
 from monochord.core.units import Metres, Newtons
 from monochord.front.design_figure import drawn
+from monochord.perception.model import Model
+from monochord.perception.model import load as load_model
 from monochord.physics.design import (
     CENTS,
     COMPARED,
     FRAMES,
     MAX_MODE,
     MAX_STRESS_SHARE,
+    NO_MODEL,
     WIRES,
     Ambiguity,
     Candidate,
@@ -33,7 +36,7 @@ from monochord.physics.design import (
     stretch_cents,
     sweep,
 )
-from monochord.physics.sensors import Sensor, design_toml
+from monochord.physics.sensors import Sensor, design_toml, with_length
 from monochord.physics.theory import stretch_stiffness
 
 if TYPE_CHECKING:
@@ -41,9 +44,12 @@ if TYPE_CHECKING:
 
 LENGTHS = "length", "range", "resolution", "gauge", "end_std", "gap"
 """Wishes that are lengths in m."""
+MARKS = {None: "", True: "takes", False: "-"}
+BUILT_LENGTH = 0.01
+"""How much longer or shorter than its design a string may be built, as a share."""
 HEADS = (
-    "  gauge  tension  length  pitch  force std, N   position  cents    settled  stress  clearance",
-    "     mm        N      mm     Hz   1 N    most    std, mm  per N         ms       %         mm",
+    "  gauge  tension  length  pitch  force std, N   position  cents    settled  stress  clearance  model",
+    "     mm        N      mm     Hz   1 N    most    std, mm  per N         ms       %         mm       ",
 )
 
 
@@ -155,7 +161,8 @@ class StringDesign:
         wishes, one, string = self.wishes, self.chosen, self.chosen.string
         gauge, wire = 1e3 * string.core_diameter, wishes.wire.replace("_", " ")
         usual, most = f"{wishes.usual:g} N", f"{wishes.forces[1]:g} N"
-        able, count = [each for each in self.candidates if not each.lacks], len(self.candidates)
+        among = [each for each in self.candidates if each.fits_model == one.fits_model]
+        able, count = [each for each in among if not each.lacks], len(among)
         lacks = ", ".join(one.lacks)
         why = (
             f"It is the fastest of the {len(able)} strings that meet every wish, of {count} in the sweep."
@@ -172,6 +179,7 @@ class StringDesign:
         return [
             f"Build: {build} ({one.frequency:.0f} Hz).",
             f"{why} A touch settles in {1e3 * one.settling:.0f} ms.",
+            *self._model(),
             f"At best it tells {tells}, and {position} (objects held as '{wishes.mount}').",
             f"Of its pairs of modes up to {MAX_MODE}, {self.ambiguity.share:.0%} fit another place too.",
             "Sensitivity to force goes as E A / T^3: half the tension gives eight times the cents.",
@@ -181,6 +189,16 @@ class StringDesign:
             f"At a gap of {gap} it {self.squeal}. The swing raises the pitch by {glide:.1f} cents.",
             f"Under {most} the wire bears {stress:.0f} MPa, {one.stress_share:.0%} of its strength.",
         ]
+
+    def _model(self) -> list[str]:
+        """Return whether the wished model takes the string, as a sentence; none without a model."""
+        name, others = self.wishes.model, sum(not each.fits_model for each in self.candidates)
+        if self.chosen.fits_model is None:
+            return []
+        if not self.chosen.fits_model:
+            return [f"The model '{name}' takes no string of these wishes: train one for this sensor."]
+        left = f"; {others} strings that it refuses are left out" if others else ""
+        return [f"The model '{name}' takes it{left}. Model 'none' recommends among all strings."]
 
     def _drifts(self) -> str:
         frame, (drift, force) = self.wishes.frame, self.frames[self.wishes.frame]
@@ -266,7 +284,8 @@ def design(**wishes: Any) -> StringDesign:
     wishes
         Fields of `monochord.physics.design.Wishes`, in SI units: ``length`` (the room between the ends),
         ``range``, ``resolution``, ``force_resolution``, ``forces``, ``gauge``, ``tension``, ``wire``,
-        ``frame``, ``mount``, ``material``, ``contact_share``, ``window``, ``gap`` and ``level``.
+        ``frame``, ``mount``, ``material``, ``contact_share``, ``window``, ``gap``, ``level`` and ``model``,
+        which is to take the string: a bundled model, a folder, or "none".
 
     Returns
     -------
@@ -289,7 +308,9 @@ def design(**wishes: Any) -> StringDesign:
     """
     refuse_other_units(**{name: wishes.get(name) for name in LENGTHS})
     wanted = from_tree(Wishes, wishes)
-    candidates = sweep(wanted)
+    model = _model_of(wanted.model)
+    trained = model.definition.string if model else None
+    candidates = _marked(sweep(wanted, trained=trained.length if trained else None), model)
     chosen = recommended(wanted, candidates)
     compared = tuple(
         candidate(wanted, chosen.string.core_diameter, tension, chosen.string.length) for tension in COMPARED
@@ -315,8 +336,30 @@ def design_string(wishes: Wishes) -> StringDesign:
     if gauge is None or tension is None:
         raise InputError("a string without gauge or tension", "both")
     holds = tension / (np.pi * gauge**2 / 4.0) < WIRES[wishes.wire].strength
-    chosen = recommended(wishes, [candidate(wishes, gauge, tension, wishes.length)] if holds else [])
+    one = [candidate(wishes, gauge, tension, wishes.length)] if holds else []
+    chosen = recommended(wishes, _marked(one, _model_of(wishes.model)))
     return StringDesign(wishes=wishes, chosen=chosen, candidates=(chosen,), compared=())
+
+
+@cache
+def _model_of(name: str) -> Model | None:
+    return None if name == NO_MODEL else load_model(name)
+
+
+def _marked(candidates: list[Candidate], model: Model | None) -> list[Candidate]:
+    """Return strings with whether a model takes each, built up to `BUILT_LENGTH` longer or shorter, too."""
+    if model is None:
+        return candidates
+    return [
+        replace(
+            one,
+            fits_model=all(
+                model.takes(with_length(one.string, share * one.string.length), one.range)
+                for share in (1.0 - BUILT_LENGTH, 1.0 + BUILT_LENGTH)
+            ),
+        )
+        for one in candidates
+    ]
 
 
 def _unsafe(one: Candidate) -> bool:
@@ -344,7 +387,7 @@ def _row(one: Candidate, chosen: Candidate) -> str:
         f"{string.tension:8.0f} {1e3 * string.length:7.0f} {one.frequency:6.0f}",
         f"{one.force_std:7.3f} {one.force_std_most:7.3f} {1e3 * one.position_std:10.3f}",
         f"{one.cents_per_newton:6.1f} {1e3 * one.settling:10.0f}",
-        f"{100.0 * one.stress_share:7.0f} {1e3 * one.clearance:10.2f}",
+        f"{100.0 * one.stress_share:7.0f} {1e3 * one.clearance:10.2f} {MARKS[one.fits_model]:>6}",
         f" lacks {', '.join(word.split(' ')[0] for word in one.lacks)}" if one.lacks else "",
     )
     return " ".join(cells).rstrip()

@@ -14,10 +14,12 @@ import msgspec
 from monochord.core.config import from_tree
 from monochord.core.errors import InputError, MonochordError, did_you_mean
 from monochord.front.design import StringDesign, design, design_string
-from monochord.physics.design import FRAMES, MAX_MODE, WIRES, Wishes, base_sensor
+from monochord.physics.design import FRAMES, MAX_MODE, NO_MODEL, WIRES, Wishes, base_sensor
 from monochord.physics.lengthening import MountName
 from monochord.physics.materials import material_names
 
+MODELS = (Wishes().model, NO_MODEL)
+"""Models that a page may name."""
 NICENESS = 5
 """A running sensor goes first."""
 
@@ -64,6 +66,7 @@ def about() -> dict[str, Any]:
             "wire": list(WIRES),
             "frame": list(FRAMES),
             "mount": list(get_args(MountName)),
+            "model": list(MODELS),
             "material": list(material_names()),
         },
     }
@@ -111,10 +114,11 @@ def main() -> None:
 
 
 def _wishes(given: Mapping[str, Any]) -> Wishes:
-    """Return the wishes; files of own materials are refused: a page names no files of this machine."""
-    material, known = given.get("material", Wishes().material), material_names()
-    if material not in known:
-        raise InputError(f"material '{material}'", "a name of the list", did_you_mean(str(material), known))
+    """Return the wishes; own materials and models are refused: a page names no files of this machine."""
+    for kind, known in (("material", material_names()), ("model", MODELS)):
+        name = given.get(kind, getattr(Wishes(), kind))
+        if name not in known:
+            raise InputError(f"{kind} '{name}'", "a name of the list", did_you_mean(str(name), known))
     return from_tree(Wishes, given)
 
 
@@ -123,7 +127,7 @@ def _summary(made: StringDesign) -> dict[str, Any]:
     names = (
         "range", "frequency", "lowest", "highest", "position_std", "force_std", "force_std_most",
         "cents_per_newton", "drift", "drift_force", "settling", "bandwidth", "stress", "stress_share",
-        "swing", "sag", "clearance", "lacks",
+        "swing", "sag", "clearance", "fits_model", "lacks",
     )  # fmt: skip
     return {
         "title": made.sensor.title,

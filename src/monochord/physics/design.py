@@ -58,6 +58,8 @@ COMPARED: tuple[Newtons, ...] = (20.0, 40.0, 65.0)
 """Tensions that every design is compared at."""
 COIL_ROOM: Metres = 0.045
 """Least room for a driver's coils beside the range, at either end; the prototype has 50 mm."""
+NO_MODEL = "none"
+"""In place of a model that is to take the string: a string of any length and pitch will do."""
 CENTS = 1200.0 / float(np.log(2.0))
 """Cents of a relative change of frequency of one."""
 
@@ -90,7 +92,8 @@ class Wishes(Checked):
     `gauge` or a `tension` that is given is not varied. `mount` is how objects are held, `material` what
     touches and `contact_share` how well its compliance is known; `line_std` and `open_std` are the relative
     standard errors of a segment's fundamental and of the open pitch, `end_std` that of an end in m. `gap` is
-    that between string and pole, `level` the drivers' force over the presets'.
+    that between string and pole, `level` the drivers' force over the presets'. `model` is to take the string,
+    a bundled model or a folder; "none" for any string.
     """
 
     length: Annotated[Metres, Meta(ge=0.08, le=2.0)] = 0.2
@@ -111,6 +114,7 @@ class Wishes(Checked):
     window: Annotated[Seconds, Meta(ge=0.01, le=2.0)] = 0.1
     gap: Annotated[Metres, Meta(ge=2e-4, le=2e-2)] = 1.5e-3
     level: Annotated[float, Meta(ge=0.05, le=20.0)] = 1.0
+    model: str = "demo"
 
     @property
     def usual(self) -> Newtons:
@@ -141,7 +145,8 @@ class Candidate:
     `drift` is in cents a kelvin and `drift_force` what a kelvin reads as in N, unless the open pitch is
     followed. `settling` in s is that of a touch, `bandwidth` in Hz that of changes of a held touch. `stress`
     is that under the largest press. `swing` and `sag`, by the driver and by that press, bring the string
-    nearer to a pole. `lacks` says which wishes it does not meet.
+    nearer to a pole. `fits_model` is whether the wished model takes the string, None where it was not asked.
+    `lacks` says which wishes it does not meet.
     """
 
     string: StringParams
@@ -161,6 +166,7 @@ class Candidate:
     stress_share: float
     swing: Metres
     sag: Metres
+    fits_model: bool | None = None
     lacks: tuple[str, ...] = field(default=())
 
     @property
@@ -345,19 +351,22 @@ def _sag(wishes: Wishes, string: StringParams, ends: tuple[Metres, Metres]) -> M
     )
 
 
-def sweep(wishes: Wishes) -> list[Candidate]:
+def sweep(wishes: Wishes, *, trained: Metres | None = None) -> list[Candidate]:
     """Return every string of the sweep: gauges, tensions and lengths, less those that would break.
 
-    A given gauge or tension is not varied. Lengths are the whole, and two shorter ones that hold the range.
+    A given gauge or tension is not varied. Lengths are the whole, two shorter ones that hold the range, and
+    the nearest to the length `trained` that a model knows.
     """
     least = wishes.range + 2.0 * COIL_ROOM
-    lengths = sorted({round(least + share * (wishes.length - least), 4) for share in (0.0, 0.5, 1.0)})
+    lengths = {round(least + share * (wishes.length - least), 4) for share in (0.0, 0.5, 1.0)}
+    if trained is not None:
+        lengths.add(round(min(max(trained, least), wishes.length), 4))
     gauges = GAUGES if wishes.gauge is None else (wishes.gauge,)
     tensions = TENSIONS if wishes.tension is None else (wishes.tension,)
     strength = WIRES[wishes.wire].strength
     return [
         candidate(wishes, gauge, float(tension), length)
-        for gauge, tension, length in product(gauges, tensions, lengths)
+        for gauge, tension, length in product(gauges, tensions, sorted(lengths))
         if tension / (pi * gauge**2 / 4.0) < strength
     ]
 
@@ -366,6 +375,7 @@ def recommended(wishes: Wishes, candidates: list[Candidate]) -> Candidate:
     """Return the string to build: of those that meet every wish the fastest, else the one that lacks least.
 
     Among the fastest, within 5 %, the one with the smaller force bound; among those that lack as little, too.
+    Where a model is to take the string, others are recommended only if it takes none.
 
     Raises
     ------
@@ -379,8 +389,9 @@ def recommended(wishes: Wishes, candidates: list[Candidate]) -> Candidate:
             else "wishes"
         )
         raise InputError(given, "a string that bears its tension", "lower the tension, or use a thicker wire")
-    fewest = min(len(each.lacks) for each in candidates)
-    best = [each for each in candidates if len(each.lacks) == fewest]
+    taken = [each for each in candidates if each.fits_model] or candidates
+    fewest = min(len(each.lacks) for each in taken)
+    best = [each for each in taken if len(each.lacks) == fewest]
     if fewest:
         return min(best, key=lambda each: (max(each.stress_share - MAX_STRESS_SHARE, 0.0), each.force_std))
     fastest = min(each.settling for each in best)

@@ -12,7 +12,14 @@ from monochord.core.units import Seconds
 from monochord.sessions.reader import SessionReader
 from monochord.sessions.sync.arrival import Taken, times_taken
 from monochord.sessions.sync.pulses import Taps, groups_of, taps_of_force, taps_of_height
-from monochord.sessions.sync.taps import Offset, audio_offset, height_offset, travel_time
+from monochord.sessions.sync.taps import (
+    HOW_TO_TAP,
+    MIN_TAPS,
+    Offset,
+    audio_offset,
+    height_offset,
+    travel_time,
+)
 from monochord.sessions.tracks import AUDIO, ReadingTrack
 
 BEYOND: Seconds = 0.5
@@ -50,7 +57,7 @@ class Limits:
     std: Seconds = 0.5e-3
     intervals: float = 1.0
     offset: Seconds = 1.0
-    taps: int = 3
+    taps: int = MIN_TAPS
     step: Seconds = 0.05
     stray: Seconds = 1e-3
 
@@ -152,10 +159,11 @@ def align(session: SessionReader, limits: Limits | None = None) -> Alignment:
     groups = () if guide is None else groups_of((taps_of_force if force else taps_of_height)(*guide.rows))
     if not groups:
         if guide is not None:
-            flags.append(f"there are no taps in {guide.stream}: the offset between the streams is unknown")
+            unknown = f"there are no taps in {guide.stream}: the offset between the streams is unknown"
+            flags.append(f"{unknown}; {HOW_TO_TAP}")
         return Alignment(reference=reference, lateness={}, flags=tuple(flags))
     if len(groups) == 1:
-        flags.append(f"there are taps at {groups[0].begin[0]:.1f} s only: the drift is unknown")
+        flags.append(f"there are taps at {groups[0].begin[0]:.1f} s only: the drift is unknown; {HOW_TO_TAP}")
     ends = groups[0], groups[-1]
     times = float(ends[0].middle.mean()), float(ends[1].middle.mean())
     sound = _of_audio(session, ends[0], limits), _of_audio(session, ends[1], limits)
@@ -297,7 +305,8 @@ def _flags_of(stream: str, late: Lateness, spacing: Seconds, limits: Limits) -> 
             flags.append(f"{stream} shows no taps within {limits.offset:g} s at the {place}")
             continue
         if offset.taps < limits.taps:
-            flags.append(f"{stream} shows {offset.taps} taps at the {place}; {limits.taps} are needed")
+            few = f"{stream} shows {offset.taps} taps at the {place}; {limits.taps} are needed"
+            flags.append(f"{few}: {HOW_TO_TAP}")
         if offset.std > std:
             flags.append(
                 f"{stream}'s offset at the {place} is uncertain by {1e3 * offset.std:.2f} ms;"

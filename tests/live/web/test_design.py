@@ -78,6 +78,9 @@ def test_a_page_learns_what_can_be_wished(server: Server) -> None:
     assert about["limits"]["gauge"] == [1e-4, 1.5e-3]
     assert about["string"] == pytest.approx({"gauge": 0.254e-3, "tension": 65.0, "length": 0.2})
     assert {"plastic", "wood"} < {*about["choices"]["material"]}
+    assert about["choices"]["model"] == ["demo", "none"]
+    answers = [ask(server, "string", **STRING, model=each) for each in about["choices"]["model"]]
+    assert [each["fits_model"] for each in answers] == [False, None]
 
 
 @pytest.mark.parametrize(
@@ -95,6 +98,7 @@ def test_a_page_learns_what_can_be_wished(server: Server) -> None:
         (GIVEN % b'"gauge": 0.254e-3, "tension": 40, "forces": [2, 1]', "forces"),
         (GIVEN % b'"gauge": 0.254e-3, "tension": 40, "material": "/etc/passwd"', "a name of the list"),
         (GIVEN % b'"gauge": 0.254e-3, "tension": 40, "material": ["wood"]', "a name of the list"),
+        (GIVEN % b'"gauge": 0.254e-3, "tension": 40, "model": "/etc"', "a name of the list"),
         (GIVEN % b'"gauges": 1', "did you mean 'gauge'"),
         (b'{"do": "destroy"}', "request"),
         (b"[" * 4000, "request"),

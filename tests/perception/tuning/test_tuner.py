@@ -20,7 +20,7 @@ from monochord.physics.twin.virtual_sensor import VirtualSensor
 
 RATE = 44100
 SIZE = 4410
-PRESETS = ("prototype", "long", "gauge_012", "gauge_013", "prototype_one_driver")
+PRESETS = ("prototype", "long", "gauge_012", "gauge_013", "prototype_one_driver", "prototype_ebow")
 SEMITONES = 2.0 ** (1.5 / 12.0)
 PULL = 0.004
 """Share by which drivers pull what they sustain off the string's own pitch."""
@@ -73,7 +73,7 @@ PROTOTYPE = load_sensor("prototype").string
 
 
 @pytest.mark.parametrize(
-    ("name", "ratio"), [*zip(PRESETS, (0.91, 1.09, 0.97, 1.04, 0.91), strict=True), ("prototype", 1.09)]
+    ("name", "ratio"), [*zip(PRESETS, (0.91, 1.09, 0.97, 1.04, 0.91, 1.06), strict=True), ("prototype", 1.09)]
 )
 def test_the_pitch_of_a_detuned_string_is_heard(name: str, ratio: float) -> None:
     string = load_sensor(name).string
@@ -175,7 +175,9 @@ def test_a_string_of_another_pitch_is_refused() -> None:
     assert "not a partial" in state.reason
 
 
-@pytest.mark.parametrize(("name", "share"), [*zip(PRESETS, (0.4, 0.55, 2.0 / 3.0, 0.4, 0.55), strict=True)])
+@pytest.mark.parametrize(
+    ("name", "share"), [*zip(PRESETS, (0.4, 0.55, 2.0 / 3.0, 0.4, 0.55, 0.4), strict=True)]
+)
 def test_a_touched_string_is_refused(name: str, share: float) -> None:
     sensor = load_sensor(name)
     twin = VirtualSensor(sensor, seed=3)

@@ -58,6 +58,19 @@ function checkOf({ name, value, passed, fault, advice }) {
   return row;
 }
 
+// Lights the parts of the drawing that a step is about, and shows where to act and which drivers are on.
+function light({ lit, on } = { lit: [], on: [] }) {
+  for (const part of document.querySelectorAll("#sensor [data-part]")) {
+    part.classList.toggle("lit", lit.includes(part.dataset.part));
+    if (part.classList.contains("action")) part.toggleAttribute("hidden", !lit.includes(part.dataset.part));
+  }
+  for (const word of document.querySelectorAll("#sensor [data-switch]")) {
+    const runs = on.includes(Number(word.dataset.switch));
+    word.textContent = runs ? " on" : " off";
+    word.closest("[data-part]").classList.toggle("on", runs);
+  }
+}
+
 function show(message) {
   if (state?.phase === "recording" && message.phase !== "recording") before = state.step;
   state = message;
@@ -70,6 +83,9 @@ function show(message) {
   element("record").disabled = element("skip").disabled = element("end").disabled = !ready;
   element("record").hidden = element("skip").hidden = element("end").hidden = phase === "done";
   element("share").hidden = !recording;
+  light(step);
+  element("sensor").hidden = phase === "done";
+  element("simulated").hidden = !message.simulated;
   refuse(error);
   const own = checks.filter((each) => each.step === before), status = steps.find(({ name }) => name === before)?.status;
   element("before").hidden = !before || !ready || status === "waiting";
@@ -79,7 +95,7 @@ function show(message) {
   element("advice").replaceChildren(...own.map(checkOf));
   element("result").hidden = phase !== "done";
   const recorded = steps.filter((each) => ["passed", "failed"].includes(each.status)).length;
-  put("verdict", `${faults.length ? `${faults.length} fault(s): ${faults.join(", ")}` : "No fault"} in ${recorded} of ${steps.length} steps.`);
+  put("verdict", `${message.verdict} ${recorded} of ${steps.length} steps are recorded.`);
   element("verdict").className = faults.length ? "warns" : "good";
   element("toml").hidden = !message.toml;
   element("report").hidden = !message.report;

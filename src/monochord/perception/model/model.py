@@ -150,6 +150,24 @@ class Model:
             raise InputError(given, allowed, "train a model for the sensor")
         return model
 
+    def takes(self, string: StringParams, sensing_range: tuple[Metres, Metres]) -> bool:
+        """Return whether the model takes a string of this length and pitch, and this sensing range in m.
+
+        Examples
+        --------
+        >>> from monochord.perception.model import load
+        >>> string = load_string("prototype").string
+        >>> [load("demo").takes(with_length(string, each), (0.05, 0.15)) for each in (0.19, 0.2)]
+        [False, True]
+        """
+        try:
+            if self.definition.string is not None:
+                refuse_foreign(string, self.definition.string)
+            self.tuned(string).within(sensing_range)
+        except InputError:
+            return False
+        return True
+
     def check(self, signal: Signal, size: Samples | None = None) -> None:
         """Check that the model fits a signal in windows of `size` frames, and prepare the features.
 

@@ -25,6 +25,8 @@ MAX_RETUNING = 0.25
 """Largest relative deviation of a sensor's tuning from its design."""
 LENGTH_TOLERANCE = 0.03
 """Largest relative deviation of a string's length from its design; beyond it, it is another string."""
+HOW_LONG = "from crest to crest of the saddle pins"
+"""How the length of a string is measured, in every help text and on every page."""
 RULER_STD: Metres = 3e-4
 """Standard error of a length measured with a ruler, which is good to 0.5 mm."""
 
@@ -228,7 +230,7 @@ def designs_with(string: StringParams | None) -> list[str]:
     Examples
     --------
     >>> designs_with(load_string("prototype").string)
-    ['prototype', 'prototype_one_driver']
+    ['prototype', 'prototype_ebow', 'prototype_one_driver']
     """
     if string is None:
         return []

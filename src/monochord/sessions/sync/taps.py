@@ -15,6 +15,10 @@ from monochord.core.units import Metres, Seconds
 from monochord.sessions.sync.onsets import first_onset, loudness_of, novelty, surprise
 from monochord.sessions.sync.pulses import Taps, dip, middle_of_dip
 
+MIN_TAPS, TAPS = 3, 5
+"""The least number of taps that count at an end of a recording, and the number that people are asked for."""
+HOW_TO_TAP = f"tap the string {TAPS} times with the drivers off, at the beginning and at the end"
+"""What every message and page asks for."""
 REACH: Seconds = 1.0
 FRAME: Seconds = 1e-3
 """Resolution of the search over a group of taps, in s."""
@@ -94,7 +98,9 @@ def offset_of(each: Floats, *, spacing: Seconds, rival: float = 0.0) -> Offset:
     good = used[np.isfinite(used)]
     n = good.size
     floor = spacing * math.sqrt(1.0 / 12.0)
-    scatter = max(float(np.std(good, ddof=1)) if n > 1 else 0.0, floor, FEW_TAPS_SCATTER if n < 3 else 0.0)
+    scatter = max(
+        float(np.std(good, ddof=1)) if n > 1 else 0.0, floor, FEW_TAPS_SCATTER if n < MIN_TAPS else 0.0
+    )
     # Few taps estimate their own scatter badly: the factor is that of Student's distribution.
     wide = math.sqrt((n - 1) / (n - 3)) if n > 3 else 1.7
     std = math.hypot(scatter * (wide if scatter > floor else 1.0) / math.sqrt(n), ONSET_STD)
@@ -274,13 +280,13 @@ def _best_agreeing(candidates: list[Offset]) -> Offset:
     agreed = [o for o in near if _has_enough_taps(o)]
     chosen = min(agreed, key=lambda offset: offset.std) if agreed else candidates[0]
     sure = bool(agreed) and chosen.std < AGREEMENT_STD
-    beaten = [o for o in near if sure and (o.taps < 3 or o.std > RIVAL_STD_RATIO * chosen.std)]
+    beaten = [o for o in near if sure and (o.taps < MIN_TAPS or o.std > RIVAL_STD_RATIO * chosen.std)]
     others = [o.rival for o in candidates if o is not chosen and not any(o is b for b in beaten)]
     return replace(chosen, rival=max(others, default=0.0) / chosen.rival)
 
 
 def _has_enough_taps(offset: Offset) -> bool:
-    return offset.taps >= max(3, offset.each.size - offset.each.size // 5)
+    return offset.taps >= max(MIN_TAPS, offset.each.size - offset.each.size // 5)
 
 
 SAME_SHIFT: Seconds = 0.03

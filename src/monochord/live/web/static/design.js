@@ -18,6 +18,7 @@ const TASK = [
   ["force_resolution", "Force wanted to", "N", 1, 0.01, 1, 0.01],
   ["resolution", "Position wanted to", "mm", 1e3, 0.05, 5, 0.05],
   ["room", "Room for other strings", "mm", 1e3, 100, 700, 1],
+  ["model", "Model that takes it"],
 ];
 const OTHERS = [
   ["least", "Least press", "N", 1, 0.01, 1, 0.01],
@@ -157,13 +158,20 @@ function facts(id, rows) {
 const mm = (metres) => `${short(1e3 * metres)} mm`, percent = (share) => `${Math.round(100 * share)} %`;
 const signed = (number, digits) => `${number < 0 ? "−" : "+"}${Math.abs(number).toFixed(digits)}`;
 
+// Says in a line what a string lacks, and marks whether that is nothing.
+function judge(id, before, { lacks, fits_model }) {
+  const lines = [lacks.length ? `It lacks: ${lacks.join("; ")}.` : "It meets every wish.", ...(fits_model === false ? [`The model ${value("model")} refuses it.`] : [])];
+  element(id).textContent = `${before}${lines.join(" ")}`;
+  return lacks.length || fits_model === false ? "warns" : "good";
+}
+
 function showString(one) {
   const { lacks } = one, warns = (word) => lacks.some((each) => each.startsWith(word)), usual = `${short(one.usual)} N`;
   element("figures-title").textContent = `This string: ${one.title}`;
-  element("verdict").textContent = lacks.length ? `It lacks: ${lacks.join("; ")}.` : "It meets every wish.";
-  element("verdict").className = lacks.length ? "warns" : "good";
+  element("verdict").className = judge("verdict", "", one);
   const most = value("most");
   facts("figures", [
+    ...(one.fits_model === null ? [] : [["Model", `${value("model")} ${one.fits_model ? "takes" : "refuses"} it`, !one.fits_model]]),
     ["Open pitch", `${Math.round(one.frequency)} Hz`, warns("open")],
     ["Lines", `${Math.round(one.lowest)} to ${Math.round(one.highest)} Hz`, warns("lines")],
     [`Force of ${usual}, to`, `${short(one.force_std)} N`, warns("force")],
@@ -200,8 +208,9 @@ function table(id, rows, widest) {
   }));
 }
 
-function showAdvice({ title, reasons, lacks }) {
-  element("advice").textContent = lacks.length ? `${title}. It lacks: ${lacks.join("; ")}.` : `${title}. It meets every wish.`;
+function showAdvice(one) {
+  const { title, reasons } = one;
+  judge("advice", `${title}. `, one);
   element("reasons").replaceChildren(...reasons.map((text) => Object.assign(document.createElement("li"), { textContent: text })));
   element("take").disabled = false;
   draw();
