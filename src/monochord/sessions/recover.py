@@ -20,7 +20,7 @@ from monochord.core.files import refuse_endless
 from monochord.core.units import Seconds
 from monochord.sessions import walk
 from monochord.sessions._contents import Contents, identity_of
-from monochord.sessions._layout import BEGIN, FORMAT, opening
+from monochord.sessions._layout import BEGIN, FORMAT, opening, refuse_later
 from monochord.sessions._scan import offsets, scan
 from monochord.sessions.file import refuse_recorded
 from monochord.sessions.reader import read_session
@@ -57,7 +57,8 @@ def recover(path: Path) -> Recovery:
     Raises
     ------
     InputError
-        If the file does not exist, is not a session, is being recorded, or cannot be written.
+        If the file does not exist, is not a session, has a later format, is being recorded, or cannot be
+        written.
     """
     refuse_endless(path)
     try:
@@ -99,6 +100,7 @@ class _Repair:
 
     def plan(self) -> None:
         """Work out the changes."""
+        refuse_later(self._path, self.contents.begin)
         if self.contents.unreadable:
             given = f"session {self._path} (with chunks that cannot be unpacked here)"
             raise InputError(given, "chunks of lz4 or zstd, 64 MiB at most", "unpack it: mcap decompress")
