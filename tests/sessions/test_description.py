@@ -100,7 +100,7 @@ def test_a_clock_of_numpy_numbers_is_read(tmp_path: Path) -> None:
     assert session.events[0].time == 0.25
 
 
-@pytest.mark.parametrize("text", ["\ud800", "\udc80"])
+@pytest.mark.parametrize("text", ["\ud800", "a\ud800b"])
 def test_an_event_that_no_reader_reads_is_refused(tmp_path: Path, text: str) -> None:
     path = tmp_path / "a.mcap"
     with SessionWriter(path, Description(name="a", sample_rate=RATE)) as writer:
