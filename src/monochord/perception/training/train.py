@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monochord.core.config import to_tree
+from monochord.core.ownership import sole_use
 from monochord.core.types import Floats, Indices, Progress, Signal, Window
 from monochord.core.units import Samples
+from monochord.datasets.split import Split
 from monochord.datasets.store import Dataset, open_dataset
 from monochord.metrics import detection_score, mean_absolute_error, regression_score
 from monochord.perception.model.context import ModelState
@@ -26,6 +28,7 @@ from monochord.perception.training.calibrate import calibrate_probability, calib
 from monochord.perception.training.checkpoint import Checkpoint
 from monochord.perception.training.correct import Replayed, counting, with_prior, with_variables
 from monochord.perception.training.examples import (
+    TrainingData,
     chosen,
     examples_of,
     noises_of,
@@ -90,8 +93,8 @@ def train(
     Raises
     ------
     InputError
-        If a setting, the dataset or the split cannot be used; if `out` is not such a run; or if PyTorch, or
-        TensorBoard with ``board = true``, is not installed.
+        If a setting, the dataset or the split cannot be used; if `out` is not such a run, or another process
+        trains in it; or if PyTorch, or TensorBoard with ``board = true``, is not installed.
 
     Examples
     --------
@@ -106,6 +109,19 @@ def train(
     for name in ("train", "validation"):
         chosen(dataset, split.parts[name], data.tasks, name)  # refuses before anything is written
     claim(out, settings.resolved())
+    with sole_use(out, anywhere=True):
+        return _trained(settings, out, dataset, split, data, progress)
+
+
+def _trained(
+    settings: TrainingSettings,
+    out: Path,
+    dataset: Dataset,
+    split: Split,
+    data: TrainingData,
+    progress: Progress,
+) -> TrainingResult:
+    """Train in a claimed folder."""
     noises = noises_of(settings, dataset.manifest.sample_rate)
     learned = examples_of(data, split.train, "train", noises, progress)
     judged = examples_of(data, split.validation, "validation", progress=progress)
