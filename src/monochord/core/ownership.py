@@ -5,6 +5,7 @@ stale, and a reused process number does no harm. Children do not inherit it, unl
 starting a program.
 """
 
+import errno
 import fcntl
 import logging
 import os
@@ -86,7 +87,16 @@ def part_folder(out: Path) -> Generator[Path]:
     refuses an `out` that another run is filling.
     """
     with _owned(out.absolute().parent / f".{out.name}{LOCK}", out, anywhere=True), _part_folder(out) as part:
-        yield part
+        try:
+            yield part
+        except OSError as error:  # a person knows the folder by its own name
+            number = error.errno or errno.ENOSPC
+            named = Path(os.fsdecode(error.filename2 or error.filename or part))
+            file = out / named.relative_to(part) if named.is_relative_to(part) else named
+            raise OSError(number, os.strerror(number), str(file)) from error
+        except InputError as error:
+            given = error.given.replace(str(part), str(out))
+            raise InputError(given, error.expected, error.remedy) from error
 
 
 @contextmanager

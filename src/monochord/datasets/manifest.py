@@ -12,6 +12,7 @@ import numpy as np
 
 from monochord.core.config import from_tree, load_json, to_tree
 from monochord.core.errors import InputError
+from monochord.core.files import replacing
 from monochord.core.labels import Rules
 from monochord.core.units import Metres, Newtons, Samples, Seconds
 from monochord.datasets.checksums import BLOCK, REMEDY, FileSums
@@ -130,7 +131,8 @@ class Manifest:
     def write(self, folder: Path) -> None:
         """Write the manifest into a folder, keys sorted, so that equal datasets have equal bytes."""
         text = json.dumps(to_tree(self), indent=1, sort_keys=True, ensure_ascii=False)
-        (folder / FILE).write_text(text + "\n", encoding="utf-8")
+        with replacing(folder / FILE) as part:
+            part.write_text(text + "\n", encoding="utf-8")
 
     @classmethod
     def read(cls, folder: Path) -> "Manifest":

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monochord.core.errors import InputError, did_you_mean
+from monochord.core.files import written
 from monochord.core.notebook import html_table, lines
 from monochord.core.types import Audio, Flags, Floats, Indices
 from monochord.core.units import Samples
@@ -224,12 +225,9 @@ def write_table(folder: Path, table: Mapping[str, NDArray[Any]], labels: Mapping
 def write_array(file: Path, values: NDArray[Any]) -> None:
     """Write an array as `numpy.save` does; errors name the file, and report a full disk."""
     values = np.ascontiguousarray(values)
-    try:
-        with file.open("wb") as out:
-            out.write(_header((values.dtype.type, values.shape)))
-            out.write(values.reshape(-1).view(np.uint8).data)
-    except OSError as error:
-        raise OSError(error.errno, error.strerror, str(file)) from error
+    with written(file), file.open("wb") as out:
+        out.write(_header((values.dtype.type, values.shape)))
+        out.write(values.reshape(-1).view(np.uint8).data)
 
 
 def window_starts(frames: Samples, window: Samples, hop: Samples) -> Indices:

@@ -2,7 +2,6 @@
 
 import json
 import mmap
-import os
 import zlib
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
@@ -16,7 +15,7 @@ from mcap.opcode import Opcode
 from mcap.records import DataEnd, Footer, Metadata, MetadataIndex, Statistics, SummaryOffset
 
 from monochord.core.errors import InputError
-from monochord.core.files import refuse_endless
+from monochord.core.files import refuse_endless, synced
 from monochord.core.units import Seconds
 from monochord.sessions import walk
 from monochord.sessions._contents import Contents, identity_of
@@ -135,7 +134,7 @@ class _Repair:
             file.seek(contents.end)
             file.write(ending)
         file.flush()
-        os.fsync(file.fileno())
+        synced(file.fileno())
 
     def _patches(self) -> Iterator[tuple[int, bytes, int]]:
         for offset, data, _ in self.contents.patches:
@@ -196,7 +195,7 @@ def _save_beside(path: Path, pieces: Iterable[memoryview]) -> Path:
                 for piece in pieces:
                     file.write(piece)
                 file.flush()
-                os.fsync(file.fileno())
+                synced(file.fileno())
             except OSError:
                 cut.unlink()
                 raise
