@@ -1,6 +1,7 @@
 """`monochord build` makes a dataset, tells what is in it, and fails where it may not be used."""
 
 import json
+import os
 import re
 import shutil
 from pathlib import Path
@@ -10,6 +11,7 @@ import pytest
 from tests.cli.running import refusal
 
 from monochord.cli import run
+from monochord.core.ownership import LOCK, part_folder
 from monochord.core.types import Block
 from monochord.datasets.store import open_dataset
 from monochord.sessions import Description, SessionClock, SessionWriter
@@ -127,3 +129,15 @@ def test_what_cannot_be_is_refused_before_all_is_built(
     assert words in refusal(capsys, "build", "sessions", "--out", "out", *arguments.split())
     assert not Path("out").exists()
     assert len([*sessions.iterdir()]) == 4
+
+
+def test_a_second_build_of_a_folder_is_refused_at_once(
+    sessions: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    with part_folder(out):
+        line = refusal(capsys, "build", sessions, "--out", out)
+        assert f"'{out}' (process {os.getpid()} is writing to it)" in line
+    (tmp_path / f".out{LOCK}").write_text("1\n")  # as a kill leaves it
+    assert run(["build", str(sessions), "--out", str(out)]) == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["out", "sessions"]

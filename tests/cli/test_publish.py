@@ -2,14 +2,17 @@
 
 import hashlib
 import json
+import shutil
 import subprocess
 from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.cli.running import refusal
 
 import monochord as mc
 from monochord.cli import run
+from monochord.perception.model import folder_of
 
 PLAN = ["groups=[{name='hold', sessions=4, grid=[4, 1], hold=0.2}]"]
 
@@ -147,3 +150,85 @@ def test_scores_of_another_model_or_for_a_dataset_are_refused(made: Path, tmp_pa
     with pytest.raises(mc.InputError):
         mc.publish("demo", tmp_path / "out", licence="mit", scores=other)
     assert not (tmp_path / "out").exists()
+
+
+def link(target: Path, name: str) -> None:
+    """Replace a file or folder by a link to it."""
+    original = target / name
+    moved = target.parent / f"{target.name} {name} elsewhere"
+    original.rename(moved)
+    original.symlink_to(moved)
+
+
+@pytest.mark.parametrize("name", ["weights.safetensors", "metrics.json", "model.json"])
+def test_no_link_of_a_model_is_followed(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model = tmp_path / "mine"
+    shutil.copytree(folder_of(Path("demo")) or Path(), model)
+    (model / "metrics.json").write_text(json.dumps({"heads": {}}))
+    link(model, name)
+    line = refusal(capsys, "publish", model, "--licence", "mit", "--out", tmp_path / "hub")
+    assert f"{name} (a symbolic link)" in line
+    assert not (tmp_path / "hub").exists()
+
+
+def test_no_linked_folder_is_followed(made: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run_folder, dataset = tmp_path / "run", tmp_path / "dataset"
+    shutil.copytree(folder_of(Path("demo")) or Path(), run_folder / "model")
+    shutil.copytree(made / "dataset", dataset)
+    link(run_folder, "model")
+    link(dataset, "audio" if (dataset / "audio").is_dir() else "split.json")
+    link(tmp_path, "dataset")
+    for what in (run_folder, dataset):
+        line = refusal(capsys, "publish", what, "--licence", "mit", "--out", tmp_path / "hub")
+        assert "(a symbolic link)" in line
+    (tmp_path / "report").symlink_to(made / "report")
+    words = (
+        "publish",
+        "demo",
+        "--scores",
+        tmp_path / "report",
+        "--licence",
+        "mit",
+        "--out",
+        tmp_path / "hub",
+    )
+    assert "report (a symbolic link)" in refusal(capsys, *words)
+
+
+DAMAGED = (
+    "",
+    "{",
+    "null",
+    "0",
+    "[]",
+    "{}",
+    '"a"',
+    '{"heads": 5}',
+    '{"heads": {"a": [1]}}',
+    "[" * 100_000,
+    "\xff",
+)
+
+
+@pytest.mark.parametrize("text", [*DAMAGED, '{"heads": {"a": {"windows": 3, "mae": "b"}}}'])
+def test_damaged_metrics_are_one_line(text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    model = tmp_path / "mine"
+    shutil.copytree(folder_of(Path("demo")) or Path(), model)
+    (model / "metrics.json").write_bytes(text.encode("latin-1"))
+    line = refusal(capsys, "publish", model, "--licence", "mit", "--out", tmp_path / "hub")
+    assert "metrics.json" in line
+    assert not (tmp_path / "hub").exists()
+
+
+@pytest.mark.parametrize(
+    "table", [None, 5, "a", [1], [{}], [{"state": "touched"}], [{"state": "touched", "position": 5}]]
+)
+def test_damaged_scores_are_one_line(
+    table: object, made: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tree = json.loads((made / "report" / "scores.json").read_text())
+    (tmp_path / "scores.json").write_text(json.dumps({**tree, "table": table}))
+    words = ("--scores", tmp_path / "scores.json", "--licence", "mit", "--out", tmp_path / "hub")
+    assert "scores.json" in refusal(capsys, "publish", "demo", *words)

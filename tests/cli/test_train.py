@@ -1,6 +1,7 @@
 """`monochord train`, and `monochord live` with its model."""
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ from tests.conftest import LESSON
 
 from monochord.cli import run
 from monochord.core.config import dump_toml
+from monochord.core.ownership import LOCK, sole_use
 from monochord.perception import features
 
 pytest.importorskip("torch")
@@ -88,3 +90,18 @@ def test_live_takes_a_run_for_its_estimator(
     assert {"contact", "slip", "position", "force"} <= first.keys() | first.get("estimates", {}).keys()
     assert run(["live", session, "--source", "session", out, "--seconds", "2", "--sink", "terminal"]) == 0
     assert "truth" in capsys.readouterr().out
+
+
+def test_a_second_run_in_its_folder_is_refused_and_a_killed_one_does_not_block(
+    config: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "run"
+    words = ("train", config, "--out", out)
+    out.mkdir()
+    assert run([*map(str, words), "--set", "optimiser.epochs=1"]) == 0
+    with sole_use(out):
+        line = refusal(capsys, *words, "--set", "optimiser.epochs=1")
+        assert f"(process {os.getpid()} is writing to it)" in line
+    (out / LOCK).write_text("1\n")  # as a kill leaves it
+    assert run([*map(str, words), "--set", "optimiser.epochs=1"]) == 0
+    assert not (out / LOCK).exists()

@@ -1,5 +1,6 @@
 """What belongs to a running process, and what one that was killed left behind."""
 
+import errno
 import logging
 import os
 import signal
@@ -54,6 +55,21 @@ def test_a_folder_has_one_owner_at_a_time(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
+def test_a_disk_without_locks_is_used_unguarded_where_that_will_do(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(number: int, kind: int) -> None:
+        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
+
+    monkeypatch.setattr("fcntl.flock", refused)
+    with pytest.raises(InputError, match="does not support locks"), sole_use(tmp_path):
+        pass
+    (tmp_path / LOCK).unlink()
+    with sole_use(tmp_path, anywhere=True), part_folder(tmp_path / "data") as part:
+        part.rename(tmp_path / "data")
+    assert [path.name for path in tmp_path.iterdir()] == ["data"]
+
+
 @pytest.fixture
 def temporary(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("TMPDIR", str(tmp_path))
@@ -87,11 +103,11 @@ def test_a_part_goes_at_the_next_start_once_its_process_was_killed(
         other.mkdir()
     older = tmp_path / f".data[1].part-{os.getpid()}"  # of a process that had our number
     older.mkdir()
-    with (
-        holding("part_folder", tmp_path / "data[1]") as (_, folder),
-        part_folder(tmp_path / "data[1]") as own,
-    ):
-        assert {*tmp_path.iterdir()} == {*others, own, Path(folder)}
+    with holding("part_folder", tmp_path / "data[1]") as (process, folder):
+        with pytest.raises(InputError, match=f"process {process.pid} "), part_folder(tmp_path / "data[1]"):
+            pytest.fail("two fill it")
+        with part_folder(tmp_path / "data2") as other:
+            assert {*others, other, Path(folder)} < {*tmp_path.iterdir()}
     with part_folder(tmp_path / "data[1]"):
         pass
     assert {*tmp_path.iterdir()} == {*others}

@@ -168,11 +168,7 @@ def export(
         new_folder(out)  # which refuses one with something in it
     out.absolute().parent.mkdir(parents=True, exist_ok=True)
     with part_folder(out) as part:
-        try:
-            written = exporter.write(whole, part)
-        except InputError as error:  # a person knows the folder by its own name
-            given = error.given.replace(str(part), str(out))
-            raise InputError(given, error.expected, error.remedy) from error
+        written = exporter.write(whole, part)
         size = sum(path.stat().st_size for path in written)
         part.rename(out)
     summary = {"form": form, "out": str(out), "sessions": len(files), "files": len(written), "bytes": size}
@@ -283,12 +279,8 @@ def touches(recording: Path, *, out: Path, model: str, sensor: str | None, as_js
         raise InputError(f"file '{out}' (exists, and may be filled in)", "a new file")
     spans = touch_spans(recording, model, sensor=sensor or "")
     positions = robot_positions(recording, spans)
-    part = out.with_name(f".{out.name}.part")
-    try:
+    with replacing(out) as part:
         part.write_text(touch_table(spans, positions), encoding="utf-8")
-        part.replace(out)
-    finally:
-        part.unlink(missing_ok=True)
     if as_json:
         echo(json.dumps({"path": str(out), "touches": [{"begin": a, "end": b} for a, b in spans]}))
         return

@@ -1,5 +1,6 @@
 """Reads only finite files, and never leaves an incomplete file under its final name."""
 
+import errno
 import os
 import re
 import stat
@@ -14,6 +15,7 @@ from monochord.core.printable import printable
 MAX_NAME = 100
 """Most characters of a file's name reused in the temporary name beside it."""
 _KINDS = {stat.S_IFIFO: "a pipe", stat.S_IFCHR: "a device", stat.S_IFBLK: "a disk", stat.S_IFSOCK: "a socket"}
+_CANNOT_SYNC = (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOTTY)
 _INDEX = re.compile(r"|Unnamed: \d+")
 
 
@@ -94,13 +96,37 @@ def replacing(path: Path) -> Generator[Path]:
     path = path.resolve()  # where a link points, so that the link stays
     part = path.with_name(f".part-{os.getpid()}-{path.name[-MAX_NAME:]}")
     try:
-        yield part
-        os.replace(part, path)  # noqa: PTH105  (replaces the file at once)
-    except OSError as error:
-        error.filename = str(path)  # that of `part` means nothing to a person
-        raise
+        with written(path):
+            yield part
+            os.replace(part, path)  # noqa: PTH105  (replaces the file at once)
     finally:
         part.unlink(missing_ok=True)
+
+
+@contextmanager
+def written(path: Path) -> Generator[None]:
+    """Let an `OSError` name the file that is being written, as where the disk is full.
+
+    >>> with written(Path("take.csv")):
+    ...     raise OSError(errno.ENOSPC, "No space left on device")
+    Traceback (most recent call last):
+    OSError: [Errno 28] No space left on device: 'take.csv'
+    """
+    try:
+        yield
+    except OSError as error:
+        # NumPy gives no number where less was written than it asked for.
+        number = error.errno or errno.ENOSPC
+        raise OSError(number, os.strerror(number), str(path)) from error
+
+
+def synced(handle: int) -> None:
+    """Wait until the bytes of an open file are on the disk, where its file system can tell."""
+    try:
+        os.fdatasync(handle)
+    except OSError as error:
+        if error.errno not in _CANNOT_SYNC:
+            raise
 
 
 @contextmanager

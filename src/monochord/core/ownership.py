@@ -5,6 +5,7 @@ stale, and a reused process number does no harm. Children do not inherit it, unl
 starting a program.
 """
 
+import errno
 import fcntl
 import logging
 import os
@@ -27,26 +28,33 @@ _log = logging.getLogger("monochord")
 
 
 @contextmanager
-def sole_use(folder: Path) -> Generator[None]:
-    """Own an existing folder until the context ends.
+def sole_use(folder: Path, *, anywhere: bool = False) -> Generator[None]:
+    """Own an existing folder until the context ends; `anywhere` also on a disk without locks, unguarded.
 
     Raises
     ------
     InputError
         If another run owns it, or its disk does not support locks.
     """
-    file = folder / LOCK
-    number = _locked(file, folder)
+    with _owned(folder / LOCK, folder, anywhere=anywhere):
+        yield
+
+
+@contextmanager
+def _owned(file: Path, folder: Path, *, anywhere: bool) -> Generator[None]:
+    """Lock the file that stands for a folder, and remove it at the end."""
+    number = _locked(file, folder, anywhere=anywhere)
     try:
-        os.truncate(number, 0)
-        os.write(number, f"{os.getpid()}\n".encode())
+        with suppress(OSError):  # on a full disk the lock is as good without the number
+            os.truncate(number, 0)
+            os.write(number, f"{os.getpid()}\n".encode())
         yield
     finally:
         file.unlink(missing_ok=True)  # before the lock is released: see `_locked`
         os.close(number)
 
 
-def _locked(file: Path, folder: Path) -> int:
+def _locked(file: Path, folder: Path, *, anywhere: bool) -> int:
     """Return the descriptor of a locked file; raises `InputError` where another process holds the lock."""
     while True:
         number = os.open(file, os.O_RDWR | os.O_CREAT, 0o666)
@@ -61,6 +69,8 @@ def _locked(file: Path, folder: Path) -> int:
                 "wait until that run has ended, or choose another folder",
             ) from error
         except OSError as error:
+            if anywhere:
+                return number
             os.close(number)
             given = f"folder '{folder}' (its disk does not support locks: {error.strerror})"
             raise InputError(given, "a folder on a disk with file locks") from error
@@ -73,8 +83,24 @@ def _locked(file: Path, folder: Path) -> int:
 def part_folder(out: Path) -> Generator[Path]:
     """Yield a new folder beside `out` to fill and rename; if it still exists at the end, it is removed.
 
-    Leftovers of ended processes for the same `out` are removed first, with a warning in the log.
+    Leftovers of ended processes for the same `out` are removed first, with a warning in the log. `InputError`
+    refuses an `out` that another run is filling.
     """
+    with _owned(out.absolute().parent / f".{out.name}{LOCK}", out, anywhere=True), _part_folder(out) as part:
+        try:
+            yield part
+        except OSError as error:  # a person knows the folder by its own name
+            number = error.errno or errno.ENOSPC
+            named = Path(os.fsdecode(error.filename2 or error.filename or part))
+            file = out / named.relative_to(part) if named.is_relative_to(part) else named
+            raise OSError(number, os.strerror(number), str(file)) from error
+        except InputError as error:
+            given = error.given.replace(str(part), str(out))
+            raise InputError(given, error.expected, error.remedy) from error
+
+
+@contextmanager
+def _part_folder(out: Path) -> Generator[Path]:
     ours = re.compile(re.escape(f".{out.name}.part-") + r"\d+(-[0-9a-f]{8})?")
     parent = out.absolute().parent
     _remove_abandoned(each for each in parent.iterdir() if ours.fullmatch(each.name))

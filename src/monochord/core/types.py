@@ -15,6 +15,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from monochord.core.ranges import Checked, NonNegative, Positive
 from monochord.core.shapes import sound
 from monochord.core.units import (
     KilogramsPerMetre,
@@ -44,12 +45,12 @@ Progress: TypeAlias = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StringParams:
+class StringParams(Checked):
     """A string as built: the parameters of its vibration when untouched.
 
     `tension_per_force` is the paper's k_T (Eq. 6), `damping` its d_0 and `damping_per_force` its k_d (Eq. 7).
     `core_diameter` is that of the load-bearing wire, which sets stiffness and stretch; zero means an ideally
-    flexible string.
+    flexible string. `InputError` refuses a number that no string has.
 
     Examples
     --------
@@ -59,14 +60,14 @@ class StringParams:
     1008
     """
 
-    length: Metres
-    linear_density: KilogramsPerMetre
-    tension: Newtons
-    core_diameter: Metres = 0.0
-    young_modulus: Pascals = 2.0e11
-    damping: NewtonSecondsPerSquareMetre = 0.02
-    damping_per_force: float = 0.0
-    tension_per_force: float = 0.0
+    length: Positive[Metres]
+    linear_density: Positive[KilogramsPerMetre]
+    tension: Positive[Newtons]
+    core_diameter: NonNegative[Metres] = 0.0
+    young_modulus: Positive[Pascals] = 2.0e11
+    damping: NonNegative[NewtonSecondsPerSquareMetre] = 0.02
+    damping_per_force: NonNegative[float] = 0.0
+    tension_per_force: NonNegative[float] = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -196,8 +196,8 @@ def build_dataset(
     Raises
     ------
     InputError
-        If `out` exists, a session is unusable (see `truth.truth_of`) and not skipped, two sessions have the
-        same name, or their rates or channels differ.
+        If `out` exists or another process builds it, a session is unusable (see `truth.truth_of`) and not
+        skipped, two sessions have the same name, or their rates or channels differ.
 
     Examples
     --------

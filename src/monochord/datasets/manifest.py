@@ -12,6 +12,7 @@ import numpy as np
 
 from monochord.core.config import from_tree, load_json, to_tree
 from monochord.core.errors import InputError
+from monochord.core.files import replacing
 from monochord.core.labels import Rules
 from monochord.core.units import Metres, Newtons, Samples, Seconds
 from monochord.datasets.checksums import BLOCK, REMEDY, FileSums
@@ -129,7 +130,7 @@ class Manifest:
 
     def write(self, folder: Path) -> None:
         """Write the manifest into a folder, keys sorted, so that equal datasets have equal bytes."""
-        with (folder / FILE).open("w", encoding="utf-8") as stream:
+        with replacing(folder / FILE) as part, part.open("w", encoding="utf-8") as stream:
             json.dump(to_tree(self), stream, indent=1, sort_keys=True, ensure_ascii=False)
             stream.write("\n")
 

@@ -26,6 +26,7 @@ import numpy as np
 
 from monochord.core.config import from_tree, load_json
 from monochord.core.errors import InputError, did_you_mean
+from monochord.core.files import replacing
 from monochord.core.notebook import lines
 from monochord.core.types import Indices
 from monochord.core.units import Samples, Seconds
@@ -103,7 +104,8 @@ class Split:
             "counts": {name: len(rows) for name, rows in self.parts.items()},
             "parts": {name: _runs(rows) for name, rows in self.parts.items()},
         }
-        file.write_text(json.dumps(tree, indent=1) + "\n", encoding="utf-8")
+        with replacing(file) as part:
+            part.write_text(json.dumps(tree, indent=1) + "\n", encoding="utf-8")
 
     @classmethod
     def read(cls, file: Path) -> "Split":

@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monochord.core.errors import InputError, did_you_mean
+from monochord.core.files import written
 from monochord.core.notebook import html_table, lines
 from monochord.core.types import Audio, Flags, Floats, Indices
 from monochord.core.units import Samples
@@ -297,11 +298,9 @@ def _array_writer(file: Path, layout: Layout) -> Generator[Callable[[NDArray[Any
             put(np.ascontiguousarray(values).reshape(-1).view(np.uint8).data)
 
         def put(data: memoryview) -> None:
-            try:
+            with written(file):
                 while data:  # of which the disk may take less at once
                     data = data[out.write(data) :]
-            except OSError as error:
-                raise OSError(error.errno, error.strerror, str(file)) from error
 
         put(memoryview(_header(layout)))
         yield write

@@ -77,7 +77,8 @@ def publish(
     Raises
     ------
     InputError
-        If `what` is neither, `out` exists, or the scores are of another model.
+        If `what` is neither, `out` exists, the scores are of another model, a file of a run or report is
+        damaged, or a file or folder is a symbolic link: what it points to is not yours to publish unseen.
 
     Examples
     --------
@@ -99,9 +100,11 @@ def publish(
         contents, card = _dataset(source, title)
     else:
         contents, card = _model(source, title, scores)
+    for file in contents.values():
+        _refuse_link(file, source)
     with part_folder(folder) as part:
         sums = {name: _copied(file, part / name) for name, file in contents.items()}
-        text = _rendered(**card, licence=licence, files=sums)
+        text = _card(contents, **card, licence=licence, files=sums)
         (part / CARD).write_text(text, encoding="utf-8")
         sums = {CARD: hashlib.sha256(text.encode()).hexdigest(), **sums}
         (part / SUMS).write_text("".join(f"{sha}  {name}\n" for name, sha in sums.items()), encoding="utf-8")
@@ -121,21 +124,19 @@ def _model(source: Path, title: str, scores: str | Path | None) -> tuple[dict[st
         run = load_json(source / METRICS)
     card: Any = {}
     if scores is not None:
+        _refuse_link(Path(scores), Path(scores))
         file = Path(scores) / SCORES if Path(scores).is_dir() else Path(scores)
         card = load_json(file)
         tested = card.get("options", {}).get("weights") if isinstance(card, dict) else None
         if tested != definition.weights:
             given = f"{file} of weights {str(tested)[:12]}"
             raise InputError(given, f"scores of weights {definition.weights[:12]}", "evaluate this model")
+        if not isinstance(card.get("table"), list):
+            raise InputError(f"{file} (damaged: without a table)", "scores that monochord evaluate wrote")
         contents[SCORES] = file
     title = title or definition.title or source.name
     about = {"definition": definition, "facts": facts(definition)[1], "run": run, "scores": card}
-    return contents, {"template": "model_card.md.jinja", "title": title, "rows": _rows(card), **about}
-
-
-def _rows(scores: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Return the rows of touched windows: object, condition, and the scores of position and force."""
-    return [row for row in scores.get("table", ()) if row["state"] == "touched"]
+    return contents, {"template": "model_card.md.jinja", "title": title, **about}
 
 
 def _dataset(source: Path, title: str) -> tuple[dict[str, Path], dict[str, Any]]:
@@ -148,6 +149,37 @@ def _dataset(source: Path, title: str) -> tuple[dict[str, Path], dict[str, Any]]
     about = {"manifest": dataset.manifest, "facts": dataset.facts()[1], "split": split, "size": largest}
     card = {"template": "dataset_card.md.jinja", "title": title or source.resolve().name, **about}
     return {name: source / name for name in names}, card
+
+
+def _refuse_link(file: Path, source: Path) -> None:
+    """Raise `InputError` where a file, a folder that holds it, or `source` itself is a symbolic link."""
+    for each in (file, *file.parents):
+        if each.is_symlink():
+            remedy = "put the file in its place, or name the folder that it points to"
+            raise InputError(f"{each} (a symbolic link)", "files and folders, no links", remedy)
+        if each == source or not each.is_relative_to(source):
+            return
+
+
+def _card(contents: Mapping[str, Path], *, template: str, **about: Any) -> str:
+    """Return the text of a card; a file of scores that it cannot be made of is damaged."""
+    import jinja2  # noqa: PLC0415
+
+    try:
+        return _rendered(template=template, **about)
+    except (
+        jinja2.TemplateError,
+        TypeError,
+        ValueError,
+        LookupError,
+        AttributeError,
+        RecursionError,
+    ) as error:
+        named = [str(contents[name]) for name in (METRICS, SCORES) if name in contents]
+        if not named:
+            raise
+        given = f"{' or '.join(named)} (damaged: {error})"
+        raise InputError(given, "files that monochord train and monochord evaluate wrote") from error
 
 
 def _copied(file: Path, target: Path) -> str:

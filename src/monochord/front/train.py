@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from monochord.core.config import load_toml, override, to_tree
+from monochord.core.files import replacing
 from monochord.core.progress import progress_bar
 from monochord.core.types import Progress
 from monochord.core.workers import refuse_both
@@ -190,4 +191,5 @@ def _draw(out: Path) -> None:
 
     with mpl.rc_context({"svg.hashsalt": LEARNING}):
         figure = FIGURES.build(LEARNING, {"run": str(out)}).draw()
-        figure.savefig(out / f"{LEARNING}.svg", metadata={"Date": None})
+        with replacing(out / f"{LEARNING}.svg") as part:
+            figure.savefig(part, metadata={"Date": None})

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from monochord.core.config import dump_toml, to_tree
 from monochord.core.errors import InputError
+from monochord.core.files import written
 from monochord.core.types import POSE, WRENCH, Block, Feed, Floats, Readings
 from monochord.core.units import Samples, Seconds
 from monochord.lab.plan import Assignment
@@ -159,7 +160,7 @@ def make(session: Assignment, folder: Path) -> CollectedSession:
     part = folder / f"{path.name}.part-{os.getpid()}-{uuid.uuid4().hex[:8]}"
     try:
         clock = SessionClock(epoch_ns=round(session.epoch) * NANO, origin=0.0)
-        with SessionWriter(part, description, clock) as writer:
+        with written(path), SessionWriter(part, description, clock) as writer:
             streams = _SimulatedStreams(session, writer)
             for piece in pieces(session):
                 streams.write(piece)

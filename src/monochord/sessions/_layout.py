@@ -3,9 +3,13 @@
 import hashlib
 import json
 import zlib
+from collections.abc import Mapping
+from contextlib import suppress
 from io import BytesIO
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from monochord.core.errors import InputError
 from monochord.sessions import codec
 from monochord.sessions.description import Description, SessionClock
 
@@ -64,6 +68,20 @@ def opening(text: str, clock: SessionClock) -> bytes:
     writer.add_message(topics["/description"], log_time=epoch, data=data, publish_time=epoch, sequence=0)
     writer.flush()
     return out.getvalue()
+
+
+def is_later(begin: Mapping[str, str]) -> bool:
+    """Return whether the metadata at the start of a session name a later format than this version's."""
+    with suppress(ValueError):
+        return tuple(map(int, begin.get("format", FORMAT).split("."))) > (int(FORMAT),)
+    return False
+
+
+def refuse_later(path: Path, begin: Mapping[str, str]) -> None:
+    """Raise `InputError` for a session in a later format, which this version neither reads nor repairs."""
+    if is_later(begin):
+        given = f"session {path} (format {begin['format']}, written by a later version of Monochord)"
+        raise InputError(given, f"format {FORMAT}", "install a newer version: the file is left as it is")
 
 
 def rewritten(header: bytes) -> bool:

@@ -20,7 +20,16 @@ from mcap.records import (
 
 from monochord.sessions import codec, walk
 from monochord.sessions._contents import UNREADABLE, Contents, Damage, Patch, identity_of
-from monochord.sessions._layout import BEGIN, END, FORMAT, GUARD, ending_is_sound, opening, rewritten
+from monochord.sessions._layout import (
+    BEGIN,
+    END,
+    FORMAT,
+    GUARD,
+    ending_is_sound,
+    is_later,
+    opening,
+    rewritten,
+)
 from monochord.sessions._packing import unreadable
 
 _TIMES = struct.Struct("<QQ")
@@ -269,7 +278,7 @@ def _add_attachment(contents: Contents, record: walk.Record, attachment: Attachm
 def _mend_opening(view: memoryview, contents: Contents, edges: set[int]) -> None:
     """Rebuild a damaged opening (everything before the second chunk) from the description, if it fits."""
     identity = identity_of(view, contents)
-    if identity is None or contents.rewritten:
+    if identity is None or contents.rewritten or is_later(contents.begin):
         return
     text, clock = identity
     try:

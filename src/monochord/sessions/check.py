@@ -63,7 +63,7 @@ def check(path: Path) -> CheckReport:
     Raises
     ------
     InputError
-        If the file does not exist or is not a session.
+        If the file does not exist, is not a session, or has a later format.
     """
     recording = being_written(path)
     session = read_session(path)  # which refuses what would unpack to too much
@@ -128,7 +128,7 @@ def _described_twice(session: SessionReader) -> bool:
     """Return whether the description at the start, which has no checksum, equals the checksummed message."""
     texts = [content.data for _, content in session.decoded("/description")]
     try:
-        return not texts or Description.load(texts[0]) == session.description
+        return not texts or Description.load(texts[0]).dump() == session.description.dump()  # NaN is itself
     except InputError:
         return False
 

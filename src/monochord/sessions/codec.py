@@ -93,9 +93,18 @@ def nanoseconds(stamp: Any) -> int:
 
 
 def encode(name: str, /, **fields: Any) -> bytes:
-    """Return a message of type `name` as little-endian CDR bytes with the encapsulation header."""
+    """Return a message of type `name` as little-endian CDR bytes with the encapsulation header.
+
+    Raises
+    ------
+    InputError
+        If a text cannot be written in UTF-8.
+    """
     store = typestore()
-    return bytes(store.serialize_cdr(store.types[name](**fields), name))
+    try:
+        return bytes(store.serialize_cdr(store.types[name](**fields), name))
+    except UnicodeEncodeError as error:
+        raise InputError(f"text {error.object[:40]!a} of a session", "text in UTF-8") from error
 
 
 def decode(name: str, data: bytes | memoryview) -> Any:

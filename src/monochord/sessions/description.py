@@ -109,12 +109,13 @@ class Description(Checked):
         if not self.name:
             raise InputError("session without a name", "a name")
         _refuse_streams(len(self.feeds))
-        for feed in self.feeds:
+        feeds = [from_tree(Feed, to_tree(feed), "feed") for feed in self.feeds]  # as a file holds them
+        for feed in feeds:
             if not re.fullmatch("[a-z][a-z0-9_]*", feed.stream) or feed.stream in RESERVED_STREAMS:
                 allowed = f"lower-case letters, digits and underscores, and not {', '.join(RESERVED_STREAMS)}"
                 raise InputError(f"stream '{feed.stream}'", allowed, "set its option stream")
             _refuse_feed(feed)
-        streams = [feed.stream for feed in self.feeds]
+        streams = [feed.stream for feed in feeds]
         if len(set(streams)) < len(streams):
             twice = next(name for name in streams if streams.count(name) > 1)
             raise InputError(f"two streams called '{twice}'", "unique names", "set its option stream")
@@ -139,8 +140,18 @@ class Description(Checked):
         raise InputError(f"stream '{stream}' of session {self.name}", there)
 
     def dump(self) -> str:
-        """Return the description as JSON text with sorted keys, readable by `load`."""
-        return json.dumps(to_tree(self), sort_keys=True, ensure_ascii=False)
+        """Return the description as JSON text with sorted keys, for `load`.
+
+        Raises
+        ------
+        InputError
+            If a value cannot be written as JSON.
+        """
+        try:
+            return json.dumps(to_tree(self), sort_keys=True, ensure_ascii=False, default=_plain_scalar)
+        except (TypeError, ValueError, RecursionError) as error:
+            given = f"description of a session ({error})"
+            raise InputError(given, "text, numbers, and lists and tables of them") from error
 
     @classmethod
     def load(cls, text: str) -> "Description":
@@ -160,6 +171,13 @@ class Description(Checked):
         if strange and isinstance(more, dict):
             tree["more"] = {**more, **strange}
         return from_tree(cls, tree, "session")
+
+
+def _plain_scalar(value: Any) -> Any:
+    """Return a NumPy scalar as a plain number."""
+    if isinstance(value, np.generic):
+        return value.item()
+    raise TypeError(f"a value of type {type(value).__name__}")
 
 
 def _refuse_streams(count: int) -> None:
@@ -224,7 +242,7 @@ class SessionClock(Checked):
 
     def dump(self) -> dict[str, str]:
         """Return the clock as text values by name."""
-        return {"epoch_ns": str(self.epoch_ns), "origin": repr(self.origin)}
+        return {"epoch_ns": str(int(self.epoch_ns)), "origin": repr(float(self.origin))}
 
     @classmethod
     def load(cls, texts: Mapping[str, str]) -> "SessionClock":

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from monochord.core.errors import InputError
-from monochord.core.files import refuse_endless
+from monochord.core.files import refuse_endless, synced, written
 from monochord.core.units import Seconds
 
 KEEP_SIZE = 1  # of fallocate(2): blocks are set aside, the file's size stays
@@ -54,8 +54,9 @@ class SessionFile:
     def write(self, data: Any) -> int:
         """Write all bytes; raises `OSError` where the system refuses."""
         view, done = memoryview(data).cast("B"), 0
-        while done < len(view):
-            done += os.write(self._handle, view[done:])
+        with written(self.path):
+            while done < len(view):
+                done += os.write(self._handle, view[done:])
         self._size += done
         return done
 
@@ -89,7 +90,8 @@ class SessionFile:
 
     def sync(self) -> None:
         """Wait until all bytes are on the disk."""
-        os.fdatasync(self._handle)
+        with written(self.path):
+            synced(self._handle)
 
     def close(self) -> None:
         """Release the reserved space and close; a second call does nothing."""

@@ -15,7 +15,7 @@ from monochord.core.notebook import html_table, lines
 from monochord.core.types import Feed, Floats
 from monochord.core.units import Seconds
 from monochord.sessions import codec, walk
-from monochord.sessions._layout import BEGIN, END, rewritten
+from monochord.sessions._layout import BEGIN, END, refuse_later, rewritten
 from monochord.sessions._picture import session_plot
 from monochord.sessions._places import named, places, records_of
 from monochord.sessions.bounds import (
@@ -39,7 +39,7 @@ def read_session(path: str | Path) -> "SessionReader":
     Raises
     ------
     InputError
-        If the file does not exist or is not a session.
+        If the file does not exist, is not a session, or has a later format.
 
     Examples
     --------
@@ -109,6 +109,7 @@ class SessionReader:
                 ours = not rewritten(bytes(record.body))
             self._holes += record.opcode == walk.DAMAGED
             self._ended |= record.opcode == walk.DATA_END
+        refuse_later(path, opening)
         unpacked = sum(walk.unpacked_size(each.body) for each in self._parts if each.opcode == walk.CHUNK)
         refuse_unpacking(f"session {path}", len(self._view), unpacked, "unpack it: mcap decompress")
         # Where another program wrote the file, its order says nothing.

@@ -2,7 +2,6 @@
 
 import json
 import mmap
-import os
 import zlib
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
@@ -16,11 +15,11 @@ from mcap.opcode import Opcode
 from mcap.records import DataEnd, Footer, Metadata, MetadataIndex, Statistics, SummaryOffset
 
 from monochord.core.errors import InputError
-from monochord.core.files import refuse_endless
+from monochord.core.files import refuse_endless, synced
 from monochord.core.units import Seconds
 from monochord.sessions import walk
 from monochord.sessions._contents import Contents, identity_of
-from monochord.sessions._layout import BEGIN, FORMAT, opening
+from monochord.sessions._layout import BEGIN, FORMAT, opening, refuse_later
 from monochord.sessions._scan import offsets, scan
 from monochord.sessions.file import refuse_recorded
 from monochord.sessions.reader import read_session
@@ -57,7 +56,8 @@ def recover(path: Path) -> Recovery:
     Raises
     ------
     InputError
-        If the file does not exist, is not a session, is being recorded, or cannot be written.
+        If the file does not exist, is not a session, has a later format, is being recorded, or cannot be
+        written.
     """
     refuse_endless(path)
     try:
@@ -99,6 +99,7 @@ class _Repair:
 
     def plan(self) -> None:
         """Work out the changes."""
+        refuse_later(self._path, self.contents.begin)
         if self.contents.unreadable:
             given = f"session {self._path} (with chunks that cannot be unpacked here)"
             raise InputError(given, "chunks of lz4 or zstd, 64 MiB at most", "unpack it: mcap decompress")
@@ -133,7 +134,7 @@ class _Repair:
             file.seek(contents.end)
             file.write(ending)
         file.flush()
-        os.fsync(file.fileno())
+        synced(file.fileno())
 
     def _patches(self) -> Iterator[tuple[int, bytes, int]]:
         for offset, data, _ in self.contents.patches:
@@ -194,7 +195,7 @@ def _save_beside(path: Path, pieces: Iterable[memoryview]) -> Path:
                 for piece in pieces:
                     file.write(piece)
                 file.flush()
-                os.fsync(file.fileno())
+                synced(file.fileno())
             except OSError:
                 cut.unlink()
                 raise

@@ -17,7 +17,7 @@ from monochord.core.units import Samples, Seconds
 from monochord.sessions import codec
 from monochord.sessions._digest import Digest
 from monochord.sessions._layout import END, TOTALS, begin, guarded
-from monochord.sessions.bounds import MAX_COLUMNS
+from monochord.sessions.bounds import MAX_COLUMNS, json_object
 from monochord.sessions.description import LATEST_STAMP, Description, SessionClock
 from monochord.sessions.file import SessionFile
 from monochord.sessions.recover import recover
@@ -47,14 +47,15 @@ class SessionWriter(Closing):
     path
         A new file, ``NAME.mcap``.
     description
-        The session's description; `readings` accepts the streams of its feeds.
+        The session's description; `readings` accepts the streams of its feeds. It is read back, as from the
+        file, before the file is made.
     clock
         The session's clock; by default, one that starts now.
 
     Raises
     ------
     InputError
-        If the file exists or cannot be created.
+        If the file exists or cannot be created, or if no reader could read the description.
 
     Examples
     --------
@@ -70,8 +71,8 @@ class SessionWriter(Closing):
     """
 
     def __init__(self, path: Path, description: Description, clock: SessionClock | None = None) -> None:
-        self.path, self.description = path, description
-        self.clock = SessionClock.now() if clock is None else clock
+        self.path, self.description = path, Description.load(description.dump())
+        self.clock = SessionClock.now() if clock is None else SessionClock.load(clock.dump())
         self._file = SessionFile(path)
         self._closed = False
         self._pending: list[Block] = []
@@ -79,8 +80,8 @@ class SessionWriter(Closing):
         self._digests: dict[int, Digest] = {}
         self._unflushed = self._chunks = 0
         try:
-            text = description.dump()
-            self._writer, self._channels = begin(self._file, description, text, self.clock)
+            text = self.description.dump()
+            self._writer, self._channels = begin(self._file, self.description, text, self.clock)
             # The library has no other way to keep its memory from growing with the file.
             library = vars(self._writer)
             assert CHUNKS in library, "mcap keeps its chunks elsewhere"
@@ -180,6 +181,7 @@ class SessionWriter(Closing):
         """Write an event."""
         self._refuse_closed()
         stamp, more = self.clock.stamp(time), json.dumps(data, sort_keys=True)
+        json_object(more)  # as every reader reads it
         fields = {"header": codec.header(stamp), "kind": kind, "text": text, "data": more}
         self._put("/events", stamp, codec.encode(codec.EVENT, **fields))
 

@@ -221,3 +221,108 @@ def test_a_file_without_its_columns_is_refused(file: Path) -> None:
         PoseCsv(path=str(file)).open(),
     ):
         pass
+
+
+def opened(file: Path, head: str, row: str, **options: Any) -> Floats:
+    file.write_text(f"{head}\n{row}\n")
+    with PoseCsv(path=str(file), from_start=True, **options).open() as connection:
+        (got,) = connection.poll()
+    return got.values[0]
+
+
+@pytest.mark.parametrize(
+    ("names", "first"),
+    [
+        ("a,b,c", "moving_zyx"),
+        ("A,B,C", "moving_zyx"),
+        ("tcp_a,tcp_b,tcp_c", "moving_zyx"),
+        ("A [deg],B [deg],C [deg]", "moving_zyx"),
+        ("u,v,w", "moving_zyx"),
+        ("w,p,r", "fixed_xyz"),
+        ("o,a,t", "moving_zyz"),
+        ("e1,e2,e3", "moving_zyz"),
+        ("phi,theta,psi", "fixed_xyz"),
+        ("rx,ry,rz", "vector"),
+        ("tcp_rx,tcp_ry,tcp_rz", "vector"),
+        ("RotX,RotY,RotZ", "vector"),
+        ("euler_x,euler_y,euler_z", "vector"),
+        ("ex,ey,ez", "vector"),
+        ("orientation.x,orientation.y,orientation.z", "vector"),
+        ("yaw,pitch,roll", "fixed_xyz"),
+        ("roll_deg,pitch_deg,yaw_deg", "fixed_xyz"),
+        ("q1,q2,q3,q4", "wxyz"),
+        ("q0,q1,q2,q3", "wxyz"),
+        ("quat_x,quat_y,quat_z,quat_w", "xyzw"),
+        ("orientation_w,orientation_x,orientation_y,orientation_z", "xyzw"),
+    ],
+)
+def test_what_looks_like_a_rotation_is_refused_with_the_value_that_reads_it(
+    file: Path, names: str, first: str
+) -> None:
+    head, count = f"time,x,y,z,{names}", names.count(",") + 1
+    row = ",".join(["1,0,0,0", *(["0.5"] * count)])
+    with pytest.raises(InputError, match=rf"ambiguous.*{first}.*rotation={first}") as refused:
+        opened(file, head, row)
+    if count == 3:
+        assert "moving_zyx (about z, the rotated y, the rotated x" in str(refused.value)
+    assert len(str(refused.value).splitlines()) == 1
+    turned = opened(file, head, row, rotation=first)
+    assert 0.1 < abs(turned[6]) < 0.95
+    assert opened(file, head, row, rotation="none")[3:].tolist() == [0.0, 0.0, 0.0, 1.0]
+
+
+@pytest.mark.parametrize(
+    "names", ["rx,ry", "yaw", "heading", "a,b,c,rx,ry,rz", "r11,r12,r13,r21,r22,r23,r31,r32,r33"]
+)
+@pytest.mark.parametrize("rotation", ["", "vector"])
+def test_a_rotation_that_no_value_reads_is_refused(file: Path, names: str, rotation: str) -> None:
+    row = ",".join(["1,0,0,0", *(["0.5"] * (names.count(",") + 1))])
+    with pytest.raises(InputError, match="rotation=none"):
+        opened(file, f"time,x,y,z,{names}", row, rotation=rotation)
+    assert opened(file, f"time,x,y,z,{names}", row, rotation="none")[6] == 1.0
+
+
+def test_the_orders_of_angles_are_those_of_the_makers(file: Path) -> None:
+    degrees = ",".join(str(np.degrees(angle)) for angle in (A, B, C))
+    kuka = about(2, A) @ about(1, B) @ about(0, C)
+    assert turned(file, "a,b,c", degrees, rotation="moving_zyx", angles="deg") == pytest.approx(kuka)
+    named = ",".join(str(np.degrees(angle)) for angle in (C, A, B))
+    assert turned(file, "C,A,B", named, rotation="moving_zyx", angles="deg") == pytest.approx(kuka)
+    kawasaki = about(2, A) @ about(1, B) @ about(2, C)
+    assert turned(file, "o,a,t", ROW, rotation="moving_zyz") == pytest.approx(kawasaki)
+    fanuc = about(2, C) @ about(1, B) @ about(0, A)
+    assert turned(file, "w,p,r", ROW, rotation="fixed_xyz") == pytest.approx(fanuc)
+    by_axis = about(2, C) @ about(1, B) @ about(0, A)  # the angle about z is the one that is called so
+    assert turned(file, "rx,ry,rz", ROW, rotation="moving_zyx") == pytest.approx(by_axis)
+    half = "0.9238795325112867,0,0,0.3826834323650898"
+    assert turned(file, "q1,q2,q3,q4", half, rotation="wxyz") == pytest.approx(about(2, np.pi / 4))
+    assert turned(file, "quat_w,quat_x,quat_y,quat_z", half, rotation="xyzw") == pytest.approx(
+        about(2, np.pi / 4)
+    )
+
+
+def test_a_rotation_that_the_file_lacks_is_refused(file: Path) -> None:
+    with pytest.raises(InputError, match="rotation=vector"):
+        opened(file, "time,x,y,z,mode", "1,0,0,0,auto", rotation="vector")
+
+
+@pytest.mark.parametrize(
+    "names",
+    ["mode", "vx,vy,vz", "fx,fy,fz", "q1,q2,q3,q4,q5,q6", "a1,a2,a3,a4,a5,a6", "joint_1", "a,b", "error_x"],
+)
+def test_other_columns_are_named_as_unread(file: Path, names: str, caplog: pytest.LogCaptureFixture) -> None:
+    row = ",".join(["1,0,0,0", *(["0.5"] * (names.count(",") + 1))])
+    assert opened(file, f"time,x,y,z,{names}", row)[6] == 1.0
+    (line,) = caplog.messages
+    assert line.endswith(f"not read: {', '.join(names.split(','))}")
+
+
+def test_angles_of_a_file_that_comes_later_are_not_read_as_upright(
+    file: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    file.write_text("")
+    with PoseCsv(path=str(file)).open() as connection:
+        append(file, "time,x,y,z,a,b,c\n1,0,0,0,0.1,0.2,0.3\n")
+        assert connection.poll() == []
+        assert connection.health.faulty == 1
+    assert "rotation=moving_zyx" in caplog.messages[0]

@@ -171,3 +171,32 @@ def test_a_port_that_is_taken_is_one_line(port: int) -> None:
 def test_what_is_no_address_is_refused(address: str) -> None:
     with pytest.raises(InputError, match=f"'{address[:100]}"), PoseUdp(address=address).open():
         pass
+
+
+@pytest.mark.parametrize(
+    "fields", [{"rpy": [0, 0, 1]}, {"a": 1, "b": 2, "c": 3}, {"euler": [1, 2, 3]}, {"rotation": []}]
+)
+def test_a_rotation_of_another_name_is_not_read_as_upright(
+    port: int, robot: socket.socket, fields: dict[str, Any], caplog: pytest.LogCaptureFixture
+) -> None:
+    with PoseUdp(address=str(port)).open() as connection:
+        for _ in range(3):
+            send(robot, **fields)
+        time.sleep(0.02)
+        assert connection.poll() == []
+        assert connection.health.faulty == 3
+        send(robot, orientation=[0, 0, 1, 0], **fields)
+        assert poll(connection).values[0, 3:].tolist() == [0.0, 0.0, 1.0, 0.0]
+    refused, unread = caplog.messages
+    assert "orientation" in refused
+    assert unread.endswith(f"not read: {', '.join(sorted(fields))}")
+
+
+def test_other_names_are_named_as_unread_once(
+    port: int, robot: socket.socket, caplog: pytest.LogCaptureFixture
+) -> None:
+    with PoseUdp(address=str(port)).open() as connection:
+        for _ in range(3):
+            send(robot, mode="auto")
+        assert len(poll(connection).time) == 3
+    assert caplog.messages == ["monochord: poses: not read: mode"]

@@ -103,9 +103,7 @@ def test_wrong_tokens_are_slowed_down_and_lock_nobody_out() -> None:
             for source in ("127.0.0.1", "127.0.0.2", "127.0.0.3"):
                 asked = time.monotonic()
                 assert tried(server, TOKEN, source) == 303
-                # The address from which they come has its turn; from another one nobody waits.
-                limit = 10 * INTERVAL + 0.5 if source == "127.0.0.1" else 0.5
-                assert time.monotonic() - asked < limit, source
+                assert time.monotonic() - asked < 0.5, source
             asked = time.monotonic()
             assert get(server, "/", Cookie=cookie).status == 200
             with live(server, additional_headers={"Cookie": cookie}) as client:
@@ -131,7 +129,10 @@ def test_so_many_tokens_at_once_that_they_would_wait_for_long_are_refused() -> N
         for thread in threads:
             thread.start()
         time.sleep(0.5)
+        asked = time.monotonic()
+        assert [tried(server, TOKEN) for _ in range(6)] == [303] * 6
         assert tried(server, TOKEN, "127.0.0.2") == 303
+        assert time.monotonic() - asked < 2.0
         for thread in threads:
             thread.join()
         assert set(answers) == {401, 429}

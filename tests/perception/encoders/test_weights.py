@@ -1,14 +1,17 @@
 """Weights: where they are looked for, how they are pinned, and their download from a server by TLS."""
 
 import shutil
+import socket
 import ssl
 import subprocess
+import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from hashlib import sha256
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from threading import Thread
+from threading import Event, Thread
 from typing import Any
 
 import pytest
@@ -274,3 +277,63 @@ def test_a_folder_that_cannot_be_made_is_reported(tmp_path: Path, serve: Serve) 
 def test_without_a_reader_the_title_describes_them(tmp_path: Path) -> None:
     known = replace(load_known("ast"), reader="")
     assert describe(known, tmp_path).startswith("Audio Spectrogram Transformer")
+
+
+@pytest.fixture
+def stuck(certificate: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., str]]:
+    """Return the function that starts a server which sends some bytes, then one now and then, or none."""
+    monkeypatch.setenv("SSL_CERT_FILE", str(certificate.with_name("public.pem")))
+    listener, ended = socket.create_server(("127.0.0.1", 0)), Event()
+    threads: list[Thread] = []
+
+    def start(beginning: bytes | None, every: float | None) -> str:
+        def serve() -> None:
+            plain, _ = listener.accept()
+            with plain, suppress(OSError):
+                if beginning is None:  # it accepts, and is silent
+                    ended.wait()
+                    return
+                context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+                context.load_cert_chain(certificate)
+                with context.wrap_socket(plain, server_side=True) as client:
+                    client.sendall(beginning)
+                    while not ended.wait(every):
+                        client.sendall(b"a")
+
+        threads.append(Thread(target=serve))
+        threads[0].start()
+        return f"https://127.0.0.1:{listener.getsockname()[1]}/weights"
+
+    yield start
+    ended.set()
+    for thread in threads:
+        thread.join()
+    listener.close()
+
+
+HEAD = b"HTTP/1.1 200 OK\r\nContent-Length: 3000000\r\n\r\n"
+
+
+@pytest.mark.parametrize(
+    ("beginning", "every"),
+    [
+        (None, None),
+        (b"", None),
+        (b"HTTP/1.1 200 OK\r\n", None),
+        (b"HTTP/1.1 200 OK\r\nX: ", 0.05),
+        (HEAD, None),
+        (HEAD + bytes(100_000), None),
+        (HEAD + bytes(100_000), 0.05),
+    ],
+)
+def test_a_server_that_is_stuck_is_given_up(
+    tmp_path: Path,
+    stuck: Callable[..., str],
+    monkeypatch: pytest.MonkeyPatch,
+    beginning: bytes | None,
+    every: float | None,
+) -> None:
+    monkeypatch.setattr("monochord.perception.encoders.weights.fetch.TIMEOUT", 0.5)
+    begin = time.monotonic()
+    refused(tmp_path, served(stuck(beginning, every)), DeviceError, "127.0.0.1")
+    assert time.monotonic() - begin < 3.0

@@ -98,6 +98,27 @@ def test_a_damaged_text_is_refused(folder: Path, text: str) -> None:
         load(folder)
 
 
+@pytest.mark.parametrize("name", ["length", "tension", "linear_density", "young_modulus", "damping"])
+@pytest.mark.parametrize("value", [0, -1, float("nan"), float("inf"), "inf", "-inf", "nan", "tight", []])
+def test_a_string_that_cannot_be_is_refused(folder: Path, name: str, value: object) -> None:
+    file = folder / "model.json"
+    tree = json.loads(file.read_text())
+    string = {"length": 0.2, "tension": 65.0, "linear_density": 4e-4}
+    if (name, value) == ("damping", 0):
+        value = -0.1
+    file.write_text(json.dumps({**tree, "string": {**string, name: value}}))
+    with pytest.raises(InputError, match=rf"string\.{name}"):
+        load(folder)
+
+
+@pytest.mark.parametrize("limits", [[-0.01, 0.15], [0.15, 0.05], ["-inf", 0.15], [0.05, "inf"], [0.05]])
+def test_a_sensing_range_that_cannot_be_is_refused(folder: Path, limits: list[object]) -> None:
+    file = folder / "model.json"
+    file.write_text(json.dumps({**json.loads(file.read_text()), "sensing_range": limits}))
+    with pytest.raises(InputError, match="sensing_range"):
+        load(folder)
+
+
 def test_a_text_with_an_unknown_word_is_refused(folder: Path) -> None:
     file = folder / "model.json"
     file.write_text(json.dumps({**json.loads(file.read_text()), "hopp": 3}))

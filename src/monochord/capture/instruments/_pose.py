@@ -3,14 +3,11 @@
 import math
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
-from typing import Literal, TypeAlias
 
 from monochord.core.errors import InputError
 from monochord.core.types import POSE, Feed
 from monochord.core.units import Hertz
 
-Rotation: TypeAlias = Literal["vector", "fixed_xyz", "moving_xyz"]
-"""Meanings of three angles; see `quaternion_of`."""
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 FARTHEST = 1e7
 """Largest coordinate in m, a quarter of the Earth's circumference; anything larger is an error."""
@@ -48,26 +45,50 @@ def unit_pose(position: Sequence[float], orientation: Sequence[float]) -> tuple[
     return (*position, *(part / norm for part in orientation))
 
 
-def quaternion_of(rotation: Rotation, angles: Sequence[float]) -> tuple[float, float, float, float]:
-    """Return the quaternion x, y, z, w of three angles in rad.
+def quaternion_of(rotation: str, numbers: Sequence[float]) -> tuple[float, ...]:
+    """Return the quaternion x, y, z, w of three angles in rad, or of the four numbers of a quaternion.
 
     ``vector`` is the rotation axis times the angle, v: q = (v / |v| sin(|v| / 2), cos(|v| / 2)).
     ``fixed_xyz`` rotates about the fixed axes x, then y, then z, by roll, pitch and yaw: R = Rz Ry Rx.
-    ``moving_xyz`` rotates about x, then about the rotated y and z axes: R = Rx Ry Rz.
+    ``moving_xyz`` rotates about x, then about the rotated y and z axes: R = Rx Ry Rz. ``moving_zyx`` (A, B, C
+    of KUKA: R = Rz(A) Ry(B) Rx(C)) and ``moving_zyz`` rotate about the axes that they name. ``wxyz`` and
+    ``xyzw`` are quaternions with w first and last.
 
     >>> [round(part, 3) for part in quaternion_of("fixed_xyz", (0.0, 0.0, math.pi / 2))]
     [0.0, 0.0, 0.707, 0.707]
+    >>> [round(part, 3) for part in quaternion_of("moving_zyx", (math.pi / 2, 0.0, 0.0))]
+    [0.0, 0.0, 0.707, 0.707]
     """
+    if rotation == "xyzw":
+        return tuple(numbers)
+    if rotation == "wxyz":
+        return (*numbers[1:], numbers[0])
     if rotation == "vector":
-        angle = math.hypot(*angles)
+        angle = math.hypot(*numbers)
         scale = math.sin(0.5 * angle) / angle if angle > 0.0 else 0.5
-        x, y, z = (scale * part for part in angles)
+        x, y, z = (scale * part for part in numbers)
         return x, y, z, math.cos(0.5 * angle)
-    (a, b, c), (p, q, r) = ([turn(0.5 * angle) for angle in angles] for turn in (math.sin, math.cos))
-    sign = 1.0 if rotation == "fixed_xyz" else -1.0
+    frame, _, axes = rotation.partition("_")
+    whole = UPRIGHT
+    for axis, angle in zip(axes, numbers, strict=True):
+        turn = _about(axis, angle)
+        whole = _product(whole, turn) if frame == "moving" else _product(turn, whole)
+    return whole
+
+
+def _about(axis: str, angle: float) -> tuple[float, float, float, float]:
+    """Return the quaternion of a turn about x, y or z."""
+    x, y, z = (math.sin(0.5 * angle) * (axis == each) for each in "xyz")
+    return x, y, z, math.cos(0.5 * angle)
+
+
+def _product(
+    p: tuple[float, float, float, float], q: tuple[float, float, float, float]
+) -> tuple[float, float, float, float]:
+    """Return the quaternion of the turn q followed by p, both in the fixed frame: R = R(p) R(q)."""
     return (
-        a * q * r - sign * p * b * c,
-        p * b * r + sign * a * q * c,
-        p * q * c - sign * a * b * r,
-        p * q * r + sign * a * b * c,
+        p[3] * q[0] + p[0] * q[3] + p[1] * q[2] - p[2] * q[1],
+        p[3] * q[1] + p[1] * q[3] + p[2] * q[0] - p[0] * q[2],
+        p[3] * q[2] + p[2] * q[3] + p[0] * q[1] - p[1] * q[0],
+        p[3] * q[3] - p[0] * q[0] - p[1] * q[1] - p[2] * q[2],
     )

@@ -1,5 +1,6 @@
 """The robot's pose from a CSV file that its controller keeps appending to."""
 
+import logging
 import math
 import os
 import stat
@@ -14,39 +15,41 @@ from typing import IO, Annotated, Literal, NamedTuple
 from msgspec import Meta
 
 from monochord.capture.instruments._collected import NANOSECONDS, NONE, Collected
+from monochord.capture.instruments._columns import PoseColumns, pose_columns
 from monochord.capture.instruments._pose import UPRIGHT, pose_feed, quaternion_of, unit_pose
 from monochord.capture.instruments.base import Connection, Instrument
 from monochord.core.errors import DeviceError, InputError
 from monochord.core.types import Feed, InstrumentHealth, Readings
 from monochord.core.units import Hertz, Metres, Seconds
 
-PLACE = ("time", "x", "y", "z")
-TURN = ("qx", "qy", "qz", "qw")
-ANGLES = (("rx", "ry", "rz"), ("roll", "pitch", "yaw"))
-FIRST_LINE = "a first line time,x,y,z[,qx,qy,qz,qw], or with rx,ry,rz or roll,pitch,yaw"
+FIRST_LINE = "a first line time,x,y,z[,qx,qy,qz,qw], or with three angles such as a,b,c or rx,ry,rz"
 MAX_READ = 1 << 20  # bytes a poll
 LONGEST_LINE = 4096
 """Longest line in bytes; a longer line is faulty and is not kept in memory."""
 LATEST = 9.2e9  # s, what 64 bits of nanoseconds hold
 METRES = MappingProxyType({"m": 1.0, "mm": 1e-3})
 RADIANS = MappingProxyType({"rad": 1.0, "deg": math.pi / 180.0})
+ANGLES = 3
 WHOLE_TURN = 2.0 * math.pi + 1e-3
 """Largest angle in rad: robots report at most one turn, so a larger angle is probably in degrees."""
+_log = logging.getLogger("monochord")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PoseCsv(Instrument):
     """Poses from lines appended to the CSV file at `path` after opening.
 
-    The first line names the columns: ``time,x,y,z``, optionally ``qx,qy,qz,qw``, and any others. Three angles
-    ``rx,ry,rz`` or ``roll,pitch,yaw`` can replace the quaternion if `rotation` states their meaning;
-    otherwise the file is refused. A reading's time is that of the poll that read its line, delayed by the
-    poll interval and the writer's buffering; its `device_time` is the column ``time``, in s of the
-    controller's clock, converted to ns. Incomplete lines wait until they are complete. A replaced file is
-    read from its beginning. An invalid pose counts as faulty, and so do a line longer than 4096 bytes, a
-    position beyond `reach` and an angle beyond one turn. A file whose last line is in different units is
-    refused. The path may be a FIFO, whose lines are read as they arrive; a FIFO without a writer is not an
-    error.
+    The first line names the columns: ``time,x,y,z``, optionally ``qx,qy,qz,qw``, and any others, which a line
+    in the log names as unread. Columns that look like another rotation (``a,b,c``, ``rx,ry,rz``,
+    ``roll,pitch,yaw``, ``w,p,r``, ``euler_x``..., ``q1`` to ``q4``) are read if `rotation` states their
+    meaning; otherwise the file is refused.
+
+    A reading's time is that of the poll that read its line, delayed by the poll interval and the writer's
+    buffering; its `device_time` is the column ``time``, in s of the controller's clock, converted to ns.
+    Incomplete lines wait until they are complete. A replaced file is read from its beginning. An invalid pose
+    counts as faulty, and so do a line longer than 4096 bytes, a position beyond `reach` and an angle beyond
+    one turn. A file whose last line is in different units is refused. The path may be a FIFO, whose lines are
+    read as they arrive; a FIFO without a writer is not an error.
 
     Parameters
     ----------
@@ -61,7 +64,9 @@ class PoseCsv(Instrument):
     rotation
         Meaning of three angles: ``vector``, rotation axis times angle; ``fixed_xyz``, rotations about the
         fixed axes x, then y, then z (roll, pitch, yaw); ``moving_xyz``, about x, then the rotated y, then the
-        rotated z; ``none`` ignores them.
+        rotated z; ``moving_zyx``, about z, then the rotated y, then the rotated x (A, B, C of KUKA);
+        ``moving_zyz``, about z, then the rotated y, then the rotated z. Order of a quaternion's numbers:
+        ``wxyz``, ``xyzw``. ``none`` ignores them.
     angles
         Unit of the angles in the file: ``rad`` or ``deg``.
     reach
@@ -72,7 +77,9 @@ class PoseCsv(Instrument):
     from_start: bool = False
     rate: Hertz = 0.0
     unit: Literal["m", "mm"] = "m"
-    rotation: Literal["", "vector", "fixed_xyz", "moving_xyz", "none"] = ""
+    rotation: Literal[
+        "", "vector", "fixed_xyz", "moving_xyz", "moving_zyx", "moving_zyz", "wxyz", "xyzw", "none"
+    ] = ""
     angles: Literal["rad", "deg"] = "rad"
     reach: Annotated[Metres, Meta(gt=0.0, le=1e7)] = 10.0
 
@@ -97,7 +104,8 @@ class _PoseCsvConnection(Connection):
         self._file: IO[bytes] | None = None
         self._rest = b""
         self._too_long = False
-        self._columns: list[str] = []
+        self._columns: PoseColumns | None = None
+        self._headed = False
 
     @property
     def feed(self) -> Feed:
@@ -118,12 +126,11 @@ class _PoseCsvConnection(Connection):
             given = f"pose file {self._path} with a first line longer than {LONGEST_LINE} bytes"
             raise InputError(given, FIRST_LINE)
         if newline:
-            self._columns = _names(head)
-            self._refuse_columns()
+            self._headed, self._columns = True, self._columns_of(head)
         else:
             self._rest = head
         lines = self._rest
-        if self._columns and self._file.seekable():
+        if self._headed and self._file.seekable():
             place = self._file.tell()
             size = self._file.seek(0, os.SEEK_END)
             self._file.seek(max(size - LONGEST_LINE, len(head) + 1))
@@ -132,21 +139,15 @@ class _PoseCsvConnection(Connection):
                 self._file.seek(place)
             else:
                 self._rest = lines.rpartition(b"\n")[2]  # begun, but not yet complete
-        if self._columns:
+        if self._headed:
             self._refuse_units(lines.rpartition(b"\n")[0].rpartition(b"\n")[2])
 
-    def _refuse_columns(self) -> None:
-        """Refuse columns that are not a pose, and angles without a stated meaning."""
-        columns = {*self._columns}
-        groups = [group for group in (TURN, *ANGLES) if columns & {*group}]
-        lacking = [name for group in (PLACE, *groups) for name in group if name not in columns]
-        if lacking:
-            raise InputError(f"pose file {self._path} without {', '.join(lacking)}", FIRST_LINE)
-        if groups and TURN not in groups and not self._options.rotation:
-            names = ", ".join(groups[0])
-            given = f"pose file {self._path} with {names}, which are ambiguous"
-            allowed = "vector (axis times angle), fixed_xyz (roll, pitch, yaw), moving_xyz, or none"
-            raise InputError(given, allowed, "say which with rotation=, and angles=deg for degrees")
+    def _columns_of(self, line: bytes) -> PoseColumns:
+        """Return what the columns of a first line are, and log the names that are not read."""
+        columns = pose_columns(_names(line), self._options.rotation, f"pose file {self._path}", FIRST_LINE)
+        if columns.unread:
+            _log.warning("monochord: pose file %s: not read: %s", self._path, ", ".join(columns.unread))
+        return columns
 
     def _refuse_units(self, line: bytes) -> None:
         """Refuse a file whose last line has a pose in other units than the options state."""
@@ -179,8 +180,8 @@ class _PoseCsvConnection(Connection):
                 self._too_long = False  # and this is its end
             elif len(line) > LONGEST_LINE:
                 self._collected.refuse()
-            elif not self._columns:
-                self._columns = _names(line)
+            elif not self._headed:
+                self._read_head(line)
             elif line.strip():
                 self._read(line, now)
         if len(self._rest) > LONGEST_LINE:
@@ -189,6 +190,14 @@ class _PoseCsvConnection(Connection):
         if self._too_long:
             self._rest = b""
         return self._collected.take()
+
+    def _read_head(self, line: bytes) -> None:
+        """Read the first line of a file that came later; where it is refused, no line after it is a pose."""
+        self._headed = True
+        try:
+            self._columns = self._columns_of(line)
+        except InputError as error:
+            _log.warning("monochord: %s", error)
 
     def _read(self, line: bytes, now: float) -> None:
         parsed = self._parsed(line)
@@ -200,21 +209,23 @@ class _PoseCsvConnection(Connection):
 
     def _parsed(self, line: bytes) -> "_Line | None":
         """Return the numbers of a line in SI units; None for an invalid pose."""
-        options = self._options
+        options, columns = self._options, self._columns
+        if columns is None:
+            return None
+        turn = columns.turn
         try:
-            fields = dict(zip(self._columns, line.decode("utf-8").split(","), strict=True))
-            stamp, *place = (float(fields[name]) for name in PLACE)
-            turn = [float(fields[name]) for name in TURN] if {*TURN} <= fields.keys() else ()
-            named = [] if turn else [group for group in ANGLES if {*group} <= fields.keys()]
-            angles = [float(fields[name]) for name in named[0]] if named else [0.0]
-        except (ValueError, KeyError):
+            fields = line.decode("utf-8").split(",")
+            stamp, *place = (float(fields[at]) for at in columns.place)
+            numbers = [float(fields[at]) for at in turn.columns] if turn else UPRIGHT
+        except (ValueError, IndexError):
             return None
-        if named and not options.rotation:
+        if len(fields) != columns.count:
             return None
-        if not named or options.rotation == "none":
-            return _Line(stamp, [METRES[options.unit] * part for part in place], turn or UPRIGHT, [0.0])
-        angles = [RADIANS[options.angles] * angle for angle in angles]
-        return _Line(stamp, [METRES[options.unit] * part for part in place], (), angles)
+        angles = [0.0]
+        if turn and len(numbers) == ANGLES:
+            angles = numbers = [RADIANS[options.angles] * angle for angle in numbers]
+        orientation = quaternion_of(turn.rotation, numbers) if turn else numbers
+        return _Line(stamp, [METRES[options.unit] * part for part in place], orientation, angles)
 
     def _was_written_anew(self) -> bool:
         """Whether the file was replaced or truncated; it is then read from its beginning."""
@@ -229,12 +240,13 @@ class _PoseCsvConnection(Connection):
         except OSError:
             return False
         self.close()
-        self._file, self._rest, self._too_long, self._columns = fresh, b"", False, []
+        self._file, self._rest, self._too_long = fresh, b"", False
+        self._headed, self._columns = False, None
         return True
 
 
 class _Line(NamedTuple):
-    """A line: time stamp in s, x, y, z in m, and a quaternion or, if that is empty, three angles in rad."""
+    """A line: time stamp in s, x, y, z in m, a quaternion, and the angles in rad behind it, [0] for none."""
 
     stamp: Seconds
     place: Sequence[Metres]
@@ -246,10 +258,7 @@ class _Line(NamedTuple):
         near = all(abs(part) <= options.reach for part in self.place)
         if not (near and all(abs(angle) <= WHOLE_TURN for angle in self.angles) and abs(self.stamp) < LATEST):
             return None  # NaN too is not within any bound
-        rotation = options.rotation
-        if self.turn or rotation == "" or rotation == "none":  # noqa: PLR1714  (a type checker follows it)
-            return unit_pose(self.place, self.turn)
-        return unit_pose(self.place, quaternion_of(rotation, self.angles))
+        return unit_pose(self.place, self.turn)
 
 
 def _opened(path: Path) -> IO[bytes]:

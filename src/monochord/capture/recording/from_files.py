@@ -18,7 +18,6 @@ from monochord.core.types import Floats, StringParams
 from monochord.core.units import Seconds
 from monochord.physics.known_touches import why_impossible
 from monochord.sessions import ESTIMATES, Description, SessionClock, SessionWriter, read_session
-from monochord.sessions.bounds import json_object
 
 AUDIO_FILES, SESSIONS = "wav", "session"  # the sources that read them
 SESSION_SUFFIX = ".mcap"
@@ -90,7 +89,6 @@ def from_files(
     tree |= {"sample_rate": rate, "channels": channels}
     more = known.get("more", {}) | more
     description = from_tree(Description, {**tree, "more": {**more, **options_.get("more", {})}}, "session")
-    json_object(description.dump())  # refuses text that no file can store, before the file is written
     time, columns = np.zeros(0), dict[str, Floats]()
     if labels is not None:
         time, columns = read_labels(labels, frames / rate, description.string)

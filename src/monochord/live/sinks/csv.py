@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from monochord.core.errors import InputError
+from monochord.core.files import written
 from monochord.live.sinks._record import NANO, record, unix_nanoseconds
 from monochord.live.sinks.base import Run, Sink, Update, Writer
 
@@ -48,18 +49,22 @@ class Csv(Sink):
         except OSError as error:
             raise InputError(f"file {self.path} ({error.strerror})", "a writable path") from error
         with file:
-            yield _Rows(file)
+            yield _Rows(file, Path(self.path))
 
 
 class _Rows(Writer):
-    def __init__(self, file: TextIO) -> None:
+    def __init__(self, file: TextIO, path: Path) -> None:
+        self._path = path
         self._rows: Any = csv.writer(file, lineterminator="\n")
         self._columns: tuple[str, ...] = ()
 
     def write(self, update: Update) -> None:
-        cells = _cells(update)
+        with written(self._path):
+            self._write(_cells(update), has_truth=bool(update.truth))
+
+    def _write(self, cells: dict[str, Any], *, has_truth: bool) -> None:
         if not self._columns:
-            truth = TRUE if update.truth else ()
+            truth = TRUE if has_truth else ()
             self._columns = tuple(dict.fromkeys((*cells, *truth, *TRACKED)))
             self._rows.writerow((*self._columns, "more"))
         row = [cells.pop(name, None) for name in self._columns]

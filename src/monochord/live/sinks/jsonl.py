@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TextIO
 
 from monochord.core.errors import InputError
+from monochord.core.files import written
 from monochord.live.sinks._record import record
 from monochord.live.sinks.base import Run, Sink, Update, Writer
 
@@ -80,6 +81,7 @@ class _Lines(Writer):
 
     def write(self, update: Update) -> None:
         values = record(update, everything=self._everything)
-        self._file.write(json.dumps(values, allow_nan=False) + "\n")
-        if self._flush:
-            self._file.flush()
+        with written(Path(str(self._file.name))):
+            self._file.write(json.dumps(values, allow_nan=False) + "\n")
+            if self._flush:
+                self._file.flush()

@@ -32,9 +32,9 @@ COOKIE = "monochord"
 FREE = 10
 """Number of wrong tokens from an address without a delay."""
 INTERVAL: Seconds = 0.1
-"""Delay between tokens from an address after that many wrong ones, in s."""
+"""Delay between wrong tokens from an address after that many, in s."""
 MAX_ATTEMPTS = 64
-"""Most requests that wait for their token to be checked."""
+"""Most requests with a wrong token that wait for their answer."""
 MAX_SOURCES = 1024
 """Most addresses remembered; more are forgotten after their delay."""
 NAME = re.compile(r"[a-z0-9][a-z0-9_-]*(\.[a-z0-9][a-z0-9_-]*)*")
@@ -105,8 +105,9 @@ class _Source:
 class Attempts:
     """Checks tokens, and slows down an address that tries many.
 
-    The first `FREE` wrong tokens from an address have no delay. After that its tokens, right or wrong, are
-    checked in order, one every `INTERVAL`. Other addresses are not delayed.
+    The right token is let in at once, whatever else comes from its address: people behind one router share
+    it. The first `FREE` wrong tokens from an address have no delay; after that one is answered every
+    `INTERVAL`, in order. Other addresses are not delayed.
 
     Parameters
     ----------
@@ -120,11 +121,15 @@ class Attempts:
         self._waiting = 0
 
     async def right(self, address: str, text: str, gone: Callable[[], bool] = lambda: False) -> bool | None:
-        """Return whether a text is the token; False where its sender is gone, None where too many wait.
+        """Return whether a text is the token; None where it is wrong and too many wait.
+
+        A sender that is `gone` does not delay the others.
 
         >>> asyncio.run(Attempts("mine".__eq__).right("192.168.1.5", "yours"))
         False
         """
+        if self._is_right(text):
+            return True
         source = self._source(_network(address))
         if self._waiting >= MAX_ATTEMPTS and (source.turn.locked() or source.pause):
             return None
@@ -132,11 +137,9 @@ class Attempts:
         try:
             async with source.turn:
                 await asyncio.sleep(source.pause)
-                if gone():
-                    return False
-                right = self._is_right(text)
-                source.due = source.due if right else max(source.due, time.monotonic()) + INTERVAL
-                return right
+                if not gone():
+                    source.due = max(source.due, time.monotonic()) + INTERVAL
+                return False
         finally:
             self._waiting -= 1
 

@@ -205,7 +205,7 @@ class Definition(Checked):
         ):
             if not 1 <= value <= most:
                 raise InputError(f"a model with {name} {value}", f"1 to {most}")
-        if self.sensing_range is not None and not -inf < self.sensing_range[0] < self.sensing_range[1] < inf:
+        if self.sensing_range is not None and not 0.0 <= self.sensing_range[0] < self.sensing_range[1] < inf:
             given = f"sensing_range {self.sensing_range} of a model"
             raise InputError(given, "two positions in m from pickup 1, the smaller one first")
         if sum(record.task.label == CONTACT for record in self.heads.values()) != 1:

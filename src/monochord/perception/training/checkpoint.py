@@ -4,7 +4,6 @@ A checkpoint is one safetensors file, replaced atomically: after a kill, the fil
 """
 
 import json
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from hashlib import sha256
@@ -14,6 +13,7 @@ import numpy as np
 
 from monochord.core.config import from_tree
 from monochord.core.errors import InputError
+from monochord.core.files import replacing, synced
 from monochord.core.types import Audio
 
 Line = dict[str, float]
@@ -73,12 +73,10 @@ class Checkpoint:
             at=self.at,
             history=self.history,
         )
-        part = file.with_name(f".{file.name}.part")
-        with part.open("wb") as stream:
+        with replacing(file) as part, part.open("wb") as stream:
             stream.write(save(tensors, metadata={"state": json.dumps(asdict(state))}))
             stream.flush()
-            os.fsync(stream.fileno())
-        os.replace(part, file)  # noqa: PTH105
+            synced(stream.fileno())
 
     @classmethod
     def read(cls, file: Path) -> "Checkpoint | None":

@@ -9,7 +9,6 @@ array.
 
 import hashlib
 import json
-import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
@@ -21,6 +20,7 @@ import numpy as np
 
 from monochord.core.config import to_tree
 from monochord.core.errors import InputError
+from monochord.core.files import replacing
 from monochord.core.types import Audio, Indices, Progress, Signal, StringParams
 from monochord.core.units import Samples
 from monochord.core.workers import run_all
@@ -171,10 +171,8 @@ class Rows:
                 raise InputError(given, f"finite rows {(len(some), shape[1])}", "correct the feature")
             result[first : first + BATCH] = batch
         file.parent.mkdir(parents=True, exist_ok=True)
-        part = file.with_name(f".{file.name}.{os.getpid()}")
-        with part.open("wb") as stream:
-            stream.write(_sealed(result))
-        os.replace(part, file)  # noqa: PTH105  (another run may have written the same)
+        with replacing(file) as part:  # another run may have written the same
+            part.write_bytes(_sealed(result))
         return result
 
     def _features(self, windows: Audio, rows: Indices) -> Audio:

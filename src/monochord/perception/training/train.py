@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 
 from monochord.core.config import to_tree
 from monochord.core.installing import installation
+from monochord.core.ownership import sole_use
 from monochord.core.types import Floats, Indices, Progress, Signal, Window
 from monochord.core.units import Samples
+from monochord.datasets.split import Split
 from monochord.datasets.store import Dataset, open_dataset
 from monochord.metrics import detection_score, mean_absolute_error, regression_score
 from monochord.perception.model.context import ModelState
@@ -35,6 +37,7 @@ from monochord.perception.training.checkpoint import Checkpoint
 from monochord.perception.training.choice import Candidate, Choice, choose, regressions
 from monochord.perception.training.correct import Replayed, counting, with_prior, with_variables
 from monochord.perception.training.examples import (
+    TrainingData,
     chosen,
     examples_of,
     noises_of,
@@ -105,8 +108,9 @@ def train(
     Raises
     ------
     InputError
-        If a setting, the dataset or the split cannot be used; if `out` is not such a run; or if TensorBoard
-        with ``board = true`` is not installed, or PyTorch with no method but the network.
+        If a setting, the dataset or the split cannot be used; if `out` is not such a run, or another process
+        trains in it; or if TensorBoard with ``board = true`` is not installed, or PyTorch with no method but
+        the network.
 
     Examples
     --------
@@ -121,6 +125,19 @@ def train(
     for name in ("train", "validation"):
         chosen(dataset, split.parts[name], data.tasks, name)  # refuses before anything is written
     claim(out, settings.resolved())
+    with sole_use(out, anywhere=True):
+        return _trained(settings, out, dataset, split, data, progress)
+
+
+def _trained(
+    settings: TrainingSettings,
+    out: Path,
+    dataset: Dataset,
+    split: Split,
+    data: TrainingData,
+    progress: Progress,
+) -> TrainingResult:
+    """Train in a claimed folder."""
     noises = noises_of(settings, dataset.manifest.sample_rate)
     learned = examples_of(data, split.train, "train", noises, progress)
     copies = examples_of(data, split.validation, "validation", noises, progress)

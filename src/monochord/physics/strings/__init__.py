@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Any
 
-from monochord.core.config import from_tree, to_tree
+from monochord.core.config import from_tree
 from monochord.core.errors import InputError
 from monochord.core.lengths import refuse_other_units
 from monochord.core.notebook import html_table, lines
@@ -55,21 +55,12 @@ class StringPreset:
 
 def _read(tree: dict[str, Any], where: str) -> StringPreset:
     preset = from_tree(StringPreset, tree, where)
-    _refuse_impossible(preset.string, where)
     length, contact = preset.string.length, preset.contact
+    refuse_other_units(length=length)
     if contact is not None and not 0.0 < contact.position < length:
         given = f"{where}.contact.position {contact.position:g} m"
         raise InputError(given, f"strictly between 0 and {length:g} m")
     return preset
-
-
-def _refuse_impossible(string: StringParams, where: str) -> None:
-    refuse_other_units(length=string.length)
-    for key, value in to_tree(string).items():
-        if key in {"length", "linear_density", "tension", "young_modulus"} and not value > 0.0:
-            raise InputError(f"{where}.string.{key} {value:g}", "above 0")
-        if not value >= 0.0:
-            raise InputError(f"{where}.string.{key} {value:g}", "0 or more")
 
 
 STRINGS = Presets(package=__name__, kind="string", read=_read)

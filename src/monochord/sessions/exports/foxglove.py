@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 import numpy as np
 from msgspec import Meta
 
+from monochord.core.files import written
 from monochord.sessions import SessionReader, codec
 from monochord.sessions.description import NANO
 from monochord.sessions.exports.base import Export, folder_each
@@ -66,18 +67,19 @@ class Foxglove(Export):
 
     def write(self, sessions: Sequence[SessionReader], out: Path) -> list[Path]:
         """Write each session to a folder below `out` named after its file, and the layout beside them."""
-        written: list[Path] = []
+        paths: list[Path] = []
         shown: dict[str, tuple[str, tuple[str, ...]]] = {}
         poses: dict[str, dict[str, None]] = {}
         for session, folder in folder_each(sessions, out):
             bag = _Bag(session, self.gain)
-            written += bag.write(folder)
+            paths += bag.write(folder)
             shown |= bag.topics
             for frame, topics in bag.frames.items():
                 poses.setdefault(frame, {}).update(topics)
         layout = out / LAYOUT
-        layout.write_text(json.dumps(_layout(shown, poses), indent=1) + "\n", encoding="utf-8")
-        return [*written, layout]
+        with written(layout):
+            layout.write_text(json.dumps(_layout(shown, poses), indent=1) + "\n", encoding="utf-8")
+        return [*paths, layout]
 
 
 class _Bag:
@@ -120,7 +122,7 @@ class _Bag:
         from rosbags.rosbag2 import StoragePlugin, Writer  # noqa: PLC0415
 
         folder.rmdir()  # the library makes it, and refuses one that is there
-        with Writer(folder, version=VERSION, storage_plugin=StoragePlugin.MCAP) as bag:
+        with written(folder), Writer(folder, version=VERSION, storage_plugin=StoragePlugin.MCAP) as bag:
             connections = {
                 topic: bag.add_connection(topic, kind, typestore=self._store)
                 for topic, (kind, _) in self.topics.items()

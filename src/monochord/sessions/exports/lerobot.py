@@ -9,6 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from monochord.core.errors import InputError
+from monochord.core.files import written
 from monochord.core.ranges import Count
 from monochord.core.types import Floats
 from monochord.sessions import SessionReader
@@ -72,17 +73,22 @@ class LeRobot(Export):
             place = data.add(frames)
             rows.append(_episode(number, [task_of(session)], place, stats[-1]))
         data.close()
-        written = [*data.paths, out / EPISODES.format(chunk_index=0, file_index=0), out / TASKS]
-        for path in written[-2:]:
+        tables = {
+            out / EPISODES.format(chunk_index=0, file_index=0): pa.Table.from_pylist(rows),
+            out / TASKS: _tasks(pa, tasks),
+        }
+        for path, table in tables.items():
             path.parent.mkdir(parents=True, exist_ok=True)
-        pq.write_table(pa.Table.from_pylist(rows), written[-2])
-        pq.write_table(_tasks(pa, tasks), written[-1])
+            with written(path):
+                pq.write_table(table, path)
+        paths = [*data.paths, *tables]
         info = _info(sessions, self.fps, data.frames, tasks, features)
         whole = {name: {k: v.tolist() for k, v in each.items()} for name, each in joined(stats).items()}
         for name, tree in (("info", info), ("stats", whole)):
-            written.append(out / "meta" / f"{name}.json")
-            written[-1].write_text(json.dumps(tree, indent=4, ensure_ascii=False), encoding="utf-8")
-        return written
+            paths.append(out / "meta" / f"{name}.json")
+            with written(paths[-1]):
+                paths[-1].write_text(json.dumps(tree, indent=4, ensure_ascii=False), encoding="utf-8")
+        return paths
 
 
 class _DataFiles:
@@ -105,7 +111,8 @@ class _DataFiles:
             self.paths.append(self._out / DATA.format(chunk_index=chunk, file_index=file))
             self.paths[-1].parent.mkdir(parents=True, exist_ok=True)
             self._writer, self._size = self._pq.ParquetWriter(self.paths[-1], table.schema), 0.0
-        self._writer.write_table(table)
+        with written(self.paths[-1]):
+            self._writer.write_table(table)
         self._size += megabytes
         first, self.frames = self.frames, self.frames + table.num_rows
         chunk, file = divmod(len(self.paths) - 1, FILES_A_CHUNK)
@@ -118,7 +125,8 @@ class _DataFiles:
 
     def close(self) -> None:
         if self._writer is not None:
-            self._writer.close()
+            with written(self.paths[-1]):
+                self._writer.close()
             self._writer = None
 
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from monochord.core.errors import InputError
+from monochord.core.files import written
 from monochord.sessions import Description, SessionReader
 from monochord.sessions.bounds import MAX_COLUMNS, refuse_unpacking
 from monochord.sessions.exports._contents import (
@@ -59,20 +60,22 @@ class Parquet(Export):
         if self.compression not in known:
             raise InputError(f"compression '{self.compression}'", ", ".join(known))
         pa, pq = arrow(FORM)
-        written: list[Path] = []
+        paths: list[Path] = []
         for session, folder in folder_each(sessions, out):
-            written.append(self._write_audio(pa, pq, session, folder / "audio.parquet"))
+            paths.append(self._write_audio(pa, pq, session, folder / "audio.parquet"))
             for name, columns in tables(session).items():
                 path = folder / f"{name}.parquet"
                 # The type of text is given, since a table without rows would not have it.
                 texts = {key: pa.string() for key, column in columns.items() if column.dtype.kind == "O"}
                 arrays = {key: pa.array(column, texts.get(key)) for key, column in columns.items()}
-                pq.write_table(pa.table(arrays), path, compression=self.compression, **CHECKED)
-                written.append(path)
+                with written(path):
+                    pq.write_table(pa.table(arrays), path, compression=self.compression, **CHECKED)
+                paths.append(path)
             text = json.dumps(about(session, FORM), indent=1, sort_keys=True, ensure_ascii=False)
-            (folder / ABOUT).write_text(text + "\n", encoding="utf-8")
-            written.append(folder / ABOUT)
-        return written
+            with written(folder / ABOUT):
+                (folder / ABOUT).write_text(text + "\n", encoding="utf-8")
+            paths.append(folder / ABOUT)
+        return paths
 
     def read(self, folder: Path, path: Path) -> None:
         """Convert an exported folder back into a session, the new file `path`."""
@@ -94,7 +97,7 @@ class Parquet(Export):
     def _write_audio(self, pa: Any, pq: Any, session: SessionReader, path: Path) -> Path:
         schema = _audio_schema(pa, session.description.channels)
         rows: list[dict[str, Any]] = []
-        with pq.ParquetWriter(path, schema, compression=self.compression, **CHECKED) as writer:
+        with written(path), pq.ParquetWriter(path, schema, compression=self.compression, **CHECKED) as writer:
             for stretch in stretches(session):
                 rows.append(_row(stretch))
                 if len(rows) == ROWS:

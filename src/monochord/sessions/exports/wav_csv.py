@@ -12,7 +12,7 @@ import numpy as np
 import soundfile
 
 from monochord.core.errors import InputError
-from monochord.core.files import refuse_endless, similar_name, sound_written, without_index
+from monochord.core.files import refuse_endless, similar_name, sound_written, without_index, written
 from monochord.core.types import Audio
 from monochord.core.units import Samples
 from monochord.sessions import SessionReader
@@ -57,15 +57,16 @@ class WavCsv(Export):
 
     def write(self, sessions: Sequence[SessionReader], out: Path) -> list[Path]:
         """Write each session to a folder below `out` named after its file."""
-        written: list[Path] = []
+        paths: list[Path] = []
         for session, folder in folder_each(sessions, out):
-            written += [_write_sound(session, folder), folder / STRETCHES]
+            paths += [_write_sound(session, folder), folder / STRETCHES]
             for name, columns in tables(session).items():
-                written.append(write_csv(folder / f"{name}.csv", columns))
+                paths.append(write_csv(folder / f"{name}.csv", columns))
             text = json.dumps(about(session, FORM), indent=1, sort_keys=True, ensure_ascii=False)
-            (folder / ABOUT).write_text(text + "\n", encoding="utf-8")
-            written.append(folder / ABOUT)
-        return written
+            with written(folder / ABOUT):
+                (folder / ABOUT).write_text(text + "\n", encoding="utf-8")
+            paths.append(folder / ABOUT)
+        return paths
 
     def read(self, folder: Path, path: Path) -> None:
         """Convert an exported folder back into a session, the new file `path`."""
@@ -164,7 +165,7 @@ def write_csv(path: Path, columns: Columns) -> Path:
     texts = any(column.dtype.kind == "O" for column in columns.values())
     # Else a carriage return in a text would end its row.
     quoting = csv.QUOTE_NONNUMERIC if texts else csv.QUOTE_MINIMAL
-    with path.open("w", encoding="utf-8", newline="") as file:
+    with written(path), path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n", quoting=quoting)
         writer.writerow(columns)
         cells = (_cells(column) for column in columns.values())

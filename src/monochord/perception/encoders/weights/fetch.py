@@ -2,11 +2,15 @@
 
 import http.client
 import logging
+import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from hashlib import sha256
 from importlib import import_module
 from pathlib import Path
+from queue import Empty, Full, Queue
+from threading import Event, Thread
+from typing import TypeAlias
 from urllib.error import HTTPError
 from urllib.request import (
     FileHandler,
@@ -25,8 +29,10 @@ from monochord.perception.encoders.weights import CHECKSUM_SUFFIX, KnownWeights,
 
 _LOG = logging.getLogger(__name__)
 TIMEOUT: Seconds = 30.0
-"""Longest wait for a server's answer."""
+"""Longest time in which a server must bring `MIN_BYTES`, its answer's beginning included."""
+MIN_BYTES = 1 << 15
 CHUNK_BYTES = 1 << 20
+CHUNKS_AHEAD = 4
 HANDLERS = (
     ProxyHandler,
     HTTPSHandler,
@@ -38,6 +44,7 @@ HANDLERS = (
 )
 Progress = Callable[[int, int], None]
 """Called with the bytes so far and the total; the total is 0 if the server does not state it."""
+_Item: TypeAlias = tuple[bytes, int] | BaseException
 
 
 def describe(known: KnownWeights, path: Path) -> str:
@@ -57,7 +64,8 @@ def fetch(known: KnownWeights, path: Path, progress: Progress) -> str:
     Raises
     ------
     DeviceError
-        If the server does not answer, returns an error, or breaks off.
+        If the server does not answer, returns an error, breaks off, or brings fewer than `MIN_BYTES` within
+        `TIMEOUT` s.
     InputError
         If the file has another checksum or content, or cannot be written.
     """
@@ -104,23 +112,69 @@ def _chunks(known: KnownWeights) -> Iterator[tuple[bytes, int]]:
     """Yield the chunks of the download, with the bytes in all."""
     if not known.url.startswith(("https://", "file:///")):
         raise InputError(f"address {known.url}", "an https address, or a local file (file:///)")
-    opener = OpenerDirector()  # without a handler of http, so that no redirection can lead there
-    for handler in HANDLERS:
-        opener.add_handler(handler())
+    ahead: Queue[_Item] = Queue(CHUNKS_AHEAD)
+    stopped = Event()
+    Thread(target=_read_ahead, args=(known, ahead, stopped), name="weights", daemon=True).start()
+    brought, deadline, left = 0, time.monotonic() + TIMEOUT, 0
     try:
-        with opener.open(known.url, timeout=TIMEOUT) as answer:
-            total = int(answer.headers.get("Content-Length") or 0)
-            left = total
-            while chunk := answer.read(CHUNK_BYTES):
-                left -= len(chunk)
-                yield chunk, total
+        while True:
+            try:
+                chunk, total = _taken(ahead.get(timeout=max(0.0, deadline - time.monotonic())))
+            except Empty:
+                stalled = f"brought {brought} bytes in {TIMEOUT:g} s, and nothing more"
+                raise _unavailable(known, stalled if brought else f"no answer in {TIMEOUT:g} s") from None
+            if not chunk:
+                break
+            left = (left or total) - len(chunk)
+            brought += len(chunk)
+            if brought >= MIN_BYTES:
+                brought, deadline = 0, time.monotonic() + TIMEOUT
+            yield chunk, total
     except HTTPError as error:
         with error:
             raise _unavailable(known, f"answers {error.code} {error.reason}") from error
     except (OSError, ValueError, http.client.HTTPException) as error:
         raise _unavailable(known, f"no answer ({getattr(error, 'reason', None) or error})") from error
+    finally:
+        stopped.set()
     if total and left:
         raise _unavailable(known, f"broke off {left} bytes before its end")
+
+
+def _taken(item: _Item) -> tuple[bytes, int]:
+    if isinstance(item, BaseException):
+        raise item
+    return item
+
+
+def _read_ahead(known: KnownWeights, ahead: "Queue[_Item]", stopped: Event) -> None:
+    """Put the chunks of the download, with the bytes in all, into a queue; an empty one or an error is last.
+
+    A separate thread does so, because a server that sends a byte now and then ends no wait of a socket.
+    """
+    opener = OpenerDirector()  # without a handler of http, so that no redirection can lead there
+    for handler in HANDLERS:
+        opener.add_handler(handler())
+    item: _Item
+    try:
+        with opener.open(known.url, timeout=TIMEOUT) as answer:
+            total = int(answer.headers.get("Content-Length") or 0)
+            read = getattr(answer, "read1", answer.read)  # of a local file, which does not trickle
+            item = b"", total
+            while (chunk := read(CHUNK_BYTES)) and _put(ahead, (chunk, total), stopped):
+                pass
+    except Exception as error:  # noqa: BLE001  (raised again where the chunks are taken)
+        item = error
+    _put(ahead, item, stopped)
+
+
+def _put(ahead: "Queue[_Item]", item: "_Item", stopped: Event) -> bool:
+    """Put an item into the queue as soon as there is room; return false where nobody takes it any more."""
+    while not stopped.is_set():
+        with suppress(Full):
+            ahead.put(item, timeout=0.1)
+            return True
+    return False
 
 
 def _unavailable(known: KnownWeights, why: str) -> DeviceError:
