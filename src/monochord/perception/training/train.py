@@ -126,18 +126,20 @@ def train(
         chosen(dataset, split.parts[name], data.tasks, name)  # refuses before anything is written
     claim(out, settings.resolved())
     with sole_use(out, anywhere=True):
-        return _trained(settings, out, dataset, split, data, progress)
+        result = _trained(settings, methods, out, dataset, split, data, progress)
+    return dataclasses.replace(result, left_out=left_out)
 
 
 def _trained(
     settings: TrainingSettings,
+    methods: Sequence[Method],
     out: Path,
     dataset: Dataset,
     split: Split,
     data: TrainingData,
     progress: Progress,
 ) -> TrainingResult:
-    """Train in a claimed folder."""
+    """Train by these methods in a claimed folder."""
     noises = noises_of(settings, dataset.manifest.sample_rate)
     learned = examples_of(data, split.train, "train", noises, progress)
     copies = examples_of(data, split.validation, "validation", noises, progress)
@@ -196,9 +198,7 @@ def _trained(
             "versions": model.definition.versions,
         },
     )
-    return TrainingResult(
-        out=out, model=model, scores=scores, epochs=state.epoch, choices=choices, left_out=left_out
-    )
+    return TrainingResult(out=out, model=model, scores=scores, epochs=state.epoch, choices=choices)
 
 
 def _usable(methods: tuple[Method, ...]) -> tuple[tuple[Method, ...], str]:
