@@ -1,7 +1,7 @@
 """A training run from settings to a model, readable top to bottom."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
