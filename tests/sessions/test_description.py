@@ -15,6 +15,10 @@ from monochord.sessions import Description, SessionClock, SessionWriter, check, 
 ROOM: dict[str, Any] = {"stream": "room", "columns": ("temperature",), "units": ("K",)}
 
 
+def room(**more: Any) -> tuple[Feed, ...]:
+    return (Feed(**{**ROOM, **more}),)
+
+
 def _nested(depth: int) -> dict[str, Any]:
     tree: dict[str, Any] = {}
     for _ in range(depth):
@@ -48,16 +52,16 @@ REFUSED: dict[str, dict[str, Any]] = {
     "a fraction of a rate": {"sample_rate": 44100.5},
     "a name of a string": {"string": "prototype"},
     "simulated perhaps": {"simulated": "perhaps"},
-    "feed: a number in details": {"feeds": (Feed(**ROOM, details={"serial": 12345}),)},  # pyright: ignore[reportArgumentType]
-    "feed: a table in details": {"feeds": (Feed(**ROOM, details={"at": {"x": "1"}}),)},  # pyright: ignore[reportArgumentType]
-    "feed: rate nan": {"feeds": (Feed(**ROOM, rate=math.nan),)},
-    "feed: rate as words": {"feeds": (Feed(**ROOM, rate="often"),)},  # pyright: ignore[reportArgumentType]
-    "feed: ticks beyond a float": {"feeds": (Feed(**ROOM, ticks=10**400),)},
-    "feed: a number as column": {"feeds": (Feed(**{**ROOM, "columns": (3,)}),)},
-    "feed: text as columns": {"feeds": (Feed(**{**ROOM, "columns": "x", "units": "m"}),)},
-    "feed: no unit": {"feeds": (Feed(**{**ROOM, "units": (None,)}),)},
-    "feed: a number as stream": {"feeds": (Feed(**{**ROOM, "stream": 5}),)},
-    "feed: half a surrogate": {"feeds": (Feed(**{**ROOM, "columns": ("\ud800",)}),)},
+    "feed: a number in details": {"feeds": room(details={"serial": 12345})},
+    "feed: a table in details": {"feeds": room(details={"at": {"x": "1"}})},
+    "feed: rate nan": {"feeds": room(rate=math.nan)},
+    "feed: rate as words": {"feeds": room(rate="often")},
+    "feed: ticks beyond a float": {"feeds": room(ticks=10**400)},
+    "feed: a number as column": {"feeds": room(columns=(3,))},
+    "feed: text as columns": {"feeds": room(columns="x", units="m")},
+    "feed: no unit": {"feeds": room(units=(None,))},
+    "feed: a number as stream": {"feeds": room(stream=5)},
+    "feed: half a surrogate": {"feeds": room(columns=("\ud800",))},
 }
 READ: dict[str, dict[str, Any]] = {
     "NumPy scalars": {"day": np.int64(3), "radius": np.float32(0.5), "simulated": np.bool_(True)},
@@ -67,9 +71,9 @@ READ: dict[str, dict[str, Any]] = {
     "a number as key": {"more": {1: "one"}},
     "a path": {"notes": Path("notes.txt")},
     "a large seed": {"seed": 10**30},
-    "zero bytes": {"notes": "a\0b", "feeds": (Feed(**{**ROOM, "columns": ("a\0b",)}),)},
-    "long names": {"notes": "x" * 3_000_000, "feeds": (Feed(**{**ROOM, "columns": ("x" * 100_000,)}),)},
-    "a long stream": {"feeds": (Feed(**{**ROOM, "stream": "x" * 70_000}),)},
+    "zero bytes": {"notes": "a\0b", "feeds": room(columns=("a\0b",))},
+    "long names": {"notes": "x" * 3_000_000, "feeds": room(columns=("x" * 100_000,))},
+    "a long stream": {"feeds": room(stream="x" * 70_000)},
 }
 
 

@@ -14,7 +14,7 @@ from tests.sessions.made import RATE, block, description, make, plain_readings
 
 from monochord.core.errors import InputError
 from monochord.core.types import Block, Feed
-from monochord.sessions import SessionClock, SessionWriter, check, read_session
+from monochord.sessions import SessionClock, SessionWriter, check, read_session, recover
 
 
 def test_the_same_content_gives_the_same_bytes(tmp_path: Path) -> None:
@@ -180,3 +180,39 @@ def test_a_stream_called_labels_is_labels(tmp_path: Path) -> None:
     assert session.streams == ()
     assert session.labels.time.tolist() == [0.0, 0.1, 0.2]
     assert session.labels.columns["contact"].tolist() == [0.0, 1.0, 1.0]
+
+
+@pytest.mark.parametrize("number", [errno.EINVAL, errno.ENOSYS, errno.EOPNOTSUPP])
+def test_a_file_system_that_cannot_sync_records(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int
+) -> None:
+    def refused(handle: int) -> None:
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(os, "fdatasync", refused)
+    monkeypatch.setattr(os, "fsync", refused)
+    path = tmp_path / "a.mcap"
+    writer = make(path, seconds=0.3, close=False)
+    writer.flush(sync=True)
+    writer.sync()
+    writer.close()
+    assert check(path).sound
+    path.write_bytes(path.read_bytes()[:-300])
+    assert recover(path).repaired
+    assert check(path).sound
+
+
+def test_a_disk_that_fails_is_told_with_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    writer = make(tmp_path / "a.mcap", seconds=0.3, close=False)
+
+    def failed(handle: int, data: object = None) -> int:
+        raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    monkeypatch.setattr(os, "fdatasync", failed)
+    with pytest.raises(OSError, match=r"a\.mcap") as failure:
+        writer.sync()
+    assert failure.value.errno == errno.EIO
+    monkeypatch.setattr(os, "write", failed)
+    writer.event(100.0, "mark")
+    with pytest.raises((OSError, InputError), match=r"a\.mcap"):
+        writer.flush()

@@ -15,6 +15,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from monochord.core.identity import SensorIdentity
 from monochord.core.ranges import Checked, NonNegative, Positive
 from monochord.core.shapes import sound
 from monochord.core.units import (
@@ -358,7 +359,8 @@ class Signal:
     in hertz or newtons are then stated relative to it. `length_std` is the standard error of the string's
     length in m, where it was measured; None for a length that is the design's. `sensing_range` is the part of
     the string where the sensor can resolve position, None for an unknown sensor. `drivers` holds the coil
-    positions (sense and drive) of each driver that is on; empty if unknown.
+    positions (sense and drive) of each driver that is on; empty if unknown. `sensor` is which sensor it is,
+    None if unknown.
 
     Examples
     --------
@@ -374,6 +376,7 @@ class Signal:
     length_std: Metres | None = None
     sensing_range: tuple[Metres, Metres] | None = None
     drivers: tuple[tuple[Metres, Metres], ...] = ()
+    sensor: SensorIdentity | None = None
 
     @property
     def tension_scale(self) -> float:

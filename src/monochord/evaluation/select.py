@@ -13,6 +13,7 @@ import numpy as np
 
 from monochord.core.config import Tree, load_toml
 from monochord.core.errors import InputError
+from monochord.core.identity import SensorIdentity, calibrated_elsewhere
 from monochord.core.types import Progress, StringParams
 from monochord.core.units import Newtons, Seconds
 from monochord.datasets.audit import audit
@@ -227,6 +228,7 @@ def select(
     refuse_unusable_labels(selection)
     if definition is not None and not (split and settings.part != "test"):
         notes += refuse_trained_on(selection, definition, split)
+    notes += _calibrated_elsewhere(definition, selection)
     if candidate.random_weights and definition is not None:
         notes += (f"the weights of the feature {definition.feature.name} are random: it was not trained",)
     training: Selection | None = None
@@ -235,6 +237,20 @@ def select(
     elif settings.baselines:
         training = training_of(candidate, selection.string)
     return EvaluationData(selection=selection, training=training, force_floor=floors, notes=notes)
+
+
+def _calibrated_elsewhere(definition: Definition | None, selection: Selection) -> tuple[str, ...]:
+    """Return the note that a model was calibrated on another sensor than some sessions are of."""
+    if definition is None or definition.calibrated_on is None:
+        return ()
+    parts = selection.dataset.manifest.parts
+    said = {
+        calibrated_elsewhere(
+            definition.calibrated_on, SensorIdentity(build=part.build, length=part.measured_length)
+        ): None
+        for part in (parts[number] for number in np.unique(selection.dataset.session[selection.rows]))
+    }
+    return tuple(filter(None, said))[:1]
 
 
 def audited(dataset: Dataset, split: Split, *, learned: bool = True) -> tuple[str, ...]:

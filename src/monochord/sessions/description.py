@@ -5,6 +5,7 @@ import math
 import re
 import time
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, fields
 from importlib.metadata import PackageNotFoundError, version
 from platform import python_version
@@ -15,6 +16,7 @@ from msgspec import Meta
 
 from monochord.core.config import Tree, from_tree, to_tree
 from monochord.core.errors import InputError
+from monochord.core.identity import SensorIdentity
 from monochord.core.notebook import lines
 from monochord.core.ranges import Checked
 from monochord.core.types import Feed, Floats, StringParams
@@ -138,6 +140,19 @@ class Description(Checked):
                 return feed
         there = ", ".join(feed.stream for feed in self.feeds) or "none"
         raise InputError(f"stream '{stream}' of session {self.name}", there)
+
+    @property
+    def identity(self) -> SensorIdentity:
+        """Which sensor was recorded, as far as it is known."""
+        name, length = self.sensor.get("name"), None
+        with suppress(InputError):
+            length = json_object(self.more.get(TUNING, "{}")).get("length")
+        known = isinstance(length, float) and 0.0 < length < math.inf
+        return SensorIdentity(
+            name=name if isinstance(name, str) else "",
+            build=self.build if self.build is not None and self.build >= 0 else None,
+            length=length if known else None,
+        )
 
     def dump(self) -> str:
         """Return the description as JSON text with sorted keys, for `load`.

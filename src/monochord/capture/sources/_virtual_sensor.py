@@ -10,6 +10,7 @@ import numpy as np
 from monochord.capture.sources._labels import LabelMemory
 from monochord.capture.sources._paced_stream import PacedStream
 from monochord.capture.sources.base import Source
+from monochord.core.identity import SensorIdentity
 from monochord.core.ranges import Count
 from monochord.core.types import Audio, Signal, Truth
 from monochord.core.units import Samples, Seconds
@@ -43,7 +44,8 @@ class VirtualSensorSource(Source):
 class _SensorStream(PacedStream):
     def __init__(self, options: VirtualSensorSource) -> None:
         sensor, rate = options.sensor, options.sensor.sample_rate
-        signal = with_sensor(Signal(sample_rate=rate, channels=2), sensor.design)
+        identity = SensorIdentity(build=sensor.build)
+        signal = with_sensor(Signal(sample_rate=rate, channels=2, sensor=identity), sensor.design)
         end = round(options.seconds * rate) if options.seconds < math.inf else math.inf
         super().__init__(signal, block=options.block, speed=0.0, end=end)
         self._sensor, self._origin = sensor, round(sensor.time * rate)

@@ -67,7 +67,12 @@ class SessionSource(Source):
 class _SessionStream(PacedStream):
     def __init__(self, session: SessionReader, options: SessionSource) -> None:
         about, track = session.description, session.audio
-        signal = Signal(sample_rate=about.sample_rate, channels=about.channels, string=about.string)
+        signal = Signal(
+            sample_rate=about.sample_rate,
+            channels=about.channels,
+            string=about.string,
+            sensor=about.identity,
+        )
         if about.sensor.get("measured_length") is not None:
             signal = replace(signal, length_std=RULER_STD)
         end = track.samples.shape[1]

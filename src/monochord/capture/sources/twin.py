@@ -19,6 +19,7 @@ from monochord.capture.sources._paced_stream import PacedStream
 from monochord.capture.sources._script import EDGE, ScriptedTouch, draw_touches, twin_changes
 from monochord.capture.sources.base import Controls, Source
 from monochord.core.errors import InputError
+from monochord.core.identity import SensorIdentity
 from monochord.core.ranges import Count, NonNegative, Pair, Share, Whole, refuse_unordered
 from monochord.core.types import Audio, Floats, Signal, Truth
 from monochord.core.units import FINITE, Newtons, Samples, Seconds
@@ -159,7 +160,8 @@ class TwinSource(Source):
 class _TwinStream(PacedStream):
     def __init__(self, options: TwinSource, design: Sensor, sensor: Sensor) -> None:
         rate = options.sample_rate
-        signal = with_sensor(Signal(sample_rate=rate, channels=2), design)
+        identity = SensorIdentity(build=options.build)
+        signal = with_sensor(Signal(sample_rate=rate, channels=2, sensor=identity), design)
         end = round(options.duration * rate) if options.duration else math.inf
         super().__init__(signal, block=options.block, speed=options.speed, end=end)
         length = sensor.string.length

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 from msgspec import Meta
 
 from monochord.core.errors import InputError, did_you_mean
+from monochord.core.identity import SensorIdentity
 from monochord.core.ranges import Checked, Finite, InnerShare, NonNegative, Positive, Whole
 from monochord.core.types import StringParams
 from monochord.core.units import Metres, Samples, Seconds
@@ -169,7 +170,9 @@ class Definition(Checked):
     `string` is the string of the sensor's design. `sensing_range` is the range of positions in m that the
     model can estimate, from the design and the training data; None if unknown. `length_std` is the relative
     standard deviation of real strings' lengths about the design's, where all strings of the training had the
-    design's length; stated errors of position include it. `sessions` maps the names of
+    design's length; stated errors of position include it. `calibrated_on` is the sensor of the known touches
+    that the model was adapted to; None for no such touches, or touches of several or unknown sensors.
+    `sessions` maps the names of
     the sessions of training and calibration to their checksums, and `dataset` is the checksum of their
     dataset. `weights` is the SHA-256 of the weights file.
     """
@@ -189,6 +192,7 @@ class Definition(Checked):
     string: StringParams | None = None
     sensing_range: tuple[Metres, Metres] | None = None
     length_std: Annotated[float, Meta(ge=0.0, le=0.1)] = 0.0
+    calibrated_on: SensorIdentity | None = None
     simulated: bool = False
     dataset: str = ""
     sessions: dict[str, str] = field(default_factory=dict[str, str])

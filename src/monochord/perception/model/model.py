@@ -1,5 +1,6 @@
 """The model: features, untouched reference, scaling and heads in one frozen object, offline and live."""
 
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from monochord.core.errors import InputError
+from monochord.core.identity import calibrated_elsewhere
 from monochord.core.labels import LabelTrack, window_labels
 from monochord.core.notebook import html_table, lines
 from monochord.core.shapes import refuse_other_channels
@@ -47,6 +49,7 @@ from monochord.physics.sensors import Sensor, load_sensor, retuned, with_length,
 from monochord.physics.strings import load_string
 from monochord.physics.theory import open_frequency
 
+_log = logging.getLogger("monochord")
 MAX_RETUNING = 0.12
 """Largest relative deviation of a string's pitch from the training's, if that is known."""
 
@@ -349,6 +352,8 @@ class Model:
         InputError
             If the sample rate, channels, string or window differ from the training's.
         """
+        if said := calibrated_elsewhere(self.definition.calibrated_on, signal.sensor):
+            _log.warning("monochord: %s", said)
         model = self.tuned(signal.string) if signal.string else self
         model = replace(model, length_std=signal.length_std)
         model = model.within(signal.sensing_range) if signal.sensing_range else model

@@ -36,7 +36,8 @@ def _sensor(definition: Definition) -> str:
     names = " or ".join(designs_with(string)) or "not among the presets"
     text = f"{names}, string of {1e3 * string.length:g} mm"
     places = definition.sensing_range
-    return f"{text}, senses {1e3 * places[0]:g} to {1e3 * places[1]:g} mm" if places else text
+    text = f"{text}, senses {1e3 * places[0]:g} to {1e3 * places[1]:g} mm" if places else text
+    return f"{text}; calibrated on {definition.calibrated_on}" if definition.calibrated_on else text
 
 
 def _sessions(count: int) -> str:

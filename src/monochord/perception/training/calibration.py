@@ -1,6 +1,7 @@
 """Adapting a model to one sensor with sessions of known touches, as ``monochord calibrate`` does."""
 
 import dataclasses
+import logging
 import shlex
 import tempfile
 from collections.abc import Iterable, Sequence
@@ -10,6 +11,7 @@ import numpy as np
 
 from monochord.core.config import from_tree
 from monochord.core.errors import InputError
+from monochord.core.identity import SensorIdentity, calibrated_elsewhere
 from monochord.core.types import Progress
 from monochord.core.units import Metres
 from monochord.datasets.build import BuildOptions, Labelling, build_dataset, find_sessions
@@ -22,6 +24,7 @@ from monochord.perception.training.touch_labels import refuse_impossible
 from monochord.perception.tuning.sessions import retuned_strings, tension_estimator
 from monochord.sessions import read_session
 
+_log = logging.getLogger("monochord")
 TOLERANCE: Metres = 1e-6
 """Tolerance at the ends of the sensing range, because labels are rounded to 32 bits."""
 
@@ -92,6 +95,10 @@ def calibrated(
     options = BuildOptions(window=trained.window / rate, hop=trained.hop / rate, labels=labels, force=force)
     files = find_sessions(sessions)
     _refuse_other_rates(files, rate)
+    sensors = {read_session(file).description.identity: None for file in files}
+    for each in sensors:
+        if said := calibrated_elsewhere(trained.calibrated_on, each):
+            _log.warning("monochord: %s", said)
     with tempfile.TemporaryDirectory() as folder:
         dataset = build_dataset(
             files,
@@ -115,6 +122,10 @@ def calibrated(
                 given, dataset, touches=touches, objects=objects, sensing_range=span, progress=progress
             )
     result = dataclasses.replace(result, sensing_range=span, outside=outside)
+    if touches != 0:
+        on = next(iter(sensors)) if len(sensors) == 1 and SensorIdentity() not in sensors else None
+        definition = dataclasses.replace(result.model.definition, calibrated_on=on)
+        result = dataclasses.replace(result, model=dataclasses.replace(result.model, definition=definition))
     return result if out is None else dataclasses.replace(result, model=save(result.model, out))
 
 

@@ -12,6 +12,7 @@ from typing import Any
 
 from monochord.core.config import dump_toml, from_tree, load_toml, to_tree
 from monochord.core.errors import InputError
+from monochord.core.identity import SensorIdentity
 from monochord.core.presets import Presets
 from monochord.core.types import Signal, StringParams
 from monochord.core.units import Hertz, Metres, Newtons, Seconds
@@ -219,6 +220,7 @@ def with_sensor(signal: Signal, sensor: Sensor) -> Signal:
         length_std=None if sensor.measured_length is None else RULER_STD,
         sensing_range=sensor.range,
         drivers=tuple((each.sense, each.drive) for each in sensor.drivers if each.gain * each.limit),
+        sensor=replace(signal.sensor or SensorIdentity(), name=sensor.name, length=sensor.measured_length),
     )
 
 

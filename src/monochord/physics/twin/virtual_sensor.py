@@ -84,7 +84,7 @@ class VirtualSensor:
         design = load_sensor(sensor) if isinstance(sensor, str) else sensor
         self.design, self.sensor = design, sensor_of(design, world, build=build, day=day)
         self.world: World = world
-        self._seed = seed
+        self._seed, self.build = seed, build
         length = self.sensor.string.length
         pluck = Pluck(position=0.2 * length, height=PLUCK * length)
         self._twin = begin(self.sensor, Scene(pluck=pluck), sample_rate=sample_rate, seed=seed)
