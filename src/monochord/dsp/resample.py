@@ -14,7 +14,7 @@ from monochord.core.units import Samples, Seconds
 
 LEAD: Seconds = 0.01
 """Sound on either side of a window needed by the resampler's filter."""
-PASSBAND, STOPBAND = 0.907, 100.0
+KEPT_BAND, SUPPRESSION = 0.907, 100.0
 """Share of half the lower rate up to which a stream's sound is kept, and suppression above in dB."""
 PIECE: Samples = 4096
 """Most lost frames that are taken at once."""
@@ -158,9 +158,9 @@ class Conversion:
         phases, step = new_rate // shared, sample_rate // shared
         # In cycles per frame; Kaiser's formulas for the length and shape of a window.
         top = 0.5 * min(sample_rate, new_rate) / sample_rate
-        half = ceil((STOPBAND - 7.95) / (2.285 * 2.0 * np.pi * 2.0 * (1.0 - PASSBAND) * top) / 2.0)
+        half = ceil((SUPPRESSION - 7.95) / (2.285 * 2.0 * np.pi * 2.0 * (1.0 - KEPT_BAND) * top) / 2.0)
         places = np.arange(1 - half, half + 1) - (np.arange(phases) / phases)[:, None]
-        beta = 0.1102 * (STOPBAND - 8.7)
+        beta = 0.1102 * (SUPPRESSION - 8.7)
         taper = np.i0(beta * np.sqrt(np.maximum(1.0 - (places / half) ** 2, 0.0)))
         weights = np.sinc(2.0 * top * places) * taper
         weights /= weights.sum(axis=1, keepdims=True)
