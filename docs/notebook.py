@@ -20,8 +20,8 @@ PICTURE = re.compile(r"--figure (\S+\.png)")
 def write(page: Path) -> None:
     """Write the notebook of a page beside it; one that would not change is left alone.
 
-    A command becomes a cell of the shell, a program one of Python, and a picture that a command draws is shown
-    below it. Identifiers are the cells' numbers, so that equal pages give equal notebooks.
+    A command becomes a cell of the shell, a program one of Python, and a picture that a command draws is
+    shown below it. Identifiers are the cells' numbers, so that equal pages give equal notebooks.
     """
     notebook = jupytext.reads(HEAD + page.read_text(encoding="utf-8"), fmt="md")
     notebook.cells = [shown for cell in notebook.cells for shown in (cell, *pictures(cell.source))]

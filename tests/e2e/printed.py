@@ -26,7 +26,7 @@ def is_alike(said: str, printed: str, share: float) -> bool:
 
 
 def missing_lines(said: str, printed: str, share: float = 0.15) -> list[str]:
-    """Return the lines of a page's output that are not printed, in its order; ``...`` stands for any lines."""
+    """Return the lines of a page's output that are not printed in its order; ``...`` is any lines."""
     lines, missing = printed.splitlines(), list[str]()
     for line in said.strip().splitlines():
         found = [k for k, one in enumerate(lines) if is_alike(line, one, share)]
