@@ -18,8 +18,11 @@ import pytest
 
 from monochord.cli import run
 from monochord.cli.demo import UNWATCHED
-from monochord.lab.demonstration import TRAINED_BUILDS
+from monochord.lab.demonstration import RULER as STEP
+from monochord.lab.demonstration import TRAINED_BUILDS, twin_options, write_tuned
 from monochord.lab.plans import load_plan
+from monochord.physics.sensors import load_sensor
+from monochord.physics.twin.world import RULER, sensor_of
 
 
 def result_of(*options: str) -> dict[str, Any]:
@@ -43,6 +46,10 @@ def test_the_touch_is_estimated(result: dict[str, Any]) -> None:
     assert result["position_mae"] < 1.5e-3
     assert result["force_mae"] < 0.4  # on unseen builds 0.29 N in the mean, docs/results
     assert result["slip_accuracy"] > 0.7
+    for name in ("contact", "position", "force", "slip"):
+        told, right = result[f"{name}_told"], result[f"{name}_right"]
+        assert told > 0.9
+        assert right > (0.98 if name in ("contact", "position") else 0.6)
 
 
 @pytest.mark.real_time
@@ -65,6 +72,16 @@ def test_it_keeps_the_pace_of_real_time(result: dict[str, Any]) -> None:
     total = result["windows"] + result["skipped"]
     assert total == pytest.approx(391, abs=2)
     assert result["skipped"] < 0.2 * total
+
+
+def test_its_length_is_told_as_a_ruler_says(tmp_path: Path) -> None:
+    source = twin_options("prototype", 0)
+    told = load_sensor(write_tuned(source, tmp_path / "sensor.toml")).measured_length
+    built = sensor_of(load_sensor("prototype"), source["world"], build=source["build"], day=source["day"])
+    assert told is not None
+    assert abs(told - built.string.length) <= RULER[1] + 0.5 * STEP
+    assert told / STEP == pytest.approx(round(told / STEP))
+    assert abs(told - load_sensor("prototype").string.length) > 1e-3  # which nobody would know otherwise
 
 
 def test_the_closed_form_finds_the_position() -> None:

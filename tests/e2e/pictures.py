@@ -1,15 +1,20 @@
 """Take the documentation's pictures of the pages and of the live view: ``python -m tests.e2e.pictures``.
 
-A quiet machine skips no windows, and shows none skipped.
+A picture of the page is marked with the page that it shows; `test_pictures` takes those of another page anew.
+It shows no warning and no skipped windows: on a machine that is too busy for that, the old ones stay.
 """
 
 import base64
+import json
 import re
+import struct
 import subprocess
 import sys
 import tempfile
 import time
+import zlib
 from collections.abc import Iterator
+from hashlib import sha256
 from io import StringIO
 from pathlib import Path
 
@@ -19,8 +24,14 @@ from rich.text import Text
 from tests.e2e.browser import BRING_UP, Page, opened
 from tests.e2e.test_web import READY, String, demonstration, on_a_terminal
 
+from monochord.lab.demonstration import UNSEEN
 from monochord.live.web.server import Server
 
+STATIC = Path(__file__).parents[2] / "src" / "monochord" / "live" / "web" / "static"
+OF_THE_PAGE = ("page_light.png", "page_dark.png", "page_phone.png")
+NOTES = "document.getElementById('notes').textContent"
+MARK = b"page"
+"""Keyword of the text in a picture that says which page it shows."""
 FIGURES = Path(__file__).parents[2] / "docs" / "figures"
 PATIENCE = 240.0  # seconds; for a sweep, and for kernels that are compiled first
 SETTLED = 8.0  # seconds; the history is to show something
@@ -47,11 +58,49 @@ def slide(page: Page) -> None:
     string.mouse("mousePressed", 0.3)
     time.sleep(1.0)
     for step in range(60):
-        string.mouse("mouseMoved", 0.3 + 0.005 * step)
+        string.mouse("mouseMoved", 0.3 + 0.0025 * step)  # ends beside the nodes of low modes
         time.sleep(0.03)
 
 
-def of_the_page(address: str) -> None:
+def todays_page() -> str:
+    """Return the checksum of what the page shows: its files, and the build that is demonstrated."""
+    files = [each for each in sorted(STATIC.iterdir()) if each.is_file() and "design" not in each.name]
+    shown = [*(each.read_bytes() for each in files), json.dumps(dict(UNSEEN)).encode()]
+    return sha256(b"".join(shown)).hexdigest()[:16]
+
+
+def page_of(picture: Path) -> str:
+    """Return the checksum of the page that a picture shows; empty where it says none."""
+    found = re.search(rb"tEXt" + MARK + rb"\0(\w+)", picture.read_bytes())
+    return found[1].decode() if found else ""
+
+
+def mark(picture: Path, page: str) -> None:
+    """Write into a picture which page it shows, as text before its last chunk."""
+    content, text = picture.read_bytes(), b"tEXt" + MARK + b"\0" + page.encode()
+    chunk = struct.pack(">I", len(text) - 4) + text + struct.pack(">I", zlib.crc32(text))
+    picture.write_bytes(content[:-12] + chunk + content[-12:])
+
+
+def take_the_page() -> None:
+    """Take the pictures of the demonstration's page, and mark them."""
+    with tempfile.TemporaryDirectory() as folder:
+        with demonstration(Path(folder)) as started:
+            of_the_page(started.address, Path(folder))
+        for name in OF_THE_PAGE:
+            mark(Path(folder) / name, todays_page())
+            (FIGURES / name).write_bytes((Path(folder) / name).read_bytes())
+
+
+def take(page: Page, path: Path, *, whole: bool = False) -> None:
+    """Take a picture of a page that keeps up and has told what touches."""
+    page.wait("monochord.moment.decided.contact && monochord.moment.tracked.position?.value")
+    late = "[...document.querySelectorAll('#notes .note')].some((each) => each.dataset.level !== 'info')"
+    assert not page.ask(late), f"this machine is too busy: {page.ask(NOTES)}"
+    page.picture(path, whole=whole)
+
+
+def of_the_page(address: str, folder: Path) -> None:
     """Take a picture in light down to the spectra, of the whole page in dark, and on a phone."""
     with opened(address) as page:
         page.size(1200, 1060)
@@ -61,16 +110,16 @@ def of_the_page(address: str) -> None:
         history = "document.getElementById('history-title').closest('.card')"
         page.size(1200, round(page.ask(f"{history}.getBoundingClientRect().top")))
         slide(page)
-        page.picture(FIGURES / "page_light.png")
+        take(page, folder / "page_light.png")
         page.scheme("dark")
         time.sleep(0.5)
-        page.picture(FIGURES / "page_dark.png", whole=True)
+        take(page, folder / "page_dark.png", whole=True)
         String(page).mouse("mouseReleased", 0.6)
         page.size(360, 930, scale=2.0, mobile=True)
         page.scheme("light")
         page.wait("monochord.moment.truth.contact === 0")
         slide(page)
-        page.picture(FIGURES / "page_phone.png")
+        take(page, folder / "page_phone.png")
 
 
 def of_the_design() -> None:
@@ -179,8 +228,7 @@ def main() -> None:
     if "terminal" in which:
         of_the_terminal()
     if "page" in which:
-        with tempfile.TemporaryDirectory() as folder, demonstration(Path(folder)) as started:
-            of_the_page(started.address)
+        take_the_page()
 
 
 if __name__ == "__main__":

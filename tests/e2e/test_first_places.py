@@ -46,7 +46,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
         assert page.complaints == []
 
 
-def press(page: Page, place: Metres, until: str = "true") -> list[tuple[float, float]]:
+def press(page: Page, place: Metres, until: str = "true") -> list[tuple[float, float | None]]:
     """Press a place for `MOMENTS` and until something is so; return their true and stated positions."""
     string, share = String(page), place / page.ask("monochord.run.length")
     string.mouse("mousePressed", share)
@@ -62,7 +62,7 @@ def press(page: Page, place: Metres, until: str = "true") -> list[tuple[float, f
     return [(truth["position"], window["position"]["value"]) for window, _, truth in touched]
 
 
-def answered(moments: list[tuple[float, float]]) -> float:
+def answered(moments: list[tuple[float, float | None]]) -> float:
     """Return the share of moments with a position close to the truth."""
     assert len(moments) >= MOMENTS
     return sum(stated is not None and abs(stated - true) <= CLOSE for true, stated in moments) / len(moments)

@@ -3,14 +3,17 @@
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
 import pytest
 from tests.e2e.browser import Page, chromium, opened
 from tests.e2e.press_anywhere import Count, pressed, zones
 from tests.e2e.test_web import READY, String, demonstration
 from tests.live.web.test_server import LENGTH, SIGNAL, update
 
+from monochord.lab.demonstration import ruled_length, twin_options
 from monochord.live.web.server import Server
 from monochord.physics.sensors import load_sensor
+from monochord.physics.twin.setup import lengthened
 
 pytestmark = [
     pytest.mark.slow,
@@ -64,7 +67,10 @@ def test_the_sensing_range_is_a_band_behind_the_string(page: Page) -> None:
     band, paper = (set(page.ask(f"{COLOURS}({places})")) for places in (inside[::2], outside))
     assert band.isdisjoint(paper)
     assert texts(page)["legend"] == [True, True]
-    assert page.ask("monochord.run.drivers") == [[each.sense, each.drive] for each in SENSOR.drivers]
+    length = ruled_length(twin_options("prototype", 0))
+    assert page.ask("monochord.run.length") == length
+    drivers = [[each.sense, each.drive] for each in lengthened(SENSOR, length / SENSOR.string.length).drivers]
+    assert np.allclose(page.ask("monochord.run.drivers"), drivers, atol=1e-9)
     assert page.ask("monochord.run.range") == [LOW, HIGH]
     page.size(1200, 900)
 

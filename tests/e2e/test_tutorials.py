@@ -13,8 +13,15 @@ from tests.e2e.test_readme import BLOCK
 import monochord as mc
 
 ROOT = Path(__file__).parents[2]
-SHOWS = "from IPython.display import Image"
-"""How a cell begins that shows a picture."""
+SHOWS = "from IPython.display import "
+"""What a cell says that shows a picture or a report."""
+FRAME = """from html import escape
+from pathlib import Path
+
+from IPython.display import HTML
+
+report = escape(Path("{}/report.html").read_text())
+HTML(f'<iframe srcdoc="{{report}}" width="100%" height="600"></iframe>')"""
 TUTORIAL = ROOT / "docs" / "tutorial" / "own-model.md"
 
 
@@ -25,8 +32,11 @@ def blocks(page: Path) -> list[tuple[str, str]]:
 
 
 def cells_of(kind: str, text: str) -> list[str]:
-    """The cells of a block: itself, and one for each picture that its commands draw."""
-    shown = [f'{SHOWS}\n\nImage("{name}")' for name in re.findall(r"--figure (\S+\.png)", text)]
+    """The cells of a block: itself, and one for each picture and report that its commands draw."""
+    shown = [f'{SHOWS}Image\n\nImage("{name}")' for name in re.findall(r"--figure (\S+\.png)", text)]
+    shown += [
+        FRAME.format(name) for name in re.findall(r"^monochord evaluate .*--out (\S+)", text, re.MULTILINE)
+    ]
     return [f"%%sh\n{text}" if kind == "sh" else text, *shown]
 
 
@@ -35,7 +45,7 @@ def test_the_notebook_has_the_blocks_of_its_page() -> None:
     cells = ["".join(cell["source"]) for cell in notebook["cells"] if cell["cell_type"] == "code"]
     expected = [cell for kind, text in blocks(TUTORIAL) for cell in cells_of(kind, text)]
     assert cells == expected, "make docs writes the notebook anew"
-    assert sum(cell.startswith(SHOWS) for cell in cells) >= 1
+    assert sum(SHOWS in cell for cell in cells) == 2
 
 
 @pytest.mark.slow
@@ -61,8 +71,9 @@ def test_the_notebook_ends_with_a_model_that_works(tmp_path: Path, monkeypatch: 
     assert mc.load_dataset(tmp_path / "dataset").split.held_out == ("wood",)
     code = [cell for cell in notebook.cells if cell.cell_type == "code"]
     for cell in code:
-        if cell.source.startswith(SHOWS):
-            assert "image/png" in cell.outputs[-1]["data"]
+        if SHOWS in cell.source:
+            data = cell.outputs[-1]["data"]
+            assert "image/png" in data or data["text/html"].count("data:image/svg") >= 3
     printed = {cell.source: "".join(out.get("text", "") for out in cell.outputs) for cell in code}
     said = outputs(TUTORIAL.read_text(encoding="utf-8"))
     assert said

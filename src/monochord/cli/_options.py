@@ -335,7 +335,7 @@ def _refuse_nothing(opened: str, models: Iterable[str], source: str | None, *, n
     is_path = opened.startswith(("./", "../", "/", "~"))
     if not is_folder and not is_path and names_input and _can_read(source, opened, names):
         return
-    presets = PRESETS[source]() if source in PRESETS else []
+    presets = PRESETS[source]() if source is not None and source in PRESETS else []
     kinds = [f"a model ({', '.join(names)}, or a folder from monochord train)"] if names else []
     kinds += ["a recording (.wav, .mp3, .mcap, ...)"] * (source is None or source in RECORDINGS.values())
     kinds += ["or ports such as system:capture_1"] * (source in (None, PORTS))
@@ -351,10 +351,10 @@ def _refuse_nothing(opened: str, models: Iterable[str], source: str | None, *, n
 
 def _can_read(source: str | None, opened: str, models: Iterable[str]) -> bool:
     """Return whether a source may know an INPUT by this name, which is that of no file."""
+    if source is None or source == PORTS:
+        return ":" in opened
     if source in PRESETS:
         return opened in PRESETS[source]()
-    if source in (None, PORTS):
-        return ":" in opened
     return source not in RECORDINGS.values() and not did_you_mean(opened, models)
 
 
