@@ -64,7 +64,7 @@ def locate(
     of the output states which.
 
     \b
-    monochord locate take.mp3 --length 0.65 --open E4 --frets --figure take.png
+    monochord locate take.wav --length 0.65 --open A2 --frets --figure take.png
     monochord locate demo session.mcap --json
     """  # noqa: D301
     model, file = model_and_input(inputs)
