@@ -21,7 +21,7 @@ from tests.cli.running import records as lines
 
 from monochord.cli import run
 from monochord.evaluation import recordings
-from monochord.live.sinks import jsonl
+from monochord.front import locate as locating
 from monochord.live.sinks.base import Update
 
 Take = Callable[..., Path]
@@ -274,14 +274,14 @@ def test_a_reader_that_leaves_ends_it_quietly(take: Take) -> None:
 def test_an_interrupted_locate_ends_after_the_window_in_progress(
     take: Take, monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:
-    usual, write, count = signal.getsignal(signal.SIGINT), jsonl._Lines.write, itertools.count(1)
+    usual, write, count = signal.getsignal(signal.SIGINT), locating._Places.write, itertools.count(1)
 
-    def interrupt(lines: jsonl._Lines, update: Update) -> None:
-        write(lines, update)
+    def interrupt(places: locating._Places, update: Update) -> None:
+        write(places, update)
         if next(count) == 20:
             os.kill(os.getpid(), signal.SIGINT)
 
-    monkeypatch.setattr(jsonl._Lines, "write", interrupt)
+    monkeypatch.setattr(locating._Places, "write", interrupt)
     assert run(["locate", str(take(0.2)), *STRING, "--json"]) == 130
     records = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     assert len(records) == 20

@@ -1,6 +1,5 @@
 """`monochord locate` and `mc.locate`, as who has a guitar uses them."""
 
-import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -178,10 +177,13 @@ def test_the_function_and_the_command_give_the_same(write: Write, capsys: Captur
     path = write("a.flac", plucked(E, silence=0.2))
     printed = records(capsys, "locate", path, "--length", LENGTH, "--open", "A2", "--frets")
     places = mc.locate(path, length=LENGTH, open=110.0)
-    assert places.tree(frets=True) == printed
+    assert [place.tree(frets=True) for place in places] == printed
     samples, _ = soundfile.read(path, dtype="float32")
     of_array = mc.locate(samples, sample_rate=RATE, length=LENGTH, open="A2")
-    assert json.dumps(of_array.tree(frets=True)) == json.dumps(printed)
+    assert [place.tree(frets=True) for place in of_array] == printed
+    seen: list[str] = []
+    mc.locate(path, length=LENGTH, open=110.0, each=lambda place: seen.append(place.reason))
+    assert seen == places.reason.tolist()
 
 
 def test_a_table_has_a_row_for_each_window() -> None:

@@ -64,7 +64,7 @@ def locate(
     of the output states which.
 
     \b
-    monochord locate take.mp3 --length 0.65 --open E4 --frets --figure take.png
+    monochord locate take.wav --length 0.65 --open A2 --frets --figure take.png
     monochord locate demo session.mcap --json
     """  # noqa: D301
     model, file = model_and_input(inputs)
@@ -84,14 +84,13 @@ def locate(
         open=given.pop("open_frequency"),
         calibrate=options["calibrate"],
         settings=options["assignments"],
+        each=(lambda place: echo(json.dumps(place.tree(frets=frets)))) if as_json else None,
         **given,
     )
     if figure is not None:
         with replacing(figure) as part:
             places.draw(frets=frets).savefig(part)
-    if as_json:
-        echo(*map(json.dumps, places.tree(frets=frets)))
-    else:
+    if not as_json:
         drawn = [] if figure is None else [f"written to {figure}"]
         echo(file, *places.lines(frets=frets), *drawn)
     return INTERRUPTED if places.interrupted else 0

@@ -4,7 +4,7 @@ import math
 import re
 from array import array
 from collections import Counter
-from collections.abc import Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -20,7 +20,7 @@ from monochord.capture.sources.session import SessionSource
 from monochord.core.config import Tree, override
 from monochord.core.errors import InputError
 from monochord.core.pitch_names import pitch, pitch_name
-from monochord.core.types import Floats, Window
+from monochord.core.types import Estimate, Floats, Window
 from monochord.core.units import Hertz, Metres, Seconds
 from monochord.dsp.pitch import PitchFinder
 from monochord.front.locate_figure import drawn
@@ -61,6 +61,10 @@ LASTING = 0.1
 """Share of windows from which such a note is told."""
 DOMINANT = 0.5
 """Share of those windows that one note must have."""
+UNITS = {"position": "m", "frequency": "Hz", "fret": ""}
+"""Units of what each window has."""
+FRETS = 12.0 / math.log(2.0)
+"""Frets of a relative change of frequency of one."""
 SAME_FRET = 0.5
 """Largest distance in frets of two windows of one held note."""
 PAUSE: Seconds = 0.1
@@ -86,6 +90,23 @@ class Place(NamedTuple):
     fret: float
     note: str
     reason: str
+
+    def tree(self, *, frets: bool = False) -> dict[str, Any]:
+        """Return the window as JSON has it, None where unknown; `frets` adds fret and note."""
+        values = {
+            "time": self.time,
+            "frequency": self.frequency,
+            "position": self.position,
+            "position_std": self.std,
+            "valid": not self.reason,
+            "why_not": self.reason,
+        }
+        if frets:
+            values |= {"fret": round(self.fret, 1), "note": self.note or None}
+        return {
+            name: None if isinstance(value, float) and math.isnan(value) else value
+            for name, value in values.items()
+        }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -273,10 +294,6 @@ class Located:
             for note in held
         ]
 
-    def tree(self, *, frets: bool = False) -> list[dict[str, Any]]:
-        """Return the rows as plain values, in SI units, None where unknown; `frets` adds fret and note."""
-        return [_plain(place, frets=frets) for place in self]
-
     def to_pandas(self) -> "DataFrame":
         """Return a data frame indexed by time in s, with the other values of `Place` as columns.
 
@@ -324,6 +341,7 @@ def locate(
     window: Seconds | None = None,
     hop: Seconds | None = None,
     settings: Sequence[str] = (),
+    each: Callable[[Place], object] | None = None,
     **options: Any,
 ) -> Located:
     """Locate where a recorded string is stopped, as on a guitar, or where a sensor is touched.
@@ -354,6 +372,8 @@ def locate(
         Length of a window, 0.1 s or the model's by default, and distance of windows, 0.01 s, in s.
     settings
         Overrides of settings, such as ``"estimator.reach=0.7"``.
+    each
+        Function that is called with each window's `Place` as soon as it is known.
     options
         Options of the source, such as ``sample_rate=44100`` or ``allow_truncated=True``.
 
@@ -402,24 +422,26 @@ def locate(
     setup = LiveRun.read(calibrated(override(tree, settings), takes))
     if not isinstance(file, str | Path):
         setup = replace(setup, source=source_of(recording, dict(options), setup.window, setup.seconds))
-    places = _Places(by_pitch=model is None)
+    places = _Places(setup, each, by_pitch=model is None)
     summary = run(replace(setup, sinks=(places,)))
     if not (summary.windows or summary.skipped or summary.interrupted):
         given = f"{file if isinstance(file, str | Path) else 'sound'} (shorter than a window)"
         least = min(setup.window.length, setup.seconds)
         raise InputError(given, f"{least:g} s or more", "use a shorter --window")
-    return places.located(setup, interrupted=summary.interrupted)
+    return places.located(interrupted=summary.interrupted)
 
 
 class _Places(Listener):
-    """Collects the windows of a recording. `by_pitch` says that no model is used."""
+    """Collects the windows of a recording, and calls `each` with the place in each.
 
-    def __init__(self, *, by_pitch: bool) -> None:
-        self._by_pitch = by_pitch
+    `by_pitch` says that no model is used.
+    """
+
+    def __init__(self, setup: LiveRun, each: Callable[[Place], object] | None, *, by_pitch: bool) -> None:
+        self._setup, self._each, self._by_pitch = setup, each, by_pitch
         self._starts, self._times = array("q"), array("d")
-        self._values = {name: (array("d"), array("d")) for name in ("position", "frequency")}
+        self._values = {name: (array("d"), array("d")) for name in UNITS}
         self._reasons: list[str] = []
-        self._one_note = bytearray()  # for each window, whether one note was heard
         self._inputs: Counter[str] = Counter()
         self._sounding = 0
         self._kept, self._every = list[Window](), 1
@@ -428,24 +450,45 @@ class _Places(Listener):
     @contextmanager
     def open(self, run: Run) -> Generator[Writer]:
         """Take the format of the sound, with the string."""
-        self._run = run
+        string, option = run.signal.string, getattr(self._setup.estimator, "open_frequency", None)
+        self._channels = run.signal.channels
+        self._length: Metres = run.length or (string.length if string else math.nan)
+        self._open: Hertz = option or (open_frequency(string) if string else math.nan)
+        self._stopped = run.signal.channels == 1 or option is not None
         yield self
+
+    @property
+    def _has_frets(self) -> bool:
+        return self._stopped and self._by_pitch
 
     def write(self, update: Update) -> None:
         """Add one window."""
-        position = update.prediction.estimate("position")
-        self._starts.append(update.start)
-        self._times.append(update.time)
-        for name, (values, stds) in self._values.items():
-            estimate = update.prediction.estimate(name)
+        position, frequency = (update.prediction.estimate(name) for name in ("position", "frequency"))
+        fret = Estimate.abstain("", NOT_STOPPED)
+        if self._has_frets and position.valid and CONTACT not in update.prediction.estimates:
+            number = 12.0 * math.log2(frequency.value / self._open)
+            fret = Estimate(value=number, std=FRETS * frequency.std / frequency.value, unit="")
+        for (values, stds), estimate in zip(self._values.values(), (position, frequency, fret), strict=True):
             values.append(estimate.value)
             stds.append(estimate.std)
-        self._reasons.append(position.reason)
-        self._one_note.append(position.valid and CONTACT not in update.prediction.estimates)
+        place = Place(
+            time=update.time,
+            position=position.value,
+            std=position.std,
+            frequency=frequency.value,
+            fret=fret.value,
+            note=pitch_name(frequency.value) if fret.valid else "",
+            reason="" if position.valid else position.reason or "no reason given",
+        )
+        self._starts.append(update.start)
+        self._times.append(update.time)
+        self._reasons.append(place.reason)
         self._inputs.update(each.sentence for each in update.notes if each.key in INPUT_NOTES)
         self._has_truth |= bool(update.truth)
         if not position.valid and not unusable_reason(update.window):
             self._keep(update.window)
+        if self._each is not None:
+            self._each(place)
 
     def _keep(self, window: Window) -> None:
         """Count a window with sound, and keep one in so many of these."""
@@ -455,63 +498,50 @@ class _Places(Listener):
         if len(self._kept) > SAMPLED:
             self._kept, self._every = self._kept[::2], 2 * self._every
 
-    def located(self, setup: LiveRun, *, interrupted: bool) -> Located:
+    def located(self, *, interrupted: bool) -> Located:
         """Return the table of the windows."""
-        signal = self._run.signal
-        option = getattr(setup.estimator, "open_frequency", None)
-        string = signal.string
-        stopped = signal.channels == 1 or option is not None
-        length = self._run.length or (string.length if string else math.nan)
-        nominal = option or (open_frequency(string) if string else math.nan)
-        valid = np.array([not reason for reason in self._reasons], np.bool_)
-        by_fret = stopped and self._by_pitch
+        table = self._table()
+        valid = int(table.position.valid.sum())
         return Located(
-            table=self._table(nominal if by_fret else math.nan, valid),
-            origin=NUT if stopped else PICKUP,
-            length=length,
-            open_frequency=nominal,
-            window=setup.window.length,
-            assumptions=self._assumptions(int(valid.sum())) if by_fret else (),
-            inputs=tuple(text for text, count in self._inputs.items() if count >= LASTING * len(self._times)),
-            heard=self._heard(setup, nominal, int(valid.sum())) if by_fret else "",
-            simulated=_is_simulated(setup, has_truth=self._has_truth),
+            table=table,
+            origin=NUT if self._stopped else PICKUP,
+            length=self._length,
+            open_frequency=self._open,
+            window=self._setup.window.length,
+            assumptions=self._assumptions(valid, int(table.fret.valid.sum())) if self._has_frets else (),
+            inputs=tuple(text for text, count in self._inputs.items() if count >= LASTING * len(table)),
+            heard=self._heard(valid) if self._has_frets else "",
+            simulated=_is_simulated(self._setup, has_truth=self._has_truth),
             interrupted=interrupted,
         )
 
-    def _table(self, nominal: Hertz, valid: NDArray[np.bool_]) -> PredictionTable:
+    def _table(self) -> PredictionTable:
         reason = np.array(self._reasons, np.str_)
-        one_note = valid & np.frombuffer(bytes(self._one_note), np.bool_)
-        columns = {name: tuple(map(np.array, each)) for name, each in self._values.items()}
-        frequency, frequency_std = columns["frequency"]
-        fret = 12.0 * np.log2(np.where(one_note, frequency, np.nan) / nominal)
-        columns["fret"] = fret, 12.0 / math.log(2.0) * frequency_std / np.where(one_note, frequency, np.nan)
-        units = {"position": "m", "frequency": "Hz", "fret": ""}
         estimates: dict[str, EstimateColumn] = {}
-        for name, (value, std) in columns.items():
+        for name, arrays in self._values.items():
+            value, std = map(np.array, arrays)
             known = np.isfinite(value)
-            why = np.where(known, "", np.where(valid & ~known, NOT_STOPPED, reason))
+            why = np.where(known, "", np.where(reason == "", NOT_STOPPED, reason))
             for each in (value, std, known, why):
                 each.flags.writeable = False
-            estimates[name] = EstimateColumn(value=value, std=std, valid=known, reason=why, unit=units[name])
-        return PredictionTable(
-            start=np.array(self._starts, np.int64), time=np.array(self._times), estimates=estimates
-        )
+            estimates[name] = EstimateColumn(value=value, std=std, valid=known, reason=why, unit=UNITS[name])
+        start, time = np.array(self._starts, np.int64), np.array(self._times)
+        return PredictionTable(start=start, time=time, estimates=estimates)
 
-    def _assumptions(self, valid: int) -> tuple[str, ...]:
-        """Return what positions on a stopped string assume."""
+    def _assumptions(self, valid: int, one: int) -> tuple[str, ...]:
+        """Return what positions on a stopped string assume; `one` of the `valid` windows carry one note."""
         said = (
             "assumes                  the sound is this string's, pressed down: its pitch tells the place;",
             "                         a light touch at a node (harmonic) or a bend reads as another place",
         )
-        if self._run.signal.channels != 2:
+        if self._channels != 2:
             return said
-        one = sum(self._one_note)
         split = f"one note in {one}, two segments in {valid - one} of {valid} windows"
         return (f"both channels carry      {split}", *said)
 
-    def _heard(self, setup: LiveRun, nominal: Hertz, valid: int) -> str:
+    def _heard(self, valid: int) -> str:
         """Return what sounds instead of this string, empty where a fifth or more of the sound is answered."""
-        sounding = valid + self._sounding
+        sounding, nominal = valid + self._sounding, self._open
         if not sounding or valid >= FEW * sounding:
             return ""
         few = f"{100 * valid / sounding:.0f} % of windows with sound have a position"
@@ -520,7 +550,7 @@ class _Places(Listener):
         if dominant is None:
             return f"{doubt}{few}, and no single note dominates; the open string is {_named(nominal)}"
         frequency, share = dominant
-        highest = nominal / (1.0 - getattr(setup.estimator, "reach", 1.0 - nominal / HIGHEST))
+        highest = nominal / (1.0 - getattr(self._setup.estimator, "reach", 1.0 - nominal / HIGHEST))
         most = f"{100 * share:.0f} % of the others sound as {_named(frequency)}"
         if nominal * FLAT < frequency < highest:
             return f"few positions            {few}; {most}, which this string has"
@@ -553,20 +583,6 @@ def _kind(pattern: str, numbers: Sequence[Sequence[str]]) -> str:
     text = re.sub("#", lambda _: slots.pop(0), pattern)
     parts = [_QUANTITY.sub("", part).strip() for part in text.split(", ")]
     return ", ".join(part for part in parts if part)
-
-
-def _plain(place: Place, *, frets: bool) -> dict[str, Any]:
-    """Return a row as JSON has it."""
-    values = {
-        "time": place.time,
-        "frequency": place.frequency,
-        "position": place.position,
-        "position_std": place.std,
-        "valid": not place.reason,
-        "why_not": place.reason,
-        **({"fret": round(place.fret, 1), "note": place.note or None} if frets else {}),
-    }
-    return {name: None if value != value else value for name, value in values.items()}  # noqa: PLR0124  (NaN)
 
 
 def _names_source(recording: Listenable) -> bool:
