@@ -7,6 +7,7 @@ from monochord.core.errors import InputError
 
 BATTERY: tuple[Millimetres, Millimetres] = (46.5, 48.5)
 """Least and largest length of the 9 V battery inside every EBow (6LR61 of IEC 60086-2)."""
+REMEDY = "take the preset prototype_ebow, or move the preset's drivers to your EBow's coils"
 TOUCH: Millimetres = 5.0
 """Half the width of the object that must reach the ends of the sensing range."""
 
@@ -81,11 +82,9 @@ def refuse_ebows_that_do_not_fit(hardware: Hardware) -> None:
     if off > PLACE_TOLERANCE:
         wanted = " and ".join(f"{each:g}" for each in room.spacings)
         expected = f"{wanted} mm, each coil within {PLACE_TOLERANCE:g} mm of its place"
-        raise InputError(
-            f"EBow coils {spacing:g} mm apart", expected, "use coils, or move the preset's drivers"
-        )
+        raise InputError(f"EBow coils {spacing:g} mm apart", expected, REMEDY)
     if before > room.before or length - before - spacing > room.after:
         expected = (
             f"at most {room.before:.1f} mm before the sense coil and {room.after:.1f} behind the drive coil"
         )
-        raise InputError(f"an EBow of {length:g} mm", expected, "use coils, or move the preset's drivers")
+        raise InputError(f"an EBow of {length:g} mm", expected, REMEDY)
