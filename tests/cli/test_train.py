@@ -48,7 +48,12 @@ def test_it_prints_scores_and_goes_on_where_it_was(
     assert run(["train", str(config), "--out", out, "--set", "optimiser.epochs=2"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith(f"{out}, simulated")
-    assert [line.split()[0] for line in lines[2:]] == ["contact", "slip", "position", "force"]
+    heads = ["contact", "slip", "position", "force"]
+    assert [line.split()[0] for line in lines] == [lines[0].split()[0], "the", *heads, "on", *heads]
+    for name, line in zip(heads, lines[2:6], strict=True):
+        choice = printed["methods"][name]
+        assert line.split()[1] in choice["method"]
+        assert set(choice["errors"]) == {"network", "ridge", "extra_trees"}
 
 
 @pytest.mark.slow

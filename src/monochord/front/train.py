@@ -87,6 +87,9 @@ def train(
 ) -> TrainedModel:
     """Train a model on a dataset, or go on where a run of the same settings was interrupted.
 
+    Each head is learned by a network, by ridge regression and by extra trees, and keeps the method with the
+    smallest error on the validation part. Without PyTorch, the network is left out.
+
     The folder of the run holds its settings, its history, also drawn where matplotlib is installed, the model
     and its scores on the validation part.
 
@@ -113,8 +116,8 @@ def train(
     Raises
     ------
     InputError
-        If a setting, the dataset or the split cannot be used, `out` is something else, or torch is not
-        installed: the error says how to install it.
+        If a setting, the dataset or the split cannot be used, `out` is something else, or the network is the
+        only method and PyTorch is not installed: the error says how to install it.
 
     Examples
     --------
