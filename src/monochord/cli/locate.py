@@ -44,9 +44,10 @@ def locate(inputs: tuple[str, ...], *, allow_truncated: bool, as_json: bool, **o
     130.
 
     With --length and --open-frequency, position follows from pitch alone, so the sound must be of that
-    string: another instrument in its range gets a position too. Two channels count as a sensor's two
-    microphones if each carries a different segment, and as one recording if both carry the same note; a line
-    of the output states which.
+    string: another instrument in its range gets a position too. A light touch at 1/n of the string sounds the
+    note of a stop at 1 - 1/n, and is stated there; a line of the output names both. Two channels count as a
+    sensor's two microphones if each carries a different segment, and as one recording if both carry the same
+    note; a line of the output states which.
 
     \b
     monochord locate take.wav --length 0.65 --open-frequency 110

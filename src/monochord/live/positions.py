@@ -7,7 +7,9 @@ from contextlib import contextmanager
 
 import numpy as np
 
+from monochord.core.units import Metres
 from monochord.live.sinks.base import Listener, Run, Update, Writer
+from monochord.physics.theory import light_touch
 
 CONTACT = "contact"
 """The estimate that only the two-segment form provides."""
@@ -30,12 +32,15 @@ class PositionTable(Listener):
         self._reasons: Counter[str] = Counter()
         self._stopped, self._by_pitch = stopped, by_pitch
         self._two_channels, self._one_note = False, 0
+        self._length: Metres | None = None
+        self._light_touches: Counter[int] = Counter()
 
     @contextmanager
     def open(self, run: Run) -> Generator[Writer]:
         """Take the number of channels, which says what positions count from."""
         signal = run.signal
         self._two_channels = signal.channels == 2
+        self._length = run.length or (signal.string.length if signal.string else None)
         if signal.channels == 1:
             self._origin, self._stopped = "the nut", True
         yield self
@@ -46,7 +51,11 @@ class PositionTable(Listener):
         if not position.valid:
             self._reasons[position.reason] += 1
             return
-        self._one_note += CONTACT not in update.prediction.estimates
+        if CONTACT not in update.prediction.estimates:
+            self._one_note += 1
+            n = light_touch(position.value, self._length, 2.0 * position.std) if self._length else None
+            if n:
+                self._light_touches[n] += 1
         self._positions.append(position.value)
         self._stds.append(position.std)
         self._frequencies.append(frequency.value)
@@ -73,6 +82,11 @@ class PositionTable(Listener):
     def _assumptions(self, valid: int) -> list[str]:
         """Return the assumptions behind positions on a stopped string."""
         lines = ["  assumes                  the sound is this string's: position follows from its pitch"]
+        for n, count in self._light_touches.most_common(1):
+            place = 1e3 * (self._length or 0.0) / n
+            lines.append(
+                f"  or lightly touched       at 1/{n}, {place:.2f} mm: the same note, in {count} windows"
+            )
         if self._two_channels:
             split = (
                 f"one note in {self._one_note}, two segments in {valid - self._one_note} of {valid} windows"

@@ -185,6 +185,18 @@ class TestTwoSegments:
         else:
             assert estimates["position"].reason == "two candidates"
 
+    @pytest.mark.parametrize("base", [50.0, 60.0])
+    def test_mains_hum_changes_nothing(self, base: float) -> None:
+        contact = Contact(position=0.2, force=1.0)
+        plain = touched(contact)
+        turns = 2.0 * np.pi * base * np.arange(1.0, 20.0, 2.0)[:, np.newaxis] * np.arange(SIZE) / RATE
+        hum = (np.sin(turns) / np.arange(1.0, 20.0, 2.0)[:, np.newaxis]).sum(axis=0)
+        hum *= 10.0**-0.5 * plain.samples.std() / hum.std()
+        hummed = window((plain.samples + np.array([[1.0], [0.6]]) * hum).astype(np.float32))
+        estimate = ClosedForm().prepare(self.signal, SIZE)
+        assert estimate(hummed)["position"].value == pytest.approx(contact.position, abs=6e-4)
+        assert estimate(hummed)["contact"].value > 0.99
+
     def test_swapping_the_channels_mirrors_the_string(self) -> None:
         seen = touched(Contact(position=0.2, force=1.0))
         estimate = ClosedForm().prepare(self.signal, SIZE)
