@@ -25,7 +25,9 @@ SAME_POSITION = 0.006
 """Candidates nearer to each other than this share of the length are of the same position."""
 EDGE_CENTS = 4.0
 """Distance in cents by which a fit may lie outside the searched range and still count as inside."""
-LEAST_PROBABILITY = 0.9
+OUTSIDE = 0.05
+"""Prior odds of a note outside the string's range to one inside it: the sound is said to be this string's."""
+LEAST_PROBABILITY = 0.95
 """Least probability of a position that is stated."""
 SAME_SERIES = 0.01
 """Largest distance in log frequency of a window's series from the note that it is."""
@@ -185,7 +187,8 @@ class FarReader:
 
     def _estimates(self, notes: Notes, inside: Flags, steadiness: Steadiness) -> Estimates:
         """Return the estimates, or abstentions where no position is probable enough."""
-        probability = np.exp(notes.weight)
+        probability = np.exp(notes.weight) * np.where(inside, 1.0, OUTSIDE)
+        probability /= probability.sum() + np.exp(notes.none)
         ratio = self.open_frequency / np.exp(notes.log_frequency)
         if not inside.any():
             return abstain(self._reason(notes, inside))
@@ -205,7 +208,7 @@ class FarReader:
         if np.exp(notes.none) > 0.5 or not inside.size:
             return "no harmonic structure"
         frequency = np.exp(notes.log_frequency)
-        if np.exp(notes.weight[outside]).sum() > 0.5 or not inside.any():
+        if OUTSIDE * np.exp(notes.weight[outside]).sum() > np.exp(notes.weight[inside]).sum():
             lowest, highest = self._range
             return f"a note of {frequency[outside][0]:.1f} Hz, outside {lowest:.1f} to {highest:.1f} Hz"
         best = int(inside.argmax())
