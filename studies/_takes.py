@@ -173,11 +173,6 @@ def autocorrelation_errors(
 
 def period(window: Window, shortest: float, longest: float) -> float:
     """Return the period in frames of a window's first channel, between two bounds in frames."""
-    return period_and_clarity(window, shortest, longest)[0]
-
-
-def period_and_clarity(window: Window, shortest: float, longest: float) -> tuple[float, float]:
-    """Return the period as `period` does, and the autocorrelation there as a share of that at lag zero."""
     samples = window.samples[0].astype(np.float64)
     size = samples.size
     power = np.abs(np.fft.rfft(samples - samples.mean(), 4 * size)) ** 2
@@ -186,10 +181,10 @@ def period_and_clarity(window: Window, shortest: float, longest: float) -> tuple
     peaks = lags[(curve[lags] > curve[lags - 1]) & (curve[lags] >= curve[lags + 1])]
     if peaks.size == 0:
         lag = int(lags[np.argmax(curve[lags])])
-        return float(lag), float(curve[lag] / curve[0])
+        return float(lag)
     lag = int(peaks[np.argmax(curve[peaks] >= 0.9 * curve[peaks].max())])
     before, at, after = curve[lag - 1 : lag + 2]
-    return lag + 0.5 * (before - after) / (before - 2.0 * at + after), float(at / curve[0])
+    return lag + 0.5 * (before - after) / (before - 2.0 * at + after)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,7 +9,7 @@ from the pitch alone.
 """
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 
@@ -25,7 +25,7 @@ from studies._takes import (
     Protocol,
     calibrated_strings,
     located,
-    period_and_clarity,
+    period,
 )
 
 from monochord.benchmarks.base import Benchmark, Row, row
@@ -99,15 +99,13 @@ class Outcome:
     """Results of windows, each array (n,).
 
     `error` is in m, NaN for an abstention; `std` is the stated error in m, and `noise` its part from the
-    pitch in m; `plain` is the error of autocorrelation in m, `clarity` its confidence; `take` is the number
-    of the take.
+    pitch in m; `plain` is the error of autocorrelation in m; `take` is the number of the take.
     """
 
     error: Floats
     std: Floats
     noise: Floats
     plain: Floats
-    clarity: Floats
     take: Floats
 
     def rows(self, chosen: NDArray[np.int64]) -> "Outcome":
@@ -139,25 +137,25 @@ def outcome(
         mix = None if interferer is None else interferer.mixer(offset, protocol)
         open_frequency = case.calibration[0][0]
         estimates = located(case.take, case.calibration, protocol, mix)
-        for each, (plain, clarity) in zip(estimates, _plain(case, protocol, mix), strict=True):
+        for each, plain in zip(estimates, _plain(case, protocol, mix), strict=True):
             position, frequency = each["position"], each["frequency"]
             noise = SCALE * open_frequency * frequency.std / frequency.value**2
-            columns.append([position.value - case.position, position.std, noise, plain, clarity, number])
-    return _outcome(np.array(columns).reshape(-1, 6).T)
+            columns.append([position.value - case.position, position.std, noise, plain, number])
+    return _outcome(np.array(columns).reshape(-1, 5).T)
 
 
 def _outcome(columns: Floats) -> Outcome:
     return Outcome(**dict(zip(Outcome.__dataclass_fields__, columns, strict=True)))
 
 
-def _plain(case: Case, protocol: Protocol, mix: Mix | None) -> Iterator[tuple[float, float]]:
+def _plain(case: Case, protocol: Protocol, mix: Mix | None) -> Iterator[float]:
     samples, rate = case.take.read()
     mixed = samples if mix is None else mix(samples)
     open_frequency = case.calibration[0][0]
     shortest, longest = rate / (5.0 * open_frequency), rate / (0.977 * open_frequency)
     for window in protocol.windows(samples, mixed, rate):
-        period, clarity = period_and_clarity(window, shortest, longest)
-        yield SCALE * (1.0 - open_frequency * period / rate) - case.position, clarity
+        lag = period(window, shortest, longest)
+        yield SCALE * (1.0 - open_frequency * lag / rate) - case.position
 
 
 def answered(result: Outcome) -> float:
@@ -171,9 +169,8 @@ def right(result: Outcome) -> float:
 
 
 def plain_right(result: Outcome) -> float:
-    """Return that share for autocorrelation, which answers as many windows, the clearest ones."""
-    clearest = np.argsort(-result.clarity, kind="stable")[: np.isfinite(result.error).sum()]
-    return float((np.abs(result.plain[clearest]) <= POSITION_TOLERANCE).sum() / result.plain.size)
+    """Return that share for autocorrelation, which answers every window."""
+    return float((np.abs(result.plain) <= POSITION_TOLERANCE).mean())
 
 
 def beyond(result: Outcome, stds: float) -> float:
@@ -208,10 +205,10 @@ def loud_half(sound: Audio) -> Audio:
 class FarForm(Benchmark):
     """Position of stopped strings, without noise and with the louder halves of music and speech added.
 
-    For each instrument, part of the fretboard, interference and ratio: answered share; share of all windows
-    within 5 mm with its 95 % interval over takes, beside autocorrelation with as many answers; shares of the
-    estimates beyond five stated errors, beyond 50 mm and within one stated error; and the median stated error
-    with its share from pitch noise.
+    For each instrument and part of the fretboard, and for all together, for each interference and ratio:
+    answered share; share of all windows within 5 mm with its 95 % interval over takes, beside
+    autocorrelation, which answers every window; shares of the estimates beyond five stated errors, beyond
+    50 mm and within one stated error; and the median stated error with its share from pitch noise.
 
     Parameters
     ----------
@@ -227,7 +224,7 @@ class FarForm(Benchmark):
 
     ratios: tuple[float, ...] = (10.0, 5.0, 0.0)
     fret: int = 19
-    hop: Seconds = 0.3
+    hop: Seconds = 0.1
     seed: int = 0
 
     def run(self) -> Iterator[Row]:
@@ -239,14 +236,28 @@ class FarForm(Benchmark):
             *bowed_cases(),
             *assumed_cases(self.fret),
         ]
-        for group, each in groupby(sorted(cases, key=lambda case: case.group), lambda case: case.group):
-            chosen = list(each)
-            yield from _rows(f"{group}, quiet", outcome(chosen, protocol))
-            for name, sound in sounds.items():
-                for ratio in self.ratios:
-                    interferer = Interferer(sound=sound, ratio=ratio)
-                    result = outcome(chosen, protocol, interferer, self.seed)
-                    yield from _rows(f"{group}, {name} {ratio:g} dB", result)
+        cases.sort(key=lambda case: case.group)
+        groups = [(name, list(each)) for name, each in groupby(cases, lambda case: case.group)]
+        mixes: list[tuple[str, Interferer | None]] = [("quiet", None)]
+        for name, sound in sounds.items():
+            mixes += [(f"{name} {ratio:g} dB", Interferer(sound=sound, ratio=ratio)) for ratio in self.ratios]
+        for mix, interferer in mixes:
+            results = [outcome(each, protocol, interferer, self.seed) for _, each in groups]
+            for (group, _), result in zip(groups, results, strict=True):
+                yield from _rows(f"{group}, {mix}", result)
+            yield from _rows(f"all, {mix}", joined(results))
+
+
+def joined(results: Sequence[Outcome]) -> Outcome:
+    """Return several results as one."""
+    takes_before = np.cumsum([0, *(1 + int(result.take.max(initial=-1.0)) for result in results)])
+    columns = [
+        np.concatenate([getattr(result, name) for result in results])
+        for name in Outcome.__dataclass_fields__
+        if name != "take"
+    ]
+    take = [result.take + first for result, first in zip(results, takes_before[:-1], strict=True)]
+    return Outcome(**dict(zip(Outcome.__dataclass_fields__, [*columns, np.concatenate(take)], strict=True)))
 
 
 def _rows(name: str, result: Outcome) -> Iterator[Row]:

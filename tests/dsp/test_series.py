@@ -71,7 +71,7 @@ def test_no_peak_near_means_no_fit() -> None:
 
 def evidence(f0: float, frequency: Floats, power: Floats) -> float:
     peaks = peaks_at(frequency, power)
-    return series_evidence(f0, 0.0, peaks, view(peaks))[0]
+    return series_evidence(f0, 0.0, peaks, view(peaks))
 
 
 @pytest.mark.parametrize("wrong", [0.5, 1 / 3, 2.0, 3.0, 1.5, 2 / 3])

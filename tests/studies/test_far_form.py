@@ -12,23 +12,22 @@ from studies import far_form
 real = pytest.mark.skipif(folder() is None, reason="no real recordings (MONOCHORD_REALSTRINGS)")
 
 
-def outcome(error: list[float], plain: list[float], clarity: list[float]) -> Outcome:
+def outcome(error: list[float], plain: list[float]) -> Outcome:
     std: Floats = np.full(len(error), 2e-3)
     return Outcome(
         error=np.array(error),
         std=std,
         noise=0.1 * std,
         plain=np.array(plain),
-        clarity=np.array(clarity),
         take=np.floor(np.arange(len(error), dtype=np.float64) / 2.0),
     )
 
 
 def test_figures_of_known_errors() -> None:
-    result = outcome([0.001, 0.004, np.nan, 0.2], [0.0, 0.3, 0.001, 0.002], [0.9, 0.8, 0.1, 0.7])
+    result = outcome([0.001, 0.004, np.nan, 0.2], [0.0, 0.3, 0.001, 0.002])
     assert far_form.answered(result) == 0.75
     assert far_form.right(result) == 0.5
-    assert far_form.plain_right(result) == 0.5  # the clearest three, one of which is wrong
+    assert far_form.plain_right(result) == 0.75
     assert far_form.gross(result) == pytest.approx(1 / 3)
     assert far_form.beyond(result, 5.0) == pytest.approx(1 / 3)
     assert far_form.beyond(result, 1.0) == pytest.approx(2 / 3)
@@ -37,8 +36,8 @@ def test_figures_of_known_errors() -> None:
 
 
 def test_without_an_answer_there_is_no_share_of_answers() -> None:
-    result = outcome([np.nan, np.nan], [0.0, 0.0], [0.5, 0.4])
-    assert far_form.plain_right(result) == 0.0
+    result = outcome([np.nan, np.nan], [0.0, 0.3])
+    assert far_form.plain_right(result) == 0.5
     assert np.isnan(far_form.gross(result))
 
 

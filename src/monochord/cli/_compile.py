@@ -64,16 +64,14 @@ def _estimators() -> None:
 
 
 def _pitch() -> None:
-    """Estimate the pitch of a window and its steadiness."""
+    """Estimate the pitch of a window."""
     import numpy as np  # noqa: PLC0415
 
     from monochord.dsp import PitchFinder  # noqa: PLC0415
-    from monochord.dsp.pitch_steadiness import SteadinessMeter  # noqa: PLC0415
 
     phase = 2.0 * np.pi * 200.0 / 44100 * np.arange(4410)
     sound = np.array([sum(np.sin(n * phase + n) / n for n in range(1, 11))])
     PitchFinder(sample_rate=44100, size=4410, lowest=80.0, highest=400.0).find(sound)
-    SteadinessMeter(sample_rate=44100, size=4410).measure(sound, 200.0, 0.0)
 
 
 PARTS: Mapping[str, Callable[[], None]] = {"twin": _twin, "estimators": _estimators, "pitch": _pitch}

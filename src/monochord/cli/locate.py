@@ -58,8 +58,9 @@ def locate(
     the result so far and exits with status 130.
 
     With --length and --open, position follows from pitch alone, so the sound must be of that string, pressed
-    down, one note at a time: another instrument in its range gets a position too, and a light touch at a node
-    (a natural harmonic) or a bent string reads as another place. Two channels count as a sensor's two
+    down, one note at a time: another instrument in its range gets a position too, and a bent string reads as
+    another place. A light touch at 1/n of the string (a natural harmonic) sounds the note of a stop at
+    1 - 1/n, and is stated there; a line of the output names both. Two channels count as a sensor's two
     microphones if each carries a different segment, and as one recording if both carry the same note; a line
     of the output states which.
 

@@ -1,10 +1,11 @@
 """Finds the stiff harmonic series in a short window: candidates with their evidence.
 
 A coarse comb over a grid of f0 and B proposes candidates, a least-squares fit to the spectral peaks refines
-them, and their evidence decides. Windows are analysed independently.
+them, and their evidence decides. Lines of mains hum are no partials. Windows are analysed independently.
 """
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,19 +13,19 @@ from monochord.core.shapes import sound
 from monochord.core.types import Floats
 from monochord.core.units import Hertz, Samples
 from monochord.dsp import series
+from monochord.dsp.mains import hidden, mains_lines, without
 from monochord.dsp.spectrum import FLOOR_WIDTH, Analyser
 
-GRID_CENTS = 4.0
+GRID_CENTS = 6.0
 """Relative spacing of the f0 grid."""
 MIN_SALIENCE = 1.0
 """Smallest salience of a peak."""
+NO_GUESSES: Floats = np.empty((0, 2))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Series:
+class Series(NamedTuple):
     """One candidate series: f0 in Hz and B with their standard errors, and its evidence.
 
-    `claims` holds each spectral peak's share of the total power if the peak lies on a partial, else zero.
     `evidence` is the log evidence over clutter in nats.
     """
 
@@ -33,11 +34,6 @@ class Series:
     inharmonicity: float
     inharmonicity_std: float
     evidence: float
-    claims: Floats = field(repr=False, compare=False)
-
-    def beside(self, other: "Series") -> float:
-        """Return the share of the total power that this series explains and the other does not."""
-        return float(self.claims[other.claims == 0.0].sum())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,11 +77,9 @@ class PitchFinder:
     residual_weight: float = 8.0
     inharmonicity_prior: tuple[float, float] = (5e-5, 2e-4)
     _analyser: Analyser = field(init=False, repr=False, compare=False)
-    _grid: Floats = field(init=False, repr=False, compare=False)
+    _comb: series.Comb = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        step = 2.0 ** (GRID_CENTS / 1200.0)
-        count = int(np.log(self.highest / self.lowest) / np.log(step)) + 2
         analyser = Analyser(
             sample_rate=self.sample_rate,
             size=self.size,
@@ -93,27 +87,43 @@ class PitchFinder:
             floor_width=max(FLOOR_WIDTH, 4.0 * self.lowest),
         )
         object.__setattr__(self, "_analyser", analyser)
-        object.__setattr__(self, "_grid", self.lowest * step ** np.arange(-1.0, count))
+        teeth = series.comb(
+            self.lowest, self.highest, 2.0 ** (GRID_CENTS / 1200.0), self._view(np.zeros(analyser.bins))
+        )
+        object.__setattr__(self, "_comb", teeth)
 
-    def find(self, samples: Floats) -> list[Series]:
-        """Return the candidates in a window (channels, size), best first; empty if there is no peak."""
+    def find(self, samples: Floats, guesses: Floats = NO_GUESSES) -> list[Series]:
+        """Return the candidates in a window (channels, size), best first; empty if there is no peak.
+
+        `guesses` are of f0 in Hz and B (guesses, 2), examined besides those of the comb.
+        """
+        return [Series(*row) for row in self.rows(samples, guesses).tolist()]
+
+    def rows(self, samples: Floats, guesses: Floats = NO_GUESSES) -> Floats:
+        """Return the candidates as rows of `monochord.dsp.series.COLUMNS`; see `find`."""
         analyser = self._analyser
         power = analyser.powers(sound(samples, size=self.size, dtype=np.float64)).mean(axis=0)
         salience = analyser.salience(power)
         peaks = analyser.peaks(power, salience, MIN_SALIENCE)
+        hum, others = mains_lines(peaks, analyser.resolution), 0.0
+        if hum.any():
+            lines, others = peaks.frequency[hum], float(peaks.power[hum].sum())
+            salience = hidden(salience, lines, analyser.spacing, analyser.resolution, series.HIDDEN)
+            peaks = without(peaks, hum)
         if peaks.frequency.size == 0:
-            return []
-        view = series.View(
+            return np.empty((0, len(series.COLUMNS)))
+        view = self._view(salience, others)
+        proposed = np.concatenate((guesses, series.propose(self._comb, view)))
+        return series.weigh(proposed, (self.lowest, *self.inharmonicity_prior), peaks, view)
+
+    def _view(self, salience: Floats, others: float = 0.0) -> series.View:
+        return series.View(
             salience=salience,
-            spacing=analyser.spacing,
-            resolution=analyser.resolution,
+            spacing=self._analyser.spacing,
+            resolution=self._analyser.resolution,
             bottom=0.5 * self.lowest,
-            top=analyser.top,
+            top=self._analyser.top,
             max_partials=self.partials,
             residual_weight=self.residual_weight,
+            others=others,
         )
-        rows, claims = series.search(self._grid, self.inharmonicity_prior, peaks, view)
-        return [
-            Series(**dict(zip(series.COLUMNS, row, strict=True)), claims=claim)
-            for row, claim in zip(rows.tolist(), claims, strict=True)
-        ]

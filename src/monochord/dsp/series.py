@@ -11,16 +11,20 @@ import numpy as np
 from monochord.core.errors import InputError
 from monochord.core.kernels import kernel, part
 from monochord.core.shapes import alike
-from monochord.core.types import Floats
+from monochord.core.types import Floats, Indices
 from monochord.core.units import Hertz
 from monochord.dsp.spectrum import Peaks
 
-GRID_INHARMONICITY = np.array([0.0, 1e-4, 2.5e-4, 5e-4])
+GRID_INHARMONICITY = np.array([0.0, 1.5e-4, 4.5e-4])
 """Guesses of B."""
+COMB_PARTIALS = 20
+"""Largest number of partials of the comb."""
 RELATIVES = np.array([1 / 5, 1 / 4, 1 / 3, 2 / 5, 1 / 2, 2 / 3, 3 / 4, 4 / 3, 3 / 2, 2.0, 3.0, 4.0])
 """Related series that share many partials with a candidate and must be compared with it."""
 PROPOSED, WEIGHED = 10, 4
 """Number of comb maxima examined, and of those whose relatives are examined too."""
+SAME_GUESS = 0.004
+"""Guesses whose f0 differ relatively by less than this are the same."""
 CAPTURE = 1.2
 """Initial search range of a peak around its partial, relative to the resolution."""
 MATCH = 0.15
@@ -37,18 +41,23 @@ AROUND = 5
 """Number of partials on each side that determine a partial's expected height."""
 DIP = 4.0
 """How far below its weaker side, in nepers of power, a partial counts as missing."""
+HIDDEN = -1.0
+"""Salience of bins in which a line of another source, such as mains hum, hides whether there is a partial."""
+LEAST_RESIDUAL = 1.0e-4
+"""Least residual power, as a share of that of all lines."""
 DISTINCT = 0.0012
 """Series whose f0 differ relatively by less than this are the same."""
 COLUMNS = ("frequency", "frequency_std", "inharmonicity", "inharmonicity_std", "evidence")
-"""Columns that `search` returns for each series."""
+"""Columns that `weigh` returns for each series."""
 
 
 class View(NamedTuple):
     """The spectrum that a search reads, and the limits of the search.
 
-    `salience` is the logarithmic height of the spectrum over its noise floor, (bins,); `spacing` is the bin
-    spacing and `resolution` one over the window's duration, in Hz. Peaks count from `bottom` to `top`, in Hz;
-    a series has at most `max_partials` partials; for `residual_weight` see `series_evidence`.
+    `salience` is the logarithmic height of the spectrum over its noise floor, (bins,), or `HIDDEN`; `spacing`
+    is the bin spacing and `resolution` one over the window's duration, in Hz. Peaks count from `bottom` to
+    `top`, in Hz; a series has at most `max_partials` partials; for `residual_weight` see `series_evidence`.
+    `others` is the power of the lines of other sources.
     """
 
     salience: Floats
@@ -58,6 +67,20 @@ class View(NamedTuple):
     top: float
     max_partials: int
     residual_weight: float
+    others: float = 0.0
+
+
+class Comb(NamedTuple):
+    """Bins and weights by which the comb rates guesses; see `comb`.
+
+    `guesses` holds f0 in Hz and B, (f0s, Bs, 2); `on` and `between` the bins at the partials and midway below
+    them, `weight` the share of each partial, all (f0s, Bs, partials).
+    """
+
+    guesses: Floats
+    on: Indices
+    between: Indices
+    weight: Floats
 
 
 @part(inline="always")
@@ -65,17 +88,15 @@ def _partial(f0: float, inharmonicity: float, n: float) -> float:
     return f0 * n * np.sqrt(1.0 + inharmonicity * n * n)
 
 
+@part(inline="always")
+def _nearest(ascending: Floats, value: float, k: int) -> int:
+    """Return the index of the nearest number, searched from index `k` upward."""
+    while k + 1 < ascending.size and abs(ascending[k + 1] - value) <= abs(ascending[k] - value):
+        k += 1
+    return k
+
+
 @part()
-def _nearest(sorted_values: Floats, value: float) -> int:
-    i = int(np.searchsorted(sorted_values, value))
-    if i == 0:
-        return 0
-    if i == sorted_values.size or value - sorted_values[i - 1] <= sorted_values[i] - value:
-        return i - 1
-    return i
-
-
-@kernel()
 def partial_count(f0: Hertz, top: Hertz, max_partials: int) -> int:
     """Return how many partials of `f0` lie below `top`, between 1 and `max_partials`."""
     return max(1, min(max_partials, int(top / f0)))
@@ -99,30 +120,34 @@ def fit_series(
     peaks, view
         The spectral peaks, and the search limits.
     """
-    _check(peaks, view)
-    return _fitted(f0, inharmonicity, prior, peaks, view)
+    rows, used = _weighed(*_checked(np.array([[f0, inharmonicity]]), (f0, *prior), peaks, view))
+    if not used[0]:
+        return f0, np.inf, inharmonicity, np.inf, 0
+    f0, std, inharmonicity, bend_std, _ = rows[0].tolist()
+    return f0, std, inharmonicity, bend_std, int(used[0])
 
 
-@kernel()
+@part()
 def _fitted(
-    f0: Hertz, inharmonicity: float, prior: tuple[float, float], peaks: Peaks, view: View
+    f0: Hertz, inharmonicity: float, mean: float, deviation: float, peaks: Peaks, view: View
 ) -> tuple[float, float, float, float, int]:
     std, bend_std, used = np.inf, np.inf, 0
     for step in range(6):
         count = partial_count(f0, view.top, min(view.max_partials, 6 * 2**step))
-        weight = 1.0 / prior[1] ** 2
+        weight = 1.0 / deviation**2
         a11, a12, a22 = 0.0, 0.0, weight
-        b1, b2 = 0.0, weight * (prior[0] - inharmonicity)
-        chi2, weights, used = 0.0, 0.0, 0
+        b1, b2 = 0.0, weight * (mean - inharmonicity)
+        chi2, weights, used, k = 0.0, 0.0, 0, 0
         for n in range(1, count + 1):
             expected = _partial(f0, inharmonicity, n)
-            k = _nearest(peaks.frequency, expected)
+            k = _nearest(peaks.frequency, expected, k)
             off = peaks.frequency[k] - expected
             if abs(off) > min(max(CAPTURE * view.resolution, 0.01 * n * f0), 0.3 * f0) / (1.0 + 0.5 * step):
                 continue
-            robust = 1.0 / (1.0 + (off / (ROBUST * view.resolution)) ** 2) ** 2 if step > 1 else 1.0
+            spread = off / (ROBUST * view.resolution)
+            robust = 1.0 / ((1.0 + spread * spread) * (1.0 + spread * spread)) if step > 1 else 1.0
             weight = robust / peaks.variance[k]
-            by_f0, by_bend = expected / f0, 0.5 * n**4 * f0**2 / expected
+            by_f0, by_bend = expected / f0, 0.5 * n * n * n * n * f0 * f0 / expected
             a11 += weight * by_f0 * by_f0
             a12 += weight * by_f0 * by_bend
             a22 += weight * by_bend * by_bend
@@ -143,8 +168,8 @@ def _fitted(
     return f0, std, inharmonicity, bend_std, used
 
 
-def series_evidence(f0: Hertz, inharmonicity: float, peaks: Peaks, view: View) -> tuple[float, Floats]:
-    """Return the log evidence for a series over clutter alone, in nats, and the power of the peaks it claims.
+def series_evidence(f0: Hertz, inharmonicity: float, peaks: Peaks, view: View) -> float:
+    """Return the log evidence for a series over clutter alone, in nats.
 
     It has three parts. (1) Each partial either shows a peak, normally distributed about its frequency, or
     does not; clutter scatters peaks uniformly, and strong clutter is rare: the density of clutter peaks as
@@ -152,152 +177,179 @@ def series_evidence(f0: Hertz, inharmonicity: float, peaks: Peaks, view: View) -
     sides counts as missing: on a string this is rare except at the nodes of its pluck, but it holds for all
     odd partials of an octave-too-low guess. (3) The explained power: `residual_weight` ln(total / residual
     power), which is small for a guess that leaves the strongest peak unexplained; the weight is half the
-    effective number of independent residuals.
+    effective number of independent residuals. Where another source's line hides a partial, the partial is
+    absent, but does not count as missing.
     """
-    _check(peaks, view)
-    return _evidence(f0, inharmonicity, peaks, view)
+    guesses, _, peaks, view = _checked(np.array([[f0, inharmonicity]]), (f0, 0.0, 1.0), peaks, view)
+    return float(_rated(guesses, peaks, view)[0])
 
 
 @kernel()
-def _evidence(f0: Hertz, inharmonicity: float, peaks: Peaks, view: View) -> tuple[float, Floats]:
-    count = partial_count(f0, view.top, view.max_partials)
-    height = np.empty(count)
-    gain = np.empty(count)
-    claimed = np.zeros(peaks.frequency.size)
-    for n in range(1, count + 1):
-        expected = _partial(f0, inharmonicity, n)
-        spread = MATCH * view.resolution * (1.0 + 0.05 * n)
-        place = min(int(expected / view.spacing), view.salience.size - 2)
-        height[n - 1] = max(view.salience[place], view.salience[place + 1])
-        k = _nearest(peaks.frequency, expected)
-        off = (peaks.frequency[k] - expected) / spread
-        if abs(off) < 4.0:
-            height[n - 1] = max(height[n - 1], peaks.salience[k])
-        shown = min(0.1 + 0.6 * np.exp(-(n - 1) / 12.0), 0.9)
-        ratio = np.exp(-0.5 * off * off) / (np.sqrt(2.0 * np.pi) * spread) * (view.top / peaks.rank[k])
-        gain[n - 1] = np.log(1.0 - shown + shown * ratio)
-        for j in (k - 1, k, k + 1):
-            if 0 <= j < peaks.frequency.size and abs(peaks.frequency[j] - expected) < 4.0 * spread:
-                claimed[j] = peaks.power[j] if peaks.frequency[j] > view.bottom else 0.0
-    evidence = 0.0
-    forgiven = np.zeros(NODES + 1)
-    for i in range(count):
-        evidence += gain[i]
-        depth = _neighbours(height, i) - DIP - height[i]
-        if depth > 0.0:
-            cost = max(gain[i] - np.log(MISSING) + min(0.4 * depth, 3.0), 0.0)
-            evidence -= cost
-            for k in range(2, NODES + 1):
-                forgiven[k] += cost if (i + 1) % k == 0 else 0.0
-    evidence += max(forgiven.max() - NODE_COST, 0.0)
-    total = np.sum(np.where(peaks.frequency > view.bottom, peaks.power, 0.0))
-    if total > 0.0:
-        evidence += view.residual_weight * np.log(total / (total - np.sum(claimed) + 1e-4 * total))
-        claimed /= total
-    return evidence, claimed
-
-
-@part(inline="always")
-def _neighbours(height: Floats, i: int) -> float:
-    """Return the lower of the largest heights within `AROUND` partials on the left and on the right."""
-    if i + 1 >= height.size:
-        return -np.inf
-    right = height[i + 1 : i + 1 + AROUND].max()
-    return right if i == 0 else min(right, height[max(i - AROUND, 0) : i].max())
+def _rated(guesses: Floats, peaks: Peaks, view: View) -> Floats:
+    height, gain = np.empty(view.max_partials), np.empty(view.max_partials)
+    claimed = np.empty(peaks.frequency.size)
+    evidence = np.empty(guesses.shape[0])
+    for i in range(guesses.shape[0]):
+        evidence[i] = _evidence(guesses[i, 0], guesses[i, 1], peaks, view, height, gain, claimed)
+    return evidence
 
 
 @part()
-def _comb(f0: float, inharmonicity: float, view: View) -> float:
-    """Return the mean salience at the partials minus that midway between them; low partials weigh more."""
-    score, weights = 0.0, 0.0
-    limit = view.salience.size - 2
-    for n in range(1, view.max_partials + 1):
-        at = _partial(f0, inharmonicity, n)
-        if at >= view.top:
-            break
-        weight = 1.0 / np.sqrt(n)
-        i, j = at / view.spacing, _partial(f0, inharmonicity, n - 0.5) / view.spacing
-        k, low = min(int(i), limit), min(int(j), limit)
-        on = view.salience[k] + (i - k) * (view.salience[k + 1] - view.salience[k])
-        off = view.salience[low] + (j - low) * (view.salience[low + 1] - view.salience[low])
-        score += weight * (on - off)
-        weights += weight
-    return score / weights if weights > 0.0 else 0.0
+def _evidence(
+    f0: Hertz, inharmonicity: float, peaks: Peaks, view: View, height: Floats, gain: Floats, claimed: Floats
+) -> float:
+    """Return the evidence of a series; `height`, `gain` and `claimed` are memory for partials and peaks."""
+    count = partial_count(f0, view.top, view.max_partials)
+    for j in range(claimed.size):
+        claimed[j] = 0.0
+    evidence, k = 0.0, 0
+    for i in range(count):
+        expected = _partial(f0, inharmonicity, i + 1.0)
+        spread = MATCH * view.resolution * (1.05 + 0.05 * i)
+        place = min(int(expected / view.spacing), view.salience.size - 2)
+        height[i] = max(view.salience[place], view.salience[place + 1])
+        k = _nearest(peaks.frequency, expected, k)
+        off = (peaks.frequency[k] - expected) / spread
+        shown = min(0.1 + 0.6 * np.exp(-i / 12.0), 0.9)
+        gain[i] = np.log(1.0 - shown)
+        if abs(off) < 8.0:
+            ratio = np.exp(-0.5 * off * off) / (np.sqrt(2.0 * np.pi) * spread) * (view.top / peaks.rank[k])
+            gain[i] = np.log(1.0 - shown + shown * ratio)
+        if abs(off) < 4.0:
+            height[i] = max(height[i], peaks.salience[k])
+        evidence += gain[i]
+        for j in range(max(k - 1, 0), min(k + 2, claimed.size)):
+            if abs(peaks.frequency[j] - expected) < 4.0 * spread and peaks.frequency[j] > view.bottom:
+                claimed[j] = peaks.power[j]
+    evidence -= _missing_cost(height, gain, count)
+    total = explained = 0.0
+    for j in range(claimed.size):
+        explained += claimed[j]
+        total += peaks.power[j] if peaks.frequency[j] > view.bottom else 0.0
+    if total > 0.0:
+        least = LEAST_RESIDUAL * (total + view.others)
+        evidence += view.residual_weight * np.log((total + least) / (total - explained + least))
+    return evidence
 
 
-def search(grid: Floats, prior: tuple[float, float], peaks: Peaks, view: View) -> tuple[Floats, Floats]:
-    """Return the distinct series, best first, as rows of `COLUMNS`, and each one's claims on the peaks.
+@part()
+def _missing_cost(height: Floats, gain: Floats, count: int) -> float:
+    """Return the cost in nats of the missing partials, less that of a node of the pluck."""
+    total = 0.0
+    forgiven = np.zeros(NODES + 1)
+    for i in range(count - 1):
+        if height[i] == HIDDEN:
+            continue
+        left, right = -np.inf, -np.inf
+        for j in range(i + 1, min(i + 1 + AROUND, count)):
+            right = max(right, height[j])
+        for j in range(max(i - AROUND, 0), i):
+            left = max(left, height[j])
+        depth = (right if i == 0 else min(left, right)) - DIP - height[i]
+        if depth <= 0.0:
+            continue
+        cost = max(gain[i] - np.log(MISSING) + min(0.4 * depth, 3.0), 0.0)
+        total += cost
+        for k in range(2, NODES + 1):
+            forgiven[k] += cost if (i + 1) % k == 0 else 0.0
+    most = NODE_COST
+    for k in range(2, NODES + 1):
+        most = max(most, forgiven[k])
+    return total - (most - NODE_COST)
 
-    Claims (series, peaks) are shares of the power of all peaks.
 
-    Relatives of series found on the grid are searched outside it too, so that the octave of a note outside
-    the grid is not mistaken for the note.
+def comb(lowest: Hertz, highest: Hertz, ratio: float, view: View) -> Comb:
+    """Return the comb for f0 between two bounds in steps of `ratio`, for spectra like that of `view`.
+
+    The comb rates a guess by the mean salience at its partials minus that midway between them; low partials
+    weigh more, as 1 / sqrt(n).
+    """
+    count = int(np.log(highest / lowest) / np.log(ratio)) + 2
+    f0, bend = np.meshgrid(lowest * ratio ** np.arange(-1.0, count), GRID_INHARMONICITY, indexing="ij")
+    n = np.arange(1.0, min(view.max_partials, COMB_PARTIALS) + 1.0)
+
+    def bins(numbers: Floats) -> Indices:
+        stretch = np.sqrt(1.0 + bend[..., np.newaxis] * numbers**2)
+        return np.rint(f0[..., np.newaxis] * numbers * stretch / view.spacing).astype(np.int64)
+
+    on, between = bins(n), bins(n - 0.5)
+    weight = np.where(on * view.spacing < view.top, 1.0 / np.sqrt(n), 0.0)
+    weight /= np.maximum(weight.sum(axis=2, keepdims=True), 1e-30)
+    return Comb(np.stack((f0, bend), axis=2), on, between, weight)
+
+
+def propose(teeth: Comb, view: View) -> Floats:
+    """Return guesses of f0 in Hz and B (guesses, 2): the highest maxima of the comb, and their relatives.
+
+    Relatives of the best are guessed outside the comb's range too, so that the octave of a note outside the
+    range is not mistaken for the note.
+    """
+    rise = view.salience.take(teeth.on, mode="clip")
+    rise -= view.salience.take(teeth.between, mode="clip")
+    rates = np.einsum("ijn,ijn->ij", rise, teeth.weight)
+    rate = rates.max(axis=1)
+    inner = 1 + np.flatnonzero((rate[1:-1] > rate[:-2]) & (rate[1:-1] >= rate[2:]))
+    inner = inner if inner.size else np.array([rate.argmax()])
+    top = inner[np.argsort(-rate[inner], kind="stable")][:PROPOSED]
+    best = teeth.guesses[top, rates[top].argmax(axis=1)]
+    related = best[:WEIGHED, np.newaxis].repeat(RELATIVES.size, axis=1)
+    related[:, :, 0] *= RELATIVES
+    inside = (related[:, :, 0] > view.resolution) & (related[:, :, 0] < 0.5 * view.top)
+    return np.concatenate((best, related[inside]))
+
+
+def weigh(guesses: Floats, prior: tuple[float, float, float], peaks: Peaks, view: View) -> Floats:
+    """Return the distinct series near the guesses, best first, as rows of `COLUMNS`.
 
     Parameters
     ----------
-    grid
-        Guesses of f0 in Hz (guesses,), ascending in equal ratios.
+    guesses
+        f0 in Hz and B (guesses, 2).
     prior
-        Prior mean and standard deviation of B at the lowest guess; both grow as f0 squared.
+        A frequency in Hz, and the prior mean and standard deviation of B of a note of that frequency; both
+        grow as f0 squared.
     peaks, view
         The spectral peaks, and the search limits.
     """
-    _check(peaks, view)
-    alike("guesses", grid)
-    return _found(grid, prior, peaks, view)
+    rows, used = _weighed(*_checked(guesses, prior, peaks, view))
+    rows = rows[used > 0]
+    return rows[np.argsort(-rows[:, -1], kind="stable")]
 
 
-def _check(peaks: Peaks, view: View) -> None:
-    """Raise `InputError` unless there are at least one peak and two bins, as the kernels require."""
+def _checked(
+    guesses: Floats, prior: tuple[float, float, float], peaks: Peaks, view: View
+) -> tuple[Floats, tuple[float, float, float], Peaks, View]:
+    """Return the arguments; raise `InputError` unless there are one peak and two bins, as kernels require."""
     alike("peaks", *peaks)
     if view.salience.ndim != 1 or view.salience.size < 2:
         raise InputError(f"salience of shape {view.salience.shape}", "two bins or more")
+    if guesses.ndim != 2 or guesses.shape[1] != 2:
+        raise InputError(f"guesses of shape {guesses.shape}", "f0 and B of each")
+    return guesses, prior, peaks, view
 
 
 @kernel()
-def _found(grid: Floats, prior: tuple[float, float], peaks: Peaks, view: View) -> tuple[Floats, Floats]:
-    starts = _starts(grid, view)
-    rows = np.empty((starts.shape[0], len(COLUMNS)))
-    claims = np.empty((starts.shape[0], peaks.frequency.size))
-    count = 0
-    for start in starts:
-        scale = (start[0] / grid[0]) ** 2
-        here = (min(prior[0] * scale, 0.5 * MOST_B), prior[1] * scale)
-        f0, std, bend, bend_std, used = _fitted(start[0], start[1], here, peaks, view)
-        new = used > 0
-        for row in rows[:count]:
-            new = new and abs(np.log(f0 / row[0])) > DISTINCT
-        if new:
-            evidence, claims[count] = _evidence(f0, bend, peaks, view)
-            rows[count] = (f0, std, bend, bend_std, evidence)
-            count += 1
-    order = np.argsort(-rows[:count, -1])
-    return rows[order], claims[order]
-
-
-@part()
-def _starts(grid: Floats, view: View) -> Floats:
-    """Return guesses of (f0, B): the ten highest maxima of the comb, and the relatives of the first four."""
-    score, best = np.full(grid.size, -np.inf), np.zeros(grid.size)
-    for i in range(grid.size):
-        for inharmonicity in GRID_INHARMONICITY:
-            value = _comb(grid[i], inharmonicity, view)
-            if value > score[i]:
-                score[i], best[i] = value, inharmonicity
-    inner = np.array([
-        i for i in range(1, grid.size - 1) if score[i] > score[i - 1] and score[i] >= score[i + 1]
-    ])  # fmt: skip
-    if inner.size == 0:
-        inner = np.array([np.argmax(score)])
-    top = inner[np.argsort(-score[inner])][:PROPOSED]
-    starts = np.empty((top.size + WEIGHED * RELATIVES.size, 2))
-    count = 0
-    for k, i in enumerate(top):
-        starts[count] = (grid[i], best[i])
-        count += 1
-        if k < WEIGHED:
-            for relative in RELATIVES:
-                if view.resolution < grid[i] * relative < 0.5 * view.top:
-                    starts[count] = (grid[i] * relative, best[i])
-                    count += 1
-    return starts[:count]
+def _weighed(
+    guesses: Floats, prior: tuple[float, float, float], peaks: Peaks, view: View
+) -> tuple[Floats, Indices]:
+    """Return a row of `COLUMNS` for each guess, and its number of matches: 0 if it is no new series."""
+    rows = np.zeros((guesses.shape[0], 5))
+    used = np.zeros(guesses.shape[0], np.int64)
+    height, gain = np.empty(view.max_partials), np.empty(view.max_partials)
+    claimed = np.empty(peaks.frequency.size)
+    for i in range(guesses.shape[0]):
+        is_new = True
+        for j in range(i):
+            is_new = is_new and abs(guesses[i, 0] / guesses[j, 0] - 1.0) > SAME_GUESS
+        if not is_new:
+            continue
+        scale = (guesses[i, 0] / prior[0]) ** 2
+        mean, deviation = min(prior[1] * scale, 0.5 * MOST_B), prior[2] * scale
+        f0, std, bend, bend_std, matches = _fitted(guesses[i, 0], guesses[i, 1], mean, deviation, peaks, view)
+        for j in range(i):
+            is_new = is_new and (used[j] == 0 or abs(f0 / rows[j, 0] - 1.0) > DISTINCT)
+        if is_new and matches > 0:
+            rows[i, 0], rows[i, 1], rows[i, 2], rows[i, 3] = f0, std, bend, bend_std
+            rows[i, 4] = _evidence(f0, bend, peaks, view, height, gain, claimed)
+            used[i] = matches
+    return rows, used

@@ -32,7 +32,7 @@ from monochord.live.settings import recording as recording_table
 from monochord.live.sinks.base import Listener, Run, Update, Writer
 from monochord.perception.model.table import EstimateColumn, PredictionTable
 from monochord.perception.usable import unusable_reason
-from monochord.physics.theory import open_frequency
+from monochord.physics.theory import light_touch, open_frequency
 from monochord.sessions import read_session
 
 if TYPE_CHECKING:
@@ -508,7 +508,7 @@ class _Places(Listener):
             length=self._length,
             open_frequency=self._open,
             window=self._setup.window.length,
-            assumptions=self._assumptions(valid, int(table.fret.valid.sum())) if self._has_frets else (),
+            assumptions=self._assumptions(table) if self._has_frets else (),
             inputs=tuple(text for text, count in self._inputs.items() if count >= LASTING * len(table)),
             heard=self._heard(valid) if self._has_frets else "",
             simulated=_is_simulated(self._setup, has_truth=self._has_truth),
@@ -528,16 +528,24 @@ class _Places(Listener):
         start, time = np.array(self._starts, np.int64), np.array(self._times)
         return PredictionTable(start=start, time=time, estimates=estimates)
 
-    def _assumptions(self, valid: int, one: int) -> tuple[str, ...]:
-        """Return what positions on a stopped string assume; `one` of the `valid` windows carry one note."""
-        said = (
+    def _assumptions(self, table: PredictionTable) -> tuple[str, ...]:
+        """Return what positions on a stopped string assume."""
+        said = [
             "assumes                  the sound is this string's, pressed down: its pitch tells the place;",
             "                         a light touch at a node (harmonic) or a bend reads as another place",
-        )
-        if self._channels != 2:
-            return said
-        split = f"one note in {one}, two segments in {valid - one} of {valid} windows"
-        return (f"both channels carry      {split}", *said)
+        ]
+        one_note, places = table.fret.valid, table.position
+        rows = zip(places.value[one_note].tolist(), places.std[one_note].tolist(), strict=True)
+        nodes = Counter(light_touch(position, self._length, 2.0 * std) for position, std in rows)
+        del nodes[None]
+        for n, count in nodes.most_common(1):
+            place = f"at 1/{n}, {1e3 * self._length / n:.2f} mm: the same note, in {count} windows"
+            said.append(f"or lightly touched       {place}")
+        if self._channels == 2:
+            valid, one = int(places.valid.sum()), int(one_note.sum())
+            split = f"one note in {one}, two segments in {valid - one} of {valid} windows"
+            said.insert(0, f"both channels carry      {split}")
+        return tuple(said)
 
     def _heard(self, valid: int) -> str:
         """Return what sounds instead of this string, empty where a fifth or more of the sound is answered."""

@@ -1,16 +1,17 @@
 """Position from the far segment alone: one fretted or pressed string, one note, its open note known."""
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
 from monochord.core.errors import InputError
-from monochord.core.types import Estimate, Estimates, Floats, Window
-from monochord.core.units import Hertz, Metres
+from monochord.core.types import Estimate, Estimates, Flags, Floats, Window
+from monochord.core.units import Hertz, Metres, Samples
 from monochord.dsp.pitch import PitchFinder, Series
-from monochord.dsp.pitch_steadiness import SteadinessMeter
+from monochord.perception.closed_form.note_follower import EVIDENCE, FREQUENCY, NO_NOTES, Notes, follow
+from monochord.perception.closed_form.steadiness import Steadiness, compare
 from monochord.perception.usable import unusable_reason
-from monochord.physics.theory import position_from_far_segment
 
 MAX_TAKE_DEVIATION = 8.0
 """Standard deviations from the expected position beyond which a calibration take is refused."""
@@ -22,15 +23,14 @@ TAKE_STD = 0.0008
 """Standard error of a calibration take's position, as a share of the length: 0.5 mm on 650 mm."""
 SAME_POSITION = 0.006
 """Candidates nearer to each other than this share of the length are of the same position."""
-SECOND_EVIDENCE, SECOND_POWER = 12.0, 0.25
-"""Least evidence in nats, and least share of the power outside the best series, of a second string."""
-OUTSIDE_MARGINS = 1.7
-"""Lead, in multiples of `margin`, from which a note outside the string's range is accepted as one."""
 EDGE_CENTS = 4.0
 """Distance in cents by which a fit may lie outside the searched range and still count as inside."""
-MAX_GLIDE, MAX_SCATTER, MAX_MISSING = 0.125, 0.11, 0.45
-"""Largest glide of a string's pitch and scatter of its partials, in 1/s, and share of them that do not hold;
-chosen on 39 plucked takes, in quiet and with interference (docs/design/reader-of-modes.md)."""
+OUTSIDE = 0.05
+"""Prior odds of a note outside the string's range to one inside it: the sound is said to be this string's."""
+LEAST_PROBABILITY = 0.95
+"""Least probability of a position that is stated."""
+SAME_SERIES = 0.01
+"""Largest distance in log frequency of a window's series from the note that it is."""
 MAX_FLAT_CENTS = 40.0
 """Largest distance in cents of a note below the open one: tunings drift."""
 
@@ -81,8 +81,6 @@ class FarSegment:
     open_frequency: Hertz
     calibration: tuple[tuple[float, ...], ...]
     reach: float
-    margin: float
-    evidence: float
 
     def __post_init__(self) -> None:
         if not 0.0 < self.length < np.inf:
@@ -112,15 +110,7 @@ class FarSegment:
             highest=min(open_frequency / (1.0 - self.reach), 0.2 * sample_rate),
             inharmonicity_prior=inharmonicity,
         )
-        return FarReader(
-            finder=finder,
-            meter=SteadinessMeter(sample_rate=sample_rate, size=size),
-            setup=setup,
-            length=self.length,
-            open_frequency=open_frequency,
-            margin=self.margin,
-            evidence=self.evidence,
-        )
+        return FarReader(finder=finder, setup=setup, length=self.length, open_frequency=open_frequency)
 
     def _open_note(self) -> tuple[Hertz, tuple[float, float]]:
         """Return the open frequency, and mean and standard deviation of B on the open string."""
@@ -131,97 +121,143 @@ class FarSegment:
         return frequency, (mean, 0.05 * mean if measured else 2.0e-4)
 
 
+class Heard(NamedTuple):
+    """State of the far form after a window.
+
+    `start` is the first frame of the last usable window, -1 before any; `strongest` is its best series, which
+    may be outside the string's range.
+    """
+
+    start: Samples = -1
+    notes: Notes = NO_NOTES
+    steadiness: Steadiness = Steadiness()
+    strongest: Series | None = None
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FarReader:
-    """A prepared far-segment form: the function from a window to its estimates, in two steps.
+    """A prepared far-segment form, from a state and a window to the next state and the estimates.
 
     Parameters
     ----------
     finder
         Finds the series in a window.
-    meter
-        Measures how steady a series is.
     setup
         What pressing does on this instrument.
     length, open_frequency
         Of the string, in m and in Hz.
-    margin, evidence
-        Options of the form.
     """
 
     finder: PitchFinder
-    meter: SteadinessMeter
     setup: Setup
     length: Metres
     open_frequency: Hertz
-    margin: float
-    evidence: float
 
-    def __call__(self, window: Window) -> Estimates:
-        """Return the estimates of a window."""
-        why_not = unusable_reason(window)
-        return abstain(why_not) if why_not else self.locate(window, self.series(window))
-
-    def series(self, window: Window) -> list[Series]:
-        """Return the series in a usable window, best first."""
-        return self.finder.find(window.samples.astype(np.float64))
-
-    def locate(self, window: Window, candidates: list[Series]) -> Estimates:
-        """Return the estimates from the series in a window."""
-        why_not = self._why_undecided(candidates)
-        if why_not:
-            return abstain(why_not)
-        best = next(each for each in candidates if self.is_inside(each.frequency))
-        why_not = self._why_unsteady(window, best)
-        return abstain(why_not) if why_not else self._located(best)
-
-    def _why_unsteady(self, window: Window, series: Series) -> str:
-        steadiness = self.meter.measure(window.samples, series.frequency, series.inharmonicity)
-        if abs(steadiness.glide) > MAX_GLIDE:
-            return "the pitch glides as no held string's does"
-        if steadiness.scatter > MAX_SCATTER or steadiness.missing > MAX_MISSING:
-            return "partials that do not hold as a string's do"
-        return ""
-
-    @property
-    def _inside(self) -> tuple[Hertz, Hertz]:
-        edge = 2.0 ** (EDGE_CENTS / 1200.0)
-        return self.finder.lowest / edge, self.finder.highest * edge
+    def step(self, heard: Heard, window: Window) -> tuple[Heard, Estimates]:
+        """Return the state and the estimates after a window; one no later than the last begins a stream."""
+        reason = unusable_reason(window)
+        if window.start <= heard.start:
+            heard = Heard()
+        if reason:
+            return heard._replace(strongest=None), abstain(reason)
+        rate = self.finder.sample_rate
+        elapsed = (window.start - heard.start) / rate if heard.start >= 0 else np.inf
+        rows = self.finder.rows(window.samples.astype(np.float64), heard.notes.guesses)
+        notes = follow(heard.notes, rows, elapsed, self.finder.size / rate)
+        inside = self._is_inside(notes)
+        log_frequency = np.log(rows[:, FREQUENCY])
+        note = _nearest(log_frequency, notes.log_frequency[inside])
+        steadiness = compare(heard.steadiness, note, log_frequency, rows[:, EVIDENCE], elapsed)
+        strongest = Series(*rows[0].tolist()) if rows.size else None
+        return Heard(window.start, notes, steadiness, strongest), self._estimates(notes, inside, steadiness)
 
     def is_inside(self, frequency: Hertz) -> bool:
         """Return whether a note is in the string's range."""
-        lowest, highest = self._inside
+        lowest, highest = self._range
         return lowest <= frequency <= highest
 
-    def _why_undecided(self, candidates: list[Series]) -> str:
-        inside = self._inside
-        allowed = [series for series in candidates if self.is_inside(series.frequency)]
-        if not allowed or allowed[0].evidence < self.evidence:
-            return "no harmonic structure"
-        best, strongest = allowed[0], candidates[0]
-        if strongest.evidence > best.evidence + OUTSIDE_MARGINS * self.margin:
-            return f"a note of {strongest.frequency:.1f} Hz, outside {inside[0]:.1f} to {inside[1]:.1f} Hz"
-        for other in allowed[1:]:
-            distance = self.open_frequency * abs(1.0 / other.frequency - 1.0 / best.frequency)
-            close = best.evidence - other.evidence < self.margin
-            second = other.evidence > SECOND_EVIDENCE and other.beside(best) > SECOND_POWER
-            if distance > SAME_POSITION and (close or second):
-                return f"two candidates, {best.frequency:.1f} and {other.frequency:.1f} Hz"
-        return ""
+    @property
+    def _range(self) -> tuple[Hertz, Hertz]:
+        edge = 2.0 ** (EDGE_CENTS / 1200.0)
+        return self.finder.lowest / edge, self.finder.highest * edge
 
-    def _located(self, series: Series) -> Estimates:
-        ratio = self.open_frequency / series.frequency
+    def _is_inside(self, notes: Notes) -> Flags:
+        lowest, highest = self._range
+        return (notes.log_frequency >= np.log(lowest)) & (notes.log_frequency <= np.log(highest))
+
+    def _estimates(self, notes: Notes, inside: Flags, steadiness: Steadiness) -> Estimates:
+        """Return the estimates, or abstentions where no position is probable enough."""
+        probability = np.exp(notes.weight) * np.where(inside, 1.0, OUTSIDE)
+        probability /= probability.sum() + np.exp(notes.none)
+        ratio = self.open_frequency / np.exp(notes.log_frequency)
+        if not inside.any():
+            return abstain(self._reason(notes, inside))
+        best = int(inside.argmax())
+        near = inside & (np.abs(ratio - ratio[best]) < SAME_POSITION)
+        share = float(probability[near].sum())
+        if share < LEAST_PROBABILITY:
+            return abstain(self._reason(notes, inside))
+        if share * steadiness.probability < LEAST_PROBABILITY:
+            return abstain("the pitch moves as a voice's does")
+        spread = float(probability[near] @ (ratio[near] - ratio[best]) ** 2) / share
+        return self._located(notes, best, spread)
+
+    def _reason(self, notes: Notes, inside: Flags) -> str:
+        """Return why no position is probable enough."""
+        outside = ~inside
+        if np.exp(notes.none) > 0.5 or not inside.size:
+            return "no harmonic structure"
+        frequency = np.exp(notes.log_frequency)
+        if OUTSIDE * np.exp(notes.weight[outside]).sum() > np.exp(notes.weight[inside]).sum():
+            lowest, highest = self._range
+            return f"a note of {frequency[outside][0]:.1f} Hz, outside {lowest:.1f} to {highest:.1f} Hz"
+        best = int(inside.argmax())
+        apart = (
+            np.abs(self.open_frequency / frequency - self.open_frequency / frequency[best]) > SAME_POSITION
+        )
+        if not apart.any():
+            return "no harmonic structure"
+        return f"two candidates, {frequency[best]:.1f} and {frequency[apart][0]:.1f} Hz"
+
+    def _located(self, notes: Notes, best: int, spread: float) -> Estimates:
+        frequency = float(np.exp(notes.log_frequency[best]))
+        relative_std = float(np.sqrt(notes.variance[best]))
+        ratio = self.open_frequency / frequency
         correction, correction_std = self.setup.correct(ratio)
-        position = position_from_far_segment(series.frequency, self.open_frequency, self.length)
-        position = min(max(position + self.length * correction, 0.0), self.length)
-        noise = ratio * series.frequency_std / series.frequency
+        position = self.length * min(max(1.0 - ratio + correction, 0.0), 1.0)
+        std = self.length * float(np.sqrt((ratio * relative_std) ** 2 + spread + correction_std**2))
+        bend, bend_std = float(notes.bend[best]), float(notes.bend_std[best])
         return {
-            "frequency": Estimate(value=series.frequency, std=series.frequency_std, unit="Hz"),
-            "position": Estimate(
-                value=position, std=self.length * float(np.hypot(noise, correction_std)), unit="m"
-            ),
-            "inharmonicity": Estimate(value=series.inharmonicity, std=series.inharmonicity_std, unit=""),
+            "frequency": Estimate(value=frequency, std=relative_std * frequency, unit="Hz"),
+            "position": Estimate(value=position, std=std, unit="m"),
+            "inharmonicity": Estimate(value=bend, std=bend_std, unit=""),
         }
+
+
+def _nearest(log_frequency: Floats, notes: Floats) -> int | None:
+    """Return the index of a window's series that is the first of the notes, None if there is none."""
+    if not log_frequency.size or not notes.size:
+        return None
+    distance = np.abs(log_frequency - notes[0])
+    return int(distance.argmin()) if distance.min() < SAME_SERIES else None
+
+
+class FollowedNote:
+    """The far form on one stream of windows."""
+
+    def __init__(self, reader: FarReader) -> None:
+        self.reader = reader
+        self._heard = Heard()
+
+    def __call__(self, window: Window) -> Estimates:
+        """Return the estimates of a window."""
+        self._heard, estimates = self.reader.step(self._heard, window)
+        return estimates
+
+    @property
+    def strongest(self) -> Series | None:
+        """The best series in the last window."""
+        return self._heard.strongest
 
 
 def abstain(why_not: str) -> Estimates:

@@ -16,15 +16,15 @@ from monochord.dsp.microphones import Microphones
 from monochord.perception.closed_form import both_segments, far_segment
 from monochord.perception.closed_form.both_segments import MIN_CONTACT, MIN_UNTOUCHED, BothSegments
 from monochord.perception.closed_form.explanations import RANGE
-from monochord.perception.closed_form.far_segment import FarReader, FarSegment
+from monochord.perception.closed_form.far_segment import FarSegment, FollowedNote
 from monochord.perception.closed_form.one_note import NO_SIDES, SidesReader
 from monochord.perception.estimators.base import Condition, Estimator, Watching
 from monochord.perception.tuning import Tuner, TunerState
 from monochord.perception.tuning.tuner import detuned
 from monochord.perception.usable import Hearing, unusable_reason
-from monochord.physics.theory import TensionLaw, open_frequency
+from monochord.physics.theory import TensionLaw, open_frequency, position_from_far_segment
 
-FAR_ONLY = ("calibration", "length", "open_frequency", "reach", "margin", "evidence")
+FAR_ONLY = ("calibration", "length", "open_frequency", "reach")
 """Options of the far form only."""
 EXPECTED_PITCH = "its known pitch"
 DENSITY: KilogramsPerMetre = 4.0e-4
@@ -74,12 +74,6 @@ class ClosedForm(Estimator):
         its density.
     reach
         Largest position of the far form as a share of the length.
-    margin
-        Smallest lead of the best candidate over any other, in nats of evidence.
-    evidence
-        Smallest evidence for a harmonic series against clutter, in nats. White noise stays below 25. Other
-        harmonic sounds can exceed both limits; therefore the partials must also be steady within the window,
-        as a string's are.
     tension_law, most_force
         For the two-sided form: how force raises tension, and the largest expected force in N.
     """
@@ -89,8 +83,6 @@ class ClosedForm(Estimator):
     calibration: tuple[tuple[float, ...], ...] = ()
     sides: Literal["auto", "far", "both"] = "auto"
     reach: float = 0.8
-    margin: float = 7.0
-    evidence: float = 27.0
     tension_law: TensionLaw = "linear"
     most_force: Annotated[Newtons, Meta(gt=0.0)] = 2.5
 
@@ -117,7 +109,7 @@ class ClosedForm(Estimator):
             BOTH_ONLY, "the far segment alone", "both segments with two microphones and --string"
         )
         far = self._far_segment(signal)
-        estimate = far.prepare(signal.sample_rate, size)
+        estimate = FollowedNote(far.prepare(signal.sample_rate, size))
         if signal.channels != 2:
             return estimate
         if self.sides == "far":
@@ -155,8 +147,6 @@ class ClosedForm(Estimator):
             open_frequency=known,
             calibration=self.calibration,
             reach=self.reach,
-            margin=self.margin,
-            evidence=self.evidence,
         )
 
 
@@ -218,7 +208,7 @@ class _Followed(Watching):
 class _Far:
     """The far form on two channels: on both, or on one where the other is a copy or carries nothing."""
 
-    def __init__(self, far: FarReader) -> None:
+    def __init__(self, far: FollowedNote) -> None:
         self._far, self._microphones = far, Microphones()
 
     def __call__(self, window: Window) -> Estimates:
@@ -241,7 +231,9 @@ class _Either:
     and the two forms disagree, there is no position.
     """
 
-    def __init__(self, far: FarReader, both: _Followed, sides: SidesReader, *, knows_density: bool) -> None:
+    def __init__(
+        self, far: FollowedNote, both: _Followed, sides: SidesReader, *, knows_density: bool
+    ) -> None:
         self._far, self._both, self._sides = far, both, sides
         self._one = _Far(far)
         self._knows_density = knows_density
@@ -254,18 +246,17 @@ class _Either:
         if one is not None:
             self._lead = 0
             return self._far(one)
-        two_sided, reason = self._two_sided(window), unusable_reason(window)
-        if reason:
-            return two_sided if self._lead > 0 else far_segment.abstain(reason)
-        series = self._far.series(window)
-        one_sided = self._far.locate(window, series)
-        sides = self._sides.read(window.samples, series[0]) if series else NO_SIDES
-        agree = self._agree(one_sided, two_sided)
-        if sides.one_note and self._far.is_inside(series[0].frequency):
-            either = agree or self._is_open_note(series[0].frequency)
+        two_sided, one_sided = self._two_sided(window), self._far(window)
+        if unusable_reason(window):
+            return two_sided if self._lead > 0 else one_sided
+        series = self._far.strongest
+        sides = self._sides.read(window.samples, series) if series else NO_SIDES
+        agree = series is not None and self._agree(series.frequency, two_sided)
+        if series and sides.one_note and self._far.reader.is_inside(series.frequency):
+            either = agree or self._is_open_note(series.frequency)
             self._count(0 if either else -1)
             if self._lead <= 0:
-                return one_sided
+                return two_sided if agree and not self._same(one_sided, two_sided) else one_sided
             return two_sided if either else far_segment.abstain(UNDECIDED)
         if self._both.opposed:
             undecided = sides.undecided and one_sided["position"].valid
@@ -281,14 +272,22 @@ class _Either:
         unknown = Estimate.abstain("N", "the string's density is not known")
         return {**estimates, "tension": unknown, "force": unknown}
 
-    def _agree(self, one_sided: Estimates, two_sided: Estimates) -> bool:
-        positions = one_sided["position"], two_sided["position"]
-        near = abs(positions[0].value - positions[1].value) < SAME_POSITION * self._far.length
-        return positions[0].valid and positions[1].valid and near
+    def _agree(self, frequency: Hertz, two_sided: Estimates) -> bool:
+        """Return whether a note at both channels is at the position of the two-sided form."""
+        reader, position = self._far.reader, two_sided["position"]
+        one_sided = position_from_far_segment(frequency, reader.open_frequency, reader.length)
+        return position.valid and abs(one_sided - position.value) < SAME_POSITION * reader.length
+
+    def _same(self, one_sided: Estimates, two_sided: Estimates) -> bool:
+        distance = abs(one_sided["position"].value - two_sided["position"].value)
+        return distance < SAME_POSITION * self._far.reader.length
 
     def _is_open_note(self, frequency: Hertz) -> bool:
         """Return whether a note may be the open string's, at its known or its measured tuning."""
-        deviation, measured = frequency / self._far.open_frequency - 1.0, self._both.condition.deviation
+        deviation, measured = (
+            frequency / self._far.reader.open_frequency - 1.0,
+            self._both.condition.deviation,
+        )
         if measured is None:
             return abs(deviation) < RANGE
         return min(abs(deviation), abs(deviation - measured)) < OPEN_NOTE

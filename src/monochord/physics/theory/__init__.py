@@ -27,6 +27,7 @@ from monochord.physics.theory.contact import (
 )
 from monochord.physics.theory.segments import (
     harmonic_frequencies,
+    light_touch,
     locate_from_segments,
     mixing_matrix,
     open_frequency,
@@ -76,6 +77,7 @@ __all__ = [
     "harmonic_frequencies",
     "hertz_stiffness",
     "inharmonicity",
+    "light_touch",
     "line_stiffness",
     "linear_tension",
     "loaded_frequencies",

@@ -221,6 +221,42 @@ def position_from_far_segment(frequency: Number, open_frequency: Hertz, length: 
     return length * (1.0 - open_frequency / frequency)
 
 
+def light_touch(position: Metres, length: Metres, tolerance: Metres) -> int | None:
+    """Return n where a light touch at L / n sounds the note of a string that is stopped at a position.
+
+    Stopped at x = (1 - 1/n) L, a string sounds n times its open note. So does the whole string where it is
+    touched lightly at k L / n (a natural harmonic): its inharmonicity, n^2 B, is the same too, so that no
+    window tells one from the other. At n = 2 both are at the middle.
+
+    Parameters
+    ----------
+    position
+        x in m, from the nut.
+    length
+        L in m.
+    tolerance
+        Largest distance in m of the position from (1 - 1/n) L.
+
+    Returns
+    -------
+    int or None
+        n from 3 to 8, None where a light touch sounds another note.
+
+    Raises
+    ------
+    InputError
+        If a quantity is not above zero.
+
+    Examples
+    --------
+    >>> light_touch(0.4333, 0.65, 2e-3), light_touch(0.40, 0.65, 2e-3)
+    (3, None)
+    """
+    refuse_not_positive(length=length, tolerance=tolerance)
+    near = [n for n in range(3, 9) if abs(position - (1.0 - 1.0 / n) * length) <= tolerance]
+    return near[0] if near else None
+
+
 def mixing_matrix(share_1: float, share_2: float) -> Floats:
     """Return the matrix of two microphones that pick up two segments: B = mixing @ A.
 
