@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monochord.capture.sources import SOURCES
-from monochord.capture.sources.session import SessionSource
 from monochord.core.config import Tree, override
 from monochord.core.errors import InputError
 from monochord.core.pitch_names import pitch, pitch_name
@@ -27,7 +26,7 @@ from monochord.front.locate_figure import drawn
 from monochord.live import LiveRun, run
 from monochord.live.calibration import calibrated
 from monochord.live.listen import Listenable, source_of
-from monochord.live.settings import put_estimator, refuse_string_twice
+from monochord.live.settings import RECORDINGS, put_estimator, refuse_string_twice
 from monochord.live.settings import recording as recording_table
 from monochord.live.sinks.base import Listener, Run, Update, Writer
 from monochord.perception.model.table import EstimateColumn, PredictionTable
@@ -162,8 +161,8 @@ class Located:
     assumptions: tuple[str, ...]
     inputs: tuple[str, ...]
     heard: str
-    simulated: bool
-    interrupted: bool
+    simulated: bool = False
+    interrupted: bool = False
 
     @property
     def time(self) -> Floats:
@@ -428,7 +427,10 @@ def locate(
         given = f"{file if isinstance(file, str | Path) else 'sound'} (shorter than a window)"
         least = min(setup.window.length, setup.seconds)
         raise InputError(given, f"{least:g} s or more", "use a shorter --window")
-    return places.located(interrupted=summary.interrupted)
+    simulated = places.has_truth  # of a source that is no recording, which then simulates
+    if isinstance(file, str | Path) and recording_table(file)["name"] == RECORDINGS[".mcap"]:
+        simulated = read_session(file).description.simulated
+    return replace(places.located(), simulated=simulated, interrupted=summary.interrupted)
 
 
 class _Places(Listener):
@@ -445,7 +447,7 @@ class _Places(Listener):
         self._inputs: Counter[str] = Counter()
         self._sounding = 0
         self._kept, self._every = list[Window](), 1
-        self._has_truth = False
+        self.has_truth = False
 
     @contextmanager
     def open(self, run: Run) -> Generator[Writer]:
@@ -484,7 +486,7 @@ class _Places(Listener):
         self._times.append(update.time)
         self._reasons.append(place.reason)
         self._inputs.update(each.sentence for each in update.notes if each.key in INPUT_NOTES)
-        self._has_truth |= bool(update.truth)
+        self.has_truth |= bool(update.truth)
         if not position.valid and not unusable_reason(update.window):
             self._keep(update.window)
         if self._each is not None:
@@ -498,7 +500,7 @@ class _Places(Listener):
         if len(self._kept) > SAMPLED:
             self._kept, self._every = self._kept[::2], 2 * self._every
 
-    def located(self, *, interrupted: bool) -> Located:
+    def located(self) -> Located:
         """Return the table of the windows."""
         table = self._table()
         valid = int(table.position.valid.sum())
@@ -511,8 +513,6 @@ class _Places(Listener):
             assumptions=self._assumptions(table) if self._has_frets else (),
             inputs=tuple(text for text, count in self._inputs.items() if count >= LASTING * len(table)),
             heard=self._heard(valid) if self._has_frets else "",
-            simulated=_is_simulated(self._setup, has_truth=self._has_truth),
-            interrupted=interrupted,
         )
 
     def _table(self) -> PredictionTable:
@@ -595,10 +595,3 @@ def _kind(pattern: str, numbers: Sequence[Sequence[str]]) -> str:
 
 def _names_source(recording: Listenable) -> bool:
     return isinstance(recording, str) and recording.replace("-", "_") in SOURCES.names()
-
-
-def _is_simulated(setup: LiveRun, *, has_truth: bool) -> bool:
-    """Return whether the sound is simulated: a session says so; another source with truth is a simulation."""
-    if isinstance(setup.source, SessionSource):
-        return read_session(setup.source.path).description.simulated
-    return has_truth
