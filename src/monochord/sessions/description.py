@@ -15,7 +15,7 @@ from msgspec import Meta
 
 from monochord.core.config import Tree, from_tree, to_tree
 from monochord.core.errors import InputError
-from monochord.core.ranges import Checked
+from monochord.core.ranges import Checked, checked
 from monochord.core.types import Feed, Floats, StringParams
 from monochord.core.units import Metres, Seconds
 from monochord.sessions.bounds import MAX_COLUMNS, MAX_DURATION, MAX_SAMPLE_RATE, MAX_STREAMS, json_object
@@ -118,6 +118,7 @@ class Description(Checked):
             twice = next(name for name in streams if streams.count(name) > 1)
             raise InputError(f"two streams called '{twice}'", "unique names", "set its option stream")
 
+    @checked
     def feed(self, stream: str) -> Feed:
         """Return the feed of a stream; raises `InputError` for an unknown stream."""
         for feed in self.feeds:
@@ -131,6 +132,7 @@ class Description(Checked):
         return json.dumps(to_tree(self), sort_keys=True, ensure_ascii=False)
 
     @classmethod
+    @checked
     def load(cls, text: str) -> "Description":
         """Read JSON text; fields added by a newer version go into `more`.
 
