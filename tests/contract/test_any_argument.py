@@ -639,7 +639,10 @@ def test_options_of_plug_ins(folder: str, little_memory: None) -> None:
     registry, raw = registries()[folder], list[str]()
     for name in registry.names():
         kind = registry.load(name)
-        usual = {"path": lambda: Path("model")} if "path" in inspect.signature(kind).parameters else {}
+        required = [
+            each for each in inspect.signature(kind).parameters.values() if each.default is each.empty
+        ]
+        usual = {each.name: lambda: "run" for each in required}
         raw += refused_or_taken(Door(call=lambda kind=kind: kind, usual=usual), f"{folder}.{name}")
     assert not raw, "\n".join(raw)
 
@@ -659,16 +662,18 @@ SENSOR = "design = 'prototype'\n[tuning]\nopen_frequency = 1000.0\n"
 
 def test_numbers_of_numpy_are_numbers() -> None:
     plain = mc.simulate("appendix", position=0.2275, force=0.5, seconds=0.05)
-    for kind in (np.float64, np.array, lambda value: np.array(value, object), Fraction):
+    kinds: list[Any] = [np.float64, np.array, lambda value: np.array(value, object), Fraction]
+    for kind in kinds:
         other = mc.simulate("appendix", position=kind(0.2275), force=kind(0.5), seconds=kind(0.05))
         assert np.array_equal(other.microphones, plain.microphones)
+    whole: Any = np.int64
     rows = mc.features(sound(), feature="log_mel", bins=64, sample_rate=44100)
     assert np.array_equal(
-        mc.features(sound(), feature="log_mel", bins=np.int64(64), sample_rate=np.int32(44100)), rows
+        mc.features(sound(), feature="log_mel", bins=np.int64(64), sample_rate=whole(44100)), rows
     )
-    one, other = (mc.VirtualSensor(seed=seed, build=seed, day=seed) for seed in (1, np.int64(1)))
+    one, other = (mc.VirtualSensor(seed=seed, build=seed, day=seed) for seed in (1, whole(1)))
     assert one.sensor == other.sensor
-    assert np.array_equal(one.advance(0.1)[0], other.advance(np.float32(0.1))[0])
+    assert np.array_equal(one.advance(0.1)[0], other.advance(kinds[0](0.1))[0])
     assert mc.Contact(position=np.float64(0.5), force=1) == mc.Contact(position=0.5, force=1.0)
     assert type(mc.Contact(position=np.float64(0.5), force=1).position) is float
     updates = mc.listen("twin", "closed_form", seed=np.int64(1), seconds=np.float64(0.2), speed=0.0)
@@ -696,8 +701,8 @@ def test_what_load_returns_answers_as_its_name_does() -> None:
 
 @pytest.mark.parametrize("kind", [np.int8, np.int16, np.int32, np.uint8, np.uint16, np.int64, np.bool_])
 def test_integer_sound_is_refused_everywhere(kind: type[np.integer[Any]]) -> None:
-    samples = np.ones((2, 5000), kind)
-    calls: list[Callable[[], object]] = [
+    samples: Any = np.ones((2, 5000), kind)
+    calls: tuple[Callable[[], object], ...] = (
         lambda: mc.features(samples),
         lambda: mc.load("demo").predict(samples),
         lambda: next(mc.listen(samples, sample_rate=44100)),
@@ -705,7 +710,7 @@ def test_integer_sound_is_refused_everywhere(kind: type[np.integer[Any]]) -> Non
         lambda: mc.Window(samples=samples, start=0, sample_rate=44100),
         lambda: mc.Block(samples=samples, start=0),
         lambda: mc.Augmentation()(samples[None], [0]),
-    ]
+    )
     for call in calls:
         with pytest.raises(mc.InputError, match=r"float in full scale, -1 to 1; divide 16-bit"):
             call()

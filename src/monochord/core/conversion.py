@@ -229,7 +229,7 @@ def _sequence(kind: Any, value: Any, where: str) -> Any:
     if isinstance(value, (str, PurePath)) and is_simple(inner):
         value = (value,)
     elif getattr(value, "ndim", 0) > 0:
-        value = value.tolist()
+        value = cast("Any", value).tolist()
     if isinstance(value, (str, bytes, bytearray, Mapping)) or not _can_be_iterated(value):
         raise refusal(where, value, describe_type(kind))
     if not isinstance(value, Sequence):
@@ -298,7 +298,7 @@ def _leaf(kind: Any, value: Any, where: str) -> Any:
     members = [bare_type(part)[0] for part in (get_args(kind) if is_union(kind) else [kind])]
     value = _plain(value, members)
     if Path in members and isinstance(value, (str, PurePath)):  # whose name may be of any bytes
-        refuse_impossible(value, f"option '{where}'")
+        refuse_impossible(str(value), f"option '{where}'")
         return value if str in members or isinstance(value, Path) else Path(value)
     _checked_text(value, where)
     others = tuple(member for member in members if member is not Path)  # which msgspec does not know
@@ -306,7 +306,7 @@ def _leaf(kind: Any, value: Any, where: str) -> Any:
         raise refusal(where, value, describe_type(kind))
     try:
         result = msgspec.convert(value, Union[others] if Path in members else kind, strict=False)  # noqa: UP007
-    except msgspec.ValidationError as error:
+    except (msgspec.ValidationError, ValueError) as error:  # the latter of thousands of digits
         choices = [choice for member in members for choice in _choices(member)]
         remedy = did_you_mean(value, choices) if isinstance(value, str) else ""
         raise refusal(where, value, describe_type(kind), remedy) from error
@@ -326,9 +326,9 @@ def _plain(value: Any, members: Sequence[Any]) -> Any:
             return value
         value = value.item()
     try:
-        if isinstance(value, Integral) and not isinstance(value, bool):
+        if type(value) is not bool and isinstance(value, Integral):
             return int(value)
-        if isinstance(value, Real) and not isinstance(value, bool):
+        if type(value) is not bool and isinstance(value, Real):
             return float(value)
     except (OverflowError, ValueError):
         return value

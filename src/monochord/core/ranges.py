@@ -20,6 +20,7 @@ from typing import (
     ParamSpec,
     TypeAlias,
     TypeVar,
+    cast,
     get_args,
     get_origin,
     get_type_hints,
@@ -95,11 +96,13 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
     """
     plan: list[_Arguments] = []  # made at the first call: annotations may name what is imported later
 
+    call = cast("Callable[..., R]", function)
+
     @wraps(function)
-    def with_checked(*args: P.args, **kwargs: P.kwargs) -> R:
+    def with_checked(*args: P.args, **named: P.kwargs) -> R:
         if not plan:
             plan.append(_Arguments(function))
-        return function(*plan[0].positional(args), **plan[0].named(kwargs))
+        return call(*plan[0].positional(args), **plan[0].named(named))
 
     return with_checked
 
@@ -188,11 +191,8 @@ def fitting(kind: Any) -> Callable[[Any], bool]:
 
 def _single(bare: Any, origin: Any, parts: tuple[Any, ...]) -> Callable[[Any], bool]:
     """Return the test of a text, a truth value, a choice, or an object of a class."""
-    if bare in (Any, object):
-        return _always
-    if bare in (str, bool, None, NoneType):
-        kind = NoneType if bare is None else bare
-        return lambda value: type(value) is kind and (kind is not str or value.isascii())
+    if bare in _PLAIN:
+        return _PLAIN[bare]
     if origin is Literal:
         return lambda value: type(value) is str and value in parts
     if origin is Callable:
@@ -210,6 +210,14 @@ def _never(value: Any) -> bool:  # noqa: ARG001
     return False
 
 
+_PLAIN: Mapping[Any, Callable[[Any], bool]] = {
+    Any: _always,
+    object: _always,
+    str: lambda value: type(value) is str and value.isascii(),
+    bool: lambda value: type(value) is bool,
+    None: lambda value: value is None,
+    NoneType: lambda value: value is None,
+}
 _ANYTHING: Part = (Any, _always)
 
 

@@ -5,7 +5,7 @@ takes sound from a caller (a `Window`, a batch of windows, an analyser) checks i
 from it inside the package have the right shapes.
 """
 
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -186,10 +186,10 @@ def numbers(given: ArrayLike, number: Any = Any, name: str = "array") -> NDArray
     if number is np.float32:  # the type of sound
         _refuse_whole(array)
     with np.errstate(over="ignore", invalid="ignore"):
-        cast = array.astype(number)
-    if cast.dtype.kind not in "fb" and not np.array_equal(cast, array):
-        raise InputError(f"{name} of {array.dtype}", f"an array of {cast.dtype}")
-    return cast
+        fitted = array.astype(np.dtype(cast("Any", number)))
+    if fitted.dtype.kind not in "fb" and not np.array_equal(fitted, array):
+        raise InputError(f"{name} of {array.dtype}", f"an array of {fitted.dtype}")
+    return fitted
 
 
 def _refuse_whole(array: NDArray[Any]) -> None:

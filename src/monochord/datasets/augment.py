@@ -1,5 +1,6 @@
 """Adds noise to windows for training; pitch and time stay unchanged, since they carry the position."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -10,7 +11,7 @@ from msgspec import Meta
 
 from monochord.core.errors import InputError, did_you_mean
 from monochord.core.ranges import Checked, Pair, SampleRate, Share, Whole, checked, refuse_unordered
-from monochord.core.shapes import batch
+from monochord.core.shapes import batch, numbers
 from monochord.core.types import Audio, Floats, Indices
 from monochord.dsp.noise import NOISES, STEADY, mixed
 
@@ -73,7 +74,7 @@ class Augmentation(Checked):
     def __call__(
         self,
         windows: Audio,
-        rows: Indices,
+        rows: Sequence[int] | Indices,
         *,
         seed: Whole = 0,
         epoch: Whole = 0,
@@ -85,10 +86,11 @@ class Augmentation(Checked):
         or holds non-finite values is returned unchanged: it has no level for a ratio.
         """
         windows = batch(windows)
-        if rows.shape != (len(windows),):
-            raise InputError(f"rows of shape {rows.shape}", f"({len(windows)},), one for each window")
+        numbered = numbers(rows, np.int64, "rows")
+        if numbered.shape != (len(windows),):
+            raise InputError(f"rows of shape {numbered.shape}", f"({len(windows)},), one for each window")
         out = windows.copy()
-        for number, row in enumerate(rows):
+        for number, row in enumerate(numbered.tolist()):
             out[number] = self._noisy(windows[number], (seed, epoch, int(row)), sample_rate)
         return out
 

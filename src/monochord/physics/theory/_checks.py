@@ -19,10 +19,10 @@ def representable(function: Callable[P, R]) -> Callable[P, R]:
     """Return a closed form that raises `InputError` where its numbers overflow, or have no result."""
 
     @wraps(function)
-    def in_range(*args: P.args, **kwargs: P.kwargs) -> R:
+    def in_range(*args: P.args, **named: P.kwargs) -> R:
         try:
             with np.errstate(over="raise", divide="raise", invalid="raise"):
-                return function(*args, **kwargs)
+                return function(*args, **named)
         except (ArithmeticError, np.linalg.LinAlgError) as error:
             name = function.__name__.replace("_", " ")
             raise InputError(
