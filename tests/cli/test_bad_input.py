@@ -185,7 +185,7 @@ REFUSED = {
     f"{SIMULATE} --at 0.65": "0.65 m",
     f"{SIMULATE} --at 0": "position 0 m",
     f"{SIMULATE} --at nan": "nan",
-    f"{SIMULATE} --force -1": "-1 N",
+    f"{SIMULATE} --force -1": "force' = -1.0",
     f"{SIMULATE} --seconds 0": "seconds",
     f"{SIMULATE} --seconds 0.001": "0.01 s",
     "simulate appendix --at 0.05 --set time_step=1e-6": "time_step=5e-07",

@@ -49,7 +49,7 @@ class Sweep(Scan):
 
 
 ALLOWED: list[Mapping[str, Any]] = [
-    {"rate": 1e-300, "delay": 1e308, "place": -1e308, "share": 0, "lost": 0.0, "count": 10**20},
+    {"rate": 1e-300, "delay": 1e308, "place": -1e308, "share": 0, "lost": 0.0, "count": 10**18},
     {"hold": math.inf, "limit": 2.0, "pair": (1.0, 5.0), "many": (1, 2), "plain": (math.inf, -1.0)},
     {"limit": None, "many": None, "share": 1.0},
 ]
@@ -79,7 +79,7 @@ def test_what_is_within_its_range_is_taken(values: Mapping[str, Any]) -> None:
 def test_python_refuses_what_a_file_may_not_hold(name: str, value: Any, place: str, allowed: str) -> None:
     with pytest.raises(InputError) as built:
         Scan(**{name: value})
-    assert built.value.given.startswith(f"Scan {place} ")
+    assert built.value.given.startswith(f"option 'Scan.{place}' = ")
     with pytest.raises(InputError) as read:
         from_tree(Scan, {name: value}, "scan")
     assert read.value.given.startswith(f"option 'scan.{place}' = ")
@@ -90,13 +90,14 @@ def test_python_refuses_what_a_file_may_not_hold(name: str, value: Any, place: s
 @pytest.mark.parametrize("name", ["rate", "delay", "place", "share", "lost", "inner", "hold", "limit"])
 def test_no_range_holds_nan(name: str) -> None:
     values: dict[str, Any] = {name: math.nan}
-    with pytest.raises(InputError, match=f"Scan {name} nan"):
+    with pytest.raises(InputError, match=f"Scan.{name}' = nan"):
         Scan(**values)
 
 
 def test_numbers_of_numpy_count() -> None:
-    assert Scan(count=np.int64(3), share=np.float32(0.5)).count == 3  # pyright: ignore[reportArgumentType]
-    with pytest.raises(InputError, match="share 2"):
+    scan = Scan(count=np.int64(3), share=np.float32(0.5))  # pyright: ignore[reportArgumentType]
+    assert (type(scan.count), type(scan.share)) == (int, float)
+    with pytest.raises(InputError, match="share' = 2"):
         Scan(share=np.float64(2.0))
 
 

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from monochord.benchmarks.base import Benchmark, Row
+from monochord.core.ranges import Checked
 from monochord.core.units import Seconds
 from monochord.evaluation.strings import refuse_options, strings_cost
 
@@ -37,6 +38,7 @@ class Strings(Benchmark):
     processes: int = 1
 
     def __post_init__(self) -> None:
+        Checked.__post_init__(self)
         refuse_options(self.strings, self.seconds, self.processes)
 
     def run(self) -> Iterator[Row]:

@@ -92,7 +92,7 @@ def _processor() -> str:
 
 def _named_processors() -> Iterator[str]:
     table = Path("/proc/cpuinfo")
-    for line in table.read_text(encoding="utf-8").splitlines() if table.exists() else ():
+    for line in table.read_text(encoding="utf-8-sig").splitlines() if table.exists() else ():
         key, _, value = line.partition(":")
         if key.strip() == "model name":
             yield value.strip()

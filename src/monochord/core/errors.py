@@ -43,6 +43,7 @@ class InputError(MonochordError, ValueError):
     """
 
     def __init__(self, given: str, expected: str, remedy: str = "") -> None:
+        given, expected, remedy = map(_text, (given, expected, remedy))
         self.given, self.expected, self.remedy = given, expected, remedy
         line = f"{_shortened(given)}: expected {expected}" + (f"; {remedy}" if remedy else "")
         super().__init__(" ".join(line.split()))
@@ -74,6 +75,7 @@ class MissingLibraryError(InputError):
     """
 
     def __init__(self, task: str, library: str, extra: str) -> None:
+        task, library, extra = map(_text, (task, library, extra))
         command = installation(extra)
         super().__init__(f"{task} without {library}", library, command)
         self.args = (f"{task} requires {library}. Install it: {command}",)
@@ -95,6 +97,14 @@ class DeviceError(MonochordError, RuntimeError):
     ...     print(type(error).__name__)
     DeviceError
     """
+
+
+def _text(words: object) -> str:
+    """Return words for an error, whatever a caller passes, in UTF-8."""
+    try:
+        return str(words).encode(errors="backslashreplace").decode()
+    except Exception:  # noqa: BLE001  (an object's own, or an integer of too many digits)
+        return f"a {type(words).__name__}"
 
 
 def _shortened(given: str) -> str:

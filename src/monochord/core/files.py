@@ -14,6 +14,8 @@ from monochord.core.printable import printable
 
 MAX_NAME = 100
 """Most characters of a file's name reused in the temporary name beside it."""
+MAX_PART, MAX_PATH = 255, 4095
+"""Most bytes of a name, and of a whole path, on the usual file systems."""
 _KINDS = {stat.S_IFIFO: "a pipe", stat.S_IFCHR: "a device", stat.S_IFBLK: "a disk", stat.S_IFSOCK: "a socket"}
 _CANNOT_SYNC = (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOTTY)
 _INDEX = re.compile(r"|Unnamed: \d+")
@@ -28,12 +30,32 @@ def refuse_endless(path: Path) -> None:
     Traceback (most recent call last):
     monochord.core.errors.InputError: file /dev/zero (a device): expected a file on a disk; save it first
     """
+    refuse_impossible(path, "file")
     try:
         kind = _KINDS.get(stat.S_IFMT(path.stat().st_mode))
     except OSError:
         return
     if kind:
         raise InputError(f"file {path} ({kind})", "a file on a disk", "save it first")
+
+
+def refuse_impossible(path: Path | str, what: str = "path") -> None:
+    r"""Raise `InputError` for a path that no file system takes: too long, or with a zero byte.
+
+    >>> refuse_impossible("take\0.wav")
+    Traceback (most recent call last):
+    monochord.core.errors.InputError: path with a zero byte: expected the path of a file or folder
+    """
+    try:
+        name = os.fsencode(path)
+    except UnicodeEncodeError as error:
+        raise InputError(f"{what} {str(path)!a}", "the path of a file or folder") from error
+    longest = max(map(len, name.split(b"/")))
+    if b"\0" in name:
+        raise InputError(f"{what} with a zero byte", "the path of a file or folder")
+    if longest > MAX_PART or len(name) > MAX_PATH:
+        given = f"{what} of {len(name)} bytes, {longest} in one name"
+        raise InputError(given, f"{MAX_PATH} at most, {MAX_PART} in one name")
 
 
 def similar_name(path: Path | str, names: Iterable[str] = ()) -> str:

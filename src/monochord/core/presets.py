@@ -12,6 +12,7 @@ from typing import Any, Generic, TypeVar
 
 from monochord.core.config import load_toml, override
 from monochord.core.errors import InputError, did_you_mean
+from monochord.core.ranges import checked
 from monochord.core.registry import installed, refuse_clash
 
 Preset = TypeVar("Preset")
@@ -48,8 +49,9 @@ class Presets(Generic[Preset]):
         """Return the names of the presets, sorted."""
         return preset_names(self.package)
 
+    @checked
     def load(
-        self, name: str, assignments: Sequence[str] = (), values: Mapping[str, Any] | None = None
+        self, name: str | Path, assignments: Sequence[str] = (), values: Mapping[str, Any] | None = None
     ) -> Preset:
         """Return a preset by name, or read one from your own file.
 
@@ -93,7 +95,7 @@ def preset_names(package: str) -> list[str]:
     return sorted({*_built_in_names(package), *installed(_folder(package))})
 
 
-def preset_path(package: str, kind: str, name: str) -> Path:
+def preset_path(package: str, kind: str, name: str | Path) -> Path:
     """Return a preset's file by name, or the path itself if a file is given.
 
     Parameters
@@ -115,6 +117,7 @@ def preset_path(package: str, kind: str, name: str) -> Path:
     >>> preset_path("monochord.physics.materials", "material", "allen-key").name
     'allen_key.toml'
     """
+    name = str(name)
     if name.endswith(".toml"):
         return Path(name)
     key, names = name.replace("-", "_"), preset_names(package)

@@ -5,7 +5,7 @@ takes sound from a caller (a `Window`, a batch of windows, an analyser) checks i
 from it inside the package have the right shapes.
 """
 
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,7 +30,7 @@ def sound(
     Parameters
     ----------
     samples
-        Sound in full scale; numbers of any type.
+        Sound in full scale; floats of any type.
     channels, size
         Expected numbers of channels and frames; by default any number from 1 on.
     dtype
@@ -39,18 +39,18 @@ def sound(
     Raises
     ------
     InputError
-        If the shape is wrong, or the values are not numbers.
+        If the shape is wrong, or the values are not numbers, or integers.
 
     Examples
     --------
-    >>> sound([[0, 1, 0]]).dtype
+    >>> sound([[0.0, 1.0, 0.0]]).dtype
     dtype('float32')
     >>> sound(np.zeros((1, 4410)), channels=2)
     Traceback (most recent call last):
     ...
     monochord.core.errors.InputError: one microphone: expected two microphones; record both
     """
-    array = _numbers(samples, dtype)
+    array = _sound(samples, dtype)
     if array.ndim != 2 or 0 in array.shape:
         remedy = "use one row per channel" if array.ndim == 1 else ""
         raise InputError(f"sound of shape {array.shape}", "(channels, frames), one or more of each", remedy)
@@ -58,6 +58,33 @@ def sound(
         refuse_other_channels(array.shape[0], channels)
     if size not in (ANY, array.shape[1]):
         raise InputError(f"a window of {array.shape[1]} frames", f"{size} frames")
+    return array
+
+
+def is_sound(samples: Any) -> bool:
+    """Return whether these are frames (channels, n) in the form that `frames` returns.
+
+    >>> is_sound(np.zeros((2, 0), np.float32)), is_sound(np.zeros((2, 5)))
+    (True, False)
+    """
+    return (
+        type(samples) is np.ndarray
+        and samples.ndim == 2
+        and samples.dtype == np.float32
+        and samples.flags.c_contiguous
+        and len(samples) > 0
+    )
+
+
+def frames(samples: ArrayLike) -> NDArray[np.float32]:
+    """Return frames (channels, n), each as `sound` returns it; n may be 0.
+
+    >>> frames(np.zeros((2, 0))).shape
+    (2, 0)
+    """
+    array = _sound(samples, np.float32)
+    if array.ndim != 2 or not len(array):
+        raise InputError(f"sound of shape {array.shape}", "(channels, frames), one or more channels")
     return array
 
 
@@ -74,22 +101,26 @@ def refuse_other_channels(count: int, expected: int, reader: str = "") -> None:
         raise InputError(f"{_microphones(count)} {reader}".strip(), _microphones(expected), one)
 
 
-def batch(windows: ArrayLike, channels: int, size: int) -> NDArray[np.float32]:
+def batch(windows: ArrayLike, channels: int = ANY, size: int = ANY) -> NDArray[np.float32]:
     """Return windows (n, channels, size), each as `sound` returns it; n may be 0.
+
+    By default channels and size are any number from 1 on.
 
     Raises
     ------
     InputError
-        If the shape is wrong, or the values are not numbers.
+        If the shape is wrong, or the values are not numbers, or integers.
 
     Examples
     --------
     >>> batch(np.zeros((0, 2, 4410)), 2, 4410).shape
     (0, 2, 4410)
     """
-    array = _numbers(windows, np.float32)
-    if array.ndim != 3 or array.shape[1:] != (channels, size):
-        raise InputError(f"windows of shape {array.shape}", f"(n, {channels}, {size})")
+    array = _sound(windows, np.float32)
+    expected = f"(n, {'channels' if channels == ANY else channels}, {'frames' if size == ANY else size})"
+    pairs = zip(array.shape[1:], (channels, size), strict=False)
+    if array.ndim != 3 or not all(own > 0 if wanted == ANY else own == wanted for own, wanted in pairs):
+        raise InputError(f"windows of shape {array.shape}", expected)
     return array
 
 
@@ -112,15 +143,67 @@ def _microphones(count: int) -> str:
     return f"{word} microphone{'s' * (count != 1)}"
 
 
-def _numbers(given: ArrayLike, dtype: type[Real]) -> NDArray[Real]:
-    """Return an array of numbers, contiguous; values beyond the type's range become infinite."""
-    if isinstance(given, np.ndarray) and given.dtype == dtype and given.flags.c_contiguous:
+def numbers(given: ArrayLike, number: Any = Any, name: str = "array") -> NDArray[Any]:
+    """Return an array of ordered numbers; one of the wanted type is returned as it is.
+
+    Parameters
+    ----------
+    given
+        Numbers, as anything that NumPy takes.
+    number
+        The wanted type of number, such as ``np.float64``; `Any` keeps a given type. Floats beyond its range
+        become infinite. ``np.float32`` is that of sound, which takes no whole numbers.
+    name
+        What the array is, for errors.
+
+    Raises
+    ------
+    InputError
+        If these are no numbers, rows have different lengths, or a number is none of the wanted type.
+
+    Examples
+    --------
+    >>> numbers([0, 1], np.float64).dtype
+    dtype('float64')
+    >>> numbers([0.5], np.int64)
+    Traceback (most recent call last):
+    ...
+    monochord.core.errors.InputError: array of float64: expected an array of int64
+    """
+    if isinstance(given, np.ndarray) and (
+        given.dtype == number or (number is Any and given.dtype.kind in NUMBERS)
+    ):
         return given
     try:
         array = np.asarray(given)
-    except ValueError as error:
-        raise InputError("sound in rows of different lengths", "an array of numbers") from error
+    except Exception as error:  # whatever its own conversion raises
+        rows = "rows of different lengths" if isinstance(error, ValueError) else type(given).__name__
+        raise InputError(f"{name} of {rows}", "an array of numbers") from error
     if array.dtype.kind not in NUMBERS:
-        raise InputError(f"sound of type {array.dtype}", "an array of numbers")
+        raise InputError(f"{name} of type {array.dtype}", "an array of numbers")
+    if number is Any:
+        return array
+    if number is np.float32:  # the type of sound
+        _refuse_whole(array)
+    with np.errstate(over="ignore", invalid="ignore"):
+        fitted = array.astype(np.dtype(cast("Any", number)))
+    if fitted.dtype.kind not in "fb" and not np.array_equal(fitted, array):
+        raise InputError(f"{name} of {array.dtype}", f"an array of {fitted.dtype}")
+    return fitted
+
+
+def _refuse_whole(array: NDArray[Any]) -> None:
+    """Raise `InputError` for whole numbers, whose full scale is not 1."""
+    if array.dtype.kind != "f" and array.size:
+        remedy = "divide 16-bit samples by 32768"
+        raise InputError(f"sound of type {array.dtype}", "float in full scale, -1 to 1", remedy)
+
+
+def _sound(given: ArrayLike, dtype: type[Real]) -> NDArray[Real]:
+    """Return sound of a type, contiguous; raises `InputError` for integers, whose full scale is not 1."""
+    if isinstance(given, np.ndarray) and given.dtype == dtype and given.flags.c_contiguous:
+        return given
+    array = numbers(given, name="sound")
+    _refuse_whole(array)
     with np.errstate(over="ignore"):
         return np.array(array, dtype, order="C")

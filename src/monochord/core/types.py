@@ -15,15 +15,28 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from monochord.core.errors import InputError
 from monochord.core.identity import SensorIdentity
-from monochord.core.ranges import Checked, NonNegative, Positive
-from monochord.core.shapes import sound
+from monochord.core.ranges import (
+    Checked,
+    Count,
+    Finite,
+    NonNegative,
+    Pair,
+    Positive,
+    SampleRate,
+    Whole,
+    checked,
+)
+from monochord.core.shapes import frames, is_sound, sound
 from monochord.core.units import (
+    Hertz,
     KilogramsPerMetre,
     Metres,
     MetresPerSecond,
     Newtons,
     NewtonSecondsPerSquareMetre,
+    OrNaN,
     Pascals,
     Samples,
     Seconds,
@@ -72,7 +85,7 @@ class StringParams(Checked):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Contact:
+class Contact(Checked):
     """One touch. `position` is from pickup 1, in m; no contact is ``None``, not a force of zero.
 
     Examples
@@ -81,13 +94,13 @@ class Contact:
     0.0
     """
 
-    position: Metres
-    force: Newtons
-    slip_velocity: MetresPerSecond = 0.0
+    position: Finite[Metres]
+    force: NonNegative[Newtons]
+    slip_velocity: Finite[MetresPerSecond] = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Block:
+class Block(Checked):
     """Consecutive sample frames from a source.
 
     `samples` is (channels, n) float32; `start` is the sample index of the first frame. `dropped` frames were
@@ -104,9 +117,14 @@ class Block:
 
     samples: Audio
     start: Samples
-    dropped: Samples = 0
-    adc_time: Seconds | None = None
+    dropped: Whole = 0
+    adc_time: Finite[Seconds] | None = None
     frame_time: Samples | None = None
+
+    def __post_init__(self) -> None:
+        if not is_sound(self.samples):  # quick: the usual samples pass at once
+            object.__setattr__(self, "samples", frames(self.samples))
+        Checked.__post_init__(self)
 
     def __repr__(self) -> str:
         lost = f", {self.dropped} frames lost before" if self.dropped else ""
@@ -114,10 +132,10 @@ class Block:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Window:
+class Window(Checked):
     """A window of audio to analyse; `samples` is (channels, n) float32 from index `start` on.
 
-    Samples of another type are converted. Raises `InputError` for a wrong shape or no samples.
+    Floats of another type are converted. Raises `InputError` for a wrong shape, integers, or no samples.
 
     Examples
     --------
@@ -128,11 +146,12 @@ class Window:
 
     samples: Audio
     start: Samples
-    sample_rate: int
+    sample_rate: SampleRate
     has_gap: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "samples", sound(self.samples))
+        Checked.__post_init__(self)
 
     def __repr__(self) -> str:
         channels, frames = self.samples.shape
@@ -149,7 +168,7 @@ class Window:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Estimate:
+class Estimate(Checked):
     """One estimated quantity with its standard error, or an abstention with its reason.
 
     `std` is one standard deviation in the unit of `value`. Where `valid` is false, `value` and `std` are NaN
@@ -165,11 +184,19 @@ class Estimate:
     no answer: two candidates
     """
 
-    value: float
-    std: float
+    value: OrNaN[float]
+    std: OrNaN[float]
     unit: str
     valid: bool = True
     reason: str = ""
+
+    def __post_init__(self) -> None:
+        if not (
+            type(self.value) is float is type(self.std)
+            and type(self.unit) is str is type(self.reason)
+            and type(self.valid) is bool
+        ):  # quick: a window has dozens
+            Checked.__post_init__(self)
 
     @classmethod
     def abstain(cls, unit: str, reason: str) -> "Estimate":
@@ -226,7 +253,7 @@ NOT_ESTIMATED = "not estimated"
 """Abstention reason of a quantity that the estimator does not estimate."""
 Prepared: TypeAlias = Callable[[Window], Estimates]
 """An estimator prepared for a signal."""
-Truth: TypeAlias = Mapping[str, float]
+Truth: TypeAlias = Mapping[str, OrNaN[float]]
 """Truth from a simulated source: ``contact`` 0 or 1, ``position``, ``force`` ...; further names may occur."""
 
 
@@ -243,33 +270,37 @@ class NamedEstimates(ABC):
     def _named(self) -> Estimates:
         """Return the estimates by name; further names may occur."""
 
+    @checked
     def estimate(self, name: str) -> Estimate:
         """Return an estimate by name, or an abstention for a missing one.
 
         >>> Prediction(start=0, time=0.0, estimates={}).estimate("force").reason
         'not estimated'
         """
+        return self._estimate(name)
+
+    def _estimate(self, name: str) -> Estimate:
         return self._named().get(name) or Estimate.abstain("", NOT_ESTIMATED)
 
     @property
     def contact(self) -> Estimate:
         """Probability of contact."""
-        return self.estimate("contact")
+        return self._estimate("contact")
 
     @property
     def position(self) -> Estimate:
         """Position of the touch from pickup 1, in m."""
-        return self.estimate("position")
+        return self._estimate("position")
 
     @property
     def force(self) -> Estimate:
         """Normal force, in N."""
-        return self.estimate("force")
+        return self._estimate("force")
 
     @property
     def slip(self) -> Estimate:
         """Probability of slip."""
-        return self.estimate("slip")
+        return self._estimate("slip")
 
     def __dir__(self) -> list[str]:
         """Return the attribute names, estimates included."""
@@ -317,7 +348,7 @@ class Tracked(NamedEstimates, Mapping[str, Estimate]):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Prediction(NamedEstimates):
+class Prediction(Checked, NamedEstimates):
     """The estimates of one window by name, on the sample clock; further names may occur.
 
     `time` is the start of the window in seconds since the stream began; `latency` is the time from the
@@ -332,9 +363,9 @@ class Prediction(NamedEstimates):
     """
 
     start: Samples
-    time: Seconds
+    time: Finite[Seconds]
     estimates: Mapping[str, Estimate]
-    latency: Seconds = 0.0
+    latency: Finite[Seconds] = 0.0
 
     def __getitem__(self, name: str) -> Estimate:
         """Return an estimate by name; raises `KeyError` for an unknown name.
@@ -352,7 +383,7 @@ class Prediction(NamedEstimates):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Signal:
+class Signal(Checked):
     """An open source's audio format: rate, channels, and the string if known.
 
     `string` is the tuned string. `design` is the same wire as in training, where the tuning differs: features
@@ -369,13 +400,13 @@ class Signal:
     (True, 1.0)
     """
 
-    sample_rate: int
-    channels: int
+    sample_rate: SampleRate
+    channels: Count
     string: StringParams | None = None
     design: StringParams | None = None
-    length_std: Metres | None = None
-    sensing_range: tuple[Metres, Metres] | None = None
-    drivers: tuple[tuple[Metres, Metres], ...] = ()
+    length_std: NonNegative[Metres] | None = None
+    sensing_range: Pair[Finite[Metres]] | None = None
+    drivers: tuple[Pair[Finite[Metres]], ...] = ()
     sensor: SensorIdentity | None = None
 
     @property
@@ -403,7 +434,7 @@ class StreamHealth:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Feed:
+class Feed(Checked):
     """An open instrument's description of its readings.
 
     `stream` is the kind of reading, and its topic in a session: ``wrench``, ``pose``, or a custom name.
@@ -421,8 +452,8 @@ class Feed:
     stream: str
     columns: tuple[str, ...]
     units: tuple[str, ...]
-    rate: float = 0.0
-    ticks: float = 0.0
+    rate: NonNegative[Hertz] = 0.0
+    ticks: NonNegative[Hertz] = 0.0
     details: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
 
 
@@ -433,7 +464,7 @@ POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Readings:
+class Readings(Checked):
     """Consecutive readings of one instrument, n of them, in order of arrival.
 
     `time` (n,) is the time of arrival at this machine, in seconds of the monotonic clock, taken as close to
@@ -459,6 +490,13 @@ class Readings:
     sequence: NDArray[np.int64]
     device_time: NDArray[np.int64]
     status: NDArray[np.uint32]
+
+    def __post_init__(self) -> None:
+        Checked.__post_init__(self)
+        each = (self.time, self.values, self.sequence, self.device_time, self.status)
+        if [array.ndim for array in each] != [1, 2, 1, 1, 1] or len({len(array) for array in each}) > 1:
+            given = f"readings of shapes {', '.join(str(array.shape) for array in each)}"
+            raise InputError(given, "(n,) each, and values (n, columns)")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

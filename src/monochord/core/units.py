@@ -6,7 +6,7 @@ and errors quote it. Millimetres, milliseconds and decibels appear only in displ
 
 import math
 import sys
-from typing import Annotated, Any, TypeAlias
+from typing import Annotated, Any, TypeAlias, TypeVar
 
 Metres: TypeAlias = Annotated[float, "m"]
 Seconds: TypeAlias = Annotated[float, "s"]
@@ -19,6 +19,11 @@ NewtonSecondsPerSquareMetre: TypeAlias = Annotated[float, "N s/m^2"]
 """Damping of a string per unit length, in N s / m^2."""
 Samples: TypeAlias = int
 """A number of sample frames, or an index on the sample clock."""
+T = TypeVar("T")
+NAN = object()
+"""Marks a number in an annotation that may be NaN."""
+OrNaN: TypeAlias = Annotated[T, NAN]
+"""A number that is NaN where there is none: ``OrNaN[Metres]``."""
 FINITE = sys.float_info.max
 """Largest finite number."""
 

@@ -4,12 +4,13 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from monochord.core.errors import InputError
+from monochord.core.ranges import Count, SampleRate, checked
 from monochord.core.types import Audio, Block, Window
 from monochord.core.units import Samples
 
 
-def windows(blocks: Iterable[Block], *, size: Samples, hop: Samples, sample_rate: int) -> Iterator[Window]:
+@checked
+def windows(blocks: Iterable[Block], *, size: Count, hop: Count, sample_rate: SampleRate) -> Iterator[Window]:
     """Yield windows of `size` frames that start at every multiple of `hop`, as soon as each is complete.
 
     Window k covers frames [k hop, k hop + size) of the sample clock, whatever the block sizes. Dropped frames
@@ -43,8 +44,6 @@ def windows(blocks: Iterable[Block], *, size: Samples, hop: Samples, sample_rate
     >>> [(w.start, w.has_gap) for w in windows(blocks, size=2, hop=2, sample_rate=44100)]
     [(0, False), (2, True), (4, False)]
     """
-    if size < 1 or hop < 1:
-        raise InputError(f"window of {size} frames, hop {hop}", "1 frame or more each")
     tape: _Tape | None = None
     start = gap_end = 0
     for block in blocks:

@@ -4,12 +4,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
+from msgspec import Meta
 
 from monochord.core.errors import InputError, did_you_mean
-from monochord.core.types import Audio, Floats
+from monochord.core.ranges import Checked, Pair, SampleRate, Share, Whole, checked, refuse_unordered
+from monochord.core.shapes import batch, numbers
+from monochord.core.types import Audio, Floats, Indices
 from monochord.dsp.noise import NOISES, STEADY, mixed
 
 RECORDED = "recorded"
@@ -17,7 +20,7 @@ RECORDED = "recorded"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Augmentation:
+class Augmentation(Checked):
     """Adds noise to windows: a random kind at a random signal-to-noise ratio for each window.
 
     The noise depends only on the seed, the epoch and the window's row in the dataset: not on order, batch
@@ -52,42 +55,42 @@ class Augmentation:
     (True, False)
     """
 
-    copies: int = 0
+    copies: Annotated[int, Meta(ge=0, le=100)] = 0
     kinds: tuple[str, ...] = STEADY
-    ratios: tuple[float, float] = (5.0, 25.0)
-    share: float = 1.0
+    ratios: Pair[Annotated[float, Meta(ge=-100.0, le=200.0)]] = (5.0, 25.0)
+    share: Share = 1.0
     recordings: tuple[Path, ...] = ()
 
     def __post_init__(self) -> None:
-        if not 0 <= self.copies <= 100:
-            raise InputError(f"noise.copies {self.copies}", "0 to 100")
+        Checked.__post_init__(self)
         for kind in self.kinds:
             if kind not in NOISES:
                 raise InputError(f"noise '{kind}'", ", ".join(NOISES), did_you_mean(kind, NOISES))
         if not self.kinds and not self.recordings:
             raise InputError("augmentation without noises", "a kind or a recording", "omit it instead")
-        low, high = self.ratios
-        if not -100.0 <= low <= high <= 200.0:
-            raise InputError(f"ratios {low:g} to {high:g} dB", "-100 to 200 dB, the smaller first")
-        if not 0.0 <= self.share <= 1.0:
-            raise InputError(f"share {self.share:g} of windows with noise", "0 to 1")
+        refuse_unordered("noise", ratios=self.ratios)
 
+    @checked
     def __call__(
         self,
         windows: Audio,
-        rows: Sequence[int] | NDArray[np.int64],
+        rows: Sequence[int] | Indices,
         *,
-        seed: int = 0,
-        epoch: int = 0,
-        sample_rate: int = 44100,
+        seed: Whole = 0,
+        epoch: Whole = 0,
+        sample_rate: SampleRate = 44100,
     ) -> Audio:
         """Return windows (n, channels, frames) with noise added, as a copy.
 
         `rows` (n,) are the windows' rows in the dataset, and `sample_rate` is in Hz. A window that is silent
         or holds non-finite values is returned unchanged: it has no level for a ratio.
         """
+        windows = batch(windows)
+        numbered = numbers(rows, np.int64, "rows")
+        if numbered.shape != (len(windows),):
+            raise InputError(f"rows of shape {numbered.shape}", f"({len(windows)},), one for each window")
         out = windows.copy()
-        for number, row in enumerate(rows):
+        for number, row in enumerate(numbered.tolist()):
             out[number] = self._noisy(windows[number], (seed, epoch, int(row)), sample_rate)
         return out
 

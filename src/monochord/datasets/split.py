@@ -28,6 +28,7 @@ from monochord.core.config import from_tree, load_json
 from monochord.core.errors import InputError, did_you_mean
 from monochord.core.files import replacing
 from monochord.core.notebook import lines
+from monochord.core.ranges import NonNegative, Seed, Share, checked
 from monochord.core.types import Indices
 from monochord.core.units import Samples, Seconds
 from monochord.datasets._strategies import (
@@ -61,7 +62,7 @@ class Split:
     by: By
     parts: Mapping[str, Indices]
     seed: int = 0
-    fractions: tuple[float, float, float] = SHARES
+    fractions: tuple[Share, Share, Share] = SHARES
     guard: Samples = 0
     held_out: tuple[str, ...] = ()
     left_out: int = 0
@@ -149,7 +150,7 @@ class _Written:
     by: By
     parts: dict[str, tuple[tuple[int, int], ...]]
     seed: int = 0
-    fractions: tuple[float, float, float] = SHARES
+    fractions: tuple[Share, Share, Share] = SHARES
     guard: Samples = 0
     held_out: tuple[str, ...] = ()
     left_out: int = 0
@@ -158,14 +159,15 @@ class _Written:
     counts: dict[str, int] = field(default_factory=dict[str, int])
 
 
+@checked
 def split_dataset(
     dataset: Dataset,
     *,
     by: str = "session",
-    fractions: tuple[float, float, float] = SHARES,
-    seed: int = 0,
+    fractions: tuple[Share, Share, Share] = SHARES,
+    seed: Seed = 0,
     held_out: Sequence[str] = (),
-    guard: Seconds | None = None,
+    guard: NonNegative[Seconds] | None = None,
 ) -> Split:
     """Split a dataset; the module describes each strategy.
 
@@ -238,7 +240,7 @@ def split_dataset(
 
 
 def refuse_impossible(
-    by: str, fractions: tuple[float, float, float] = SHARES, held_out: Sequence[str] = ()
+    by: str, fractions: tuple[Share, Share, Share] = SHARES, held_out: Sequence[str] = ()
 ) -> None:
     """Raise `InputError` for a split that is invalid for any dataset.
 

@@ -166,7 +166,7 @@ def keep_rows(file: Path, rows: Sequence[PaperRow]) -> None:
     replaced = {row["feature"] for row in rows}
     if file.exists():
         try:
-            stored = json.loads(file.read_text(encoding="utf-8"))
+            stored = json.loads(file.read_text(encoding="utf-8-sig"))
             stored = [row for row in stored if row["feature"] not in replaced]
         except (OSError, ValueError, TypeError, KeyError) as error:
             raise InputError(f"rows {file} (damaged)", "a file from monochord evaluate") from error

@@ -64,7 +64,7 @@ def takes(*, kind: str | None = None, labelled: bool = False) -> list[RealTake]:
     home = folder()
     if home is None:
         return []
-    with (home / "manifest.csv").open(newline="", encoding="utf-8") as lines:
+    with (home / "manifest.csv").open(newline="", encoding="utf-8-sig") as lines:
         listed = [_take(home, row) for row in csv.DictReader(lines)]
     chosen = [
         take

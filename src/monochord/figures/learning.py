@@ -130,7 +130,7 @@ def _history(run: Path) -> dict[str, Floats]:
     if not (run / CONFIG).is_file():
         raise InputError(f"run {run} (no {CONFIG} in it)", "a folder from monochord train")
     try:
-        with file.open(encoding="utf-8", newline="") as stream:
+        with file.open(encoding="utf-8-sig", newline="") as stream:
             names, *lines = list(csv.reader(stream))
         table = np.array(lines, np.float64)
         columns = dict(zip(names, table.T, strict=True))
@@ -165,7 +165,7 @@ def _metrics(run: Path) -> _Metrics:
     if not file.is_file():
         return _Metrics(done=False)
     try:
-        return msgspec.convert(json.loads(file.read_text(encoding="utf-8")), _Metrics)
+        return msgspec.convert(json.loads(file.read_text(encoding="utf-8-sig")), _Metrics)
     except (OSError, ValueError, RecursionError) as error:
         raise InputError(f"metrics {file} (damaged)", "the unchanged output of monochord train") from error
 

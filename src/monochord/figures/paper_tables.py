@@ -98,7 +98,7 @@ class PaperTables(Measured):
 
     def _read(self) -> list[PaperRow]:
         try:
-            rows: list[PaperRow] = json.loads(Path(self.rows).read_text(encoding="utf-8"))
+            rows: list[PaperRow] = json.loads(Path(self.rows).read_text(encoding="utf-8-sig"))
             conditions = {row["condition"] for row in rows}
         except (OSError, ValueError, TypeError, KeyError) as error:
             given = f"rows {self.rows} (missing or damaged)"

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from monochord.core.ranges import checked
 from monochord.datasets.audit import Audit
 from monochord.datasets.audit import audit as audit_split
 from monochord.datasets.split import SPLIT_FILE, Split
@@ -9,6 +10,7 @@ from monochord.datasets.store import Dataset, open_dataset
 from monochord.perception.data import LabelledData
 
 
+@checked
 def audit(data: LabelledData | Dataset | str | Path, split: str | Path | Split | None = None) -> Audit:
     """Check a dataset for leaks between training, validation and test.
 

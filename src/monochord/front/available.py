@@ -6,6 +6,7 @@ from typing import Any
 
 import monochord
 from monochord.core.errors import InputError, did_you_mean
+from monochord.core.ranges import checked
 from monochord.core.registry import Registry
 from monochord.lab.plans import plan_names
 from monochord.perception.model.bundled import bundled_names
@@ -23,6 +24,7 @@ PRESETS = {
 """Kinds of presets, each with the function that returns their names."""
 
 
+@checked
 def available(kind: str) -> list[str]:
     """Return the names of all plug-ins or presets of a kind, those of installed packages too.
 

@@ -8,6 +8,7 @@ from typing import TypeAlias
 
 from monochord.core.errors import InputError
 from monochord.core.progress import progress_bar
+from monochord.core.ranges import Count, Seed, checked
 from monochord.core.types import Progress
 from monochord.core.units import Seconds
 from monochord.core.workers import refuse_both
@@ -36,6 +37,7 @@ Sessions: TypeAlias = str | Path | CollectedSession | Iterable[str | Path | Coll
 _log = logging.getLogger("monochord")
 
 
+@checked
 def build(
     sessions: Sessions,
     out: str | Path = "dataset",
@@ -45,11 +47,11 @@ def build(
     labels: Labelling | None = None,
     split: str | None = None,
     held_out: Sequence[str] = (),
-    seed: int = 0,
+    seed: Seed = 0,
     force: bool = False,
-    sensor: str | None = None,
+    sensor: str | Path | None = None,
     skip: bool = False,
-    workers: int | None = None,
+    workers: Count | None = None,
     cluster: str = "",
     progress: Progress | None = None,
 ) -> LabelledData:
@@ -138,7 +140,7 @@ def built(
     held_out: Sequence[str],
     seed: int,
     force: bool,
-    sensor: str | None,
+    sensor: str | Path | None,
     skip: bool,
     workers: int | None,
     cluster: str,
@@ -154,10 +156,10 @@ def built(
     """
     refuse_both(workers, cluster)
     folder, files = Path(out), find_sessions(session_names(sessions))
-    held_out = (held_out,) if isinstance(held_out, str) else tuple(held_out)
+    held_out = tuple(held_out)
     _refuse_split(split or _default_split(len(files)), files, held_out)
     options = BuildOptions(
-        window=window, hop=hop, labels=labels or "", force=force, skip=skip, sensor=sensor or ""
+        window=window, hop=hop, labels=labels or "", force=force, skip=skip, sensor=str(sensor or "")
     )
     with progress_bar(progress=progress) as report:
         dataset = build_dataset(

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from monochord.core.progress import progress_bar
+from monochord.core.ranges import Whole, checked
 from monochord.core.types import Progress
 from monochord.datasets.build import Labelling
 from monochord.front.build import Sessions, session_names
@@ -39,12 +40,13 @@ class CalibratedModel(Model):
         }
 
 
+@checked
 def calibrate(
     model: str | Path | Model,
     sessions: Sessions,
     out: str | Path | None = None,
     *,
-    touches: int | None = None,
+    touches: Whole | None = None,
     objects: Objects = "same",
     labels: Labelling | None = None,
     force: bool = False,

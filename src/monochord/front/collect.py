@@ -12,6 +12,7 @@ from monochord.core.config import from_tree, override, to_tree
 from monochord.core.errors import InputError
 from monochord.core.ownership import sole_use
 from monochord.core.progress import progress_bar, shows_progress
+from monochord.core.ranges import Count, Seed, checked
 from monochord.core.types import Progress
 from monochord.core.units import Seconds
 from monochord.core.workers import refuse_both
@@ -111,13 +112,14 @@ class CollectedSessions(Sequence[CollectedSession]):
         ]
 
 
+@checked
 def collect(
     plan: str | Path | Plan = "quick",
     out: str | Path = "sessions",
     *,
-    workers: int | None = None,
+    workers: Count | None = None,
     cluster: str = "",
-    seed: int = 0,
+    seed: Seed = 0,
     only: str = "",
     settings: Sequence[str] = (),
     real_time: bool = False,

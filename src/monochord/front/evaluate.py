@@ -11,6 +11,7 @@ from monochord.core.errors import InputError
 from monochord.core.notebook import lines
 from monochord.core.ownership import scratch_folder
 from monochord.core.progress import progress_bar
+from monochord.core.ranges import Count, Seed, checked
 from monochord.core.types import Progress
 from monochord.core.workers import refuse_both
 from monochord.datasets.split import SPLIT_FILE
@@ -80,6 +81,7 @@ class EvaluationReport:
         first = f"{card.estimator}{kind}: {card.windows} windows of {card.sessions} sessions"
         return [first, *(f"note: {note}" for note in card.notes), *self.table().lines()]
 
+    @checked
     def write(self, folder: str | Path) -> None:
         """Write results, their table, the scores and a report with figures into a folder.
 
@@ -87,6 +89,7 @@ class EvaluationReport:
         """
         write(Path(folder), self.evaluation, drawings)
 
+    @checked
     def keep_rows(self, file: str | Path, feature: str | None = None) -> None:
         """Put the table's rows into a JSON file, replacing those of the same name, and print all beside it.
 
@@ -102,6 +105,7 @@ def _error(score: Regression, scale: float, unit: str) -> str:
     return "" if error is None else f"{scale * error:.2f} {unit} off, {answered or 0.0:.0%} answered"
 
 
+@checked
 def evaluate(
     model: str | Path | Model | None = None,
     data: LabelledData | Dataset | str | Path | None = None,
@@ -111,13 +115,13 @@ def evaluate(
     part: Part = "test",
     estimator: str | None = None,
     settings: Sequence[str] = (),
-    sensor: str | None = None,
+    sensor: str | Path | None = None,
     tuned: bool = False,
     noise: Sequence[str] = (),
     suite: bool = False,
-    seed: int = 0,
+    seed: Seed = 0,
     baselines: bool = True,
-    workers: int | None = None,
+    workers: Count | None = None,
     cluster: str = "",
     progress: Progress | None = None,
 ) -> EvaluationReport:
@@ -195,9 +199,9 @@ def evaluate(
             split=Path(split) if split else None,
             part=part,
             sessions=tuple(session_names(sessions)),
-            sensor=sensor,
+            sensor=None if sensor is None else str(sensor),
             tuned=tuned,
-            noises=(noise,) if isinstance(noise, str) else tuple(noise),
+            noises=tuple(noise),
             suite=suite,
             seed=seed,
             baselines=baselines,

@@ -12,6 +12,7 @@ from monochord.capture.sources.base import Stream
 from monochord.core.errors import InputError
 from monochord.core.lengths import refuse_other_units
 from monochord.core.notebook import lines
+from monochord.core.ranges import Positive, checked
 from monochord.core.silence import SILENCE_REMEDY
 from monochord.core.types import Estimate, Floats
 from monochord.core.units import Hertz, KilogramsPerMetre, Metres, Seconds
@@ -174,16 +175,17 @@ class Identification:
         return design_toml(self.sensor)
 
 
+@checked
 def identify(
     *recordings: Listenable,
-    length: Metres,
-    caliper: Metres | None = None,
-    weighed: KilogramsPerMetre | None = None,
-    sensor: str = "",
-    seconds: Seconds = SECONDS,
-    length_error: Metres = LENGTH_ERROR,
-    caliper_error: Metres = CALIPER_ERROR,
-    weighed_error: float = WEIGHED_ERROR,
+    length: Positive[Metres],
+    caliper: Positive[Metres] | None = None,
+    weighed: Positive[KilogramsPerMetre] | None = None,
+    sensor: str | Path = "",
+    seconds: Positive[Seconds] = SECONDS,
+    length_error: Positive[Metres] = LENGTH_ERROR,
+    caliper_error: Positive[Metres] = CALIPER_ERROR,
+    weighed_error: Positive[float] = WEIGHED_ERROR,
     **options: Any,
 ) -> Identification:
     """Measure a build from plucked and driven recordings of its untouched string, a ruler and a caliper.
@@ -239,13 +241,6 @@ def identify(
     if not recordings:
         raise InputError("no recording", "one or more recordings of the untouched string")
     refuse_other_units(length=length, caliper=caliper, length_error=length_error, caliper_error=caliper_error)
-    for name, value in {"length": length, "caliper": caliper, "weighed": weighed}.items():
-        if value is not None and not 0.0 < value < math.inf:
-            raise InputError(f"{name} {value:g}", "above 0")
-    errors = {"length": length_error, "caliper": caliper_error, "weighed": weighed_error}
-    for name, value in errors.items():
-        if not 0.0 < value < math.inf:
-            raise InputError(f"{name} error {value:g}", "above 0")
     takes = list[tuple[Partial, ...]]()
     design, reasons = sensor_design(sensor) if sensor else "", list[str]()
     for number, recording in enumerate(recordings):

@@ -12,6 +12,7 @@ from typing import Any
 from monochord.core.config import load_json
 from monochord.core.errors import InputError
 from monochord.core.ownership import part_folder
+from monochord.core.ranges import checked
 from monochord.datasets.split import SPLIT_FILE, Split
 from monochord.datasets.store import FILE, open_dataset
 from monochord.perception.model import folder_of, load
@@ -47,6 +48,7 @@ class PublishedFolder:
         return {"path": str(self.path), "files": dict(self.files)}
 
 
+@checked
 def publish(
     what: str | Path, out: str | Path, *, licence: str, scores: str | Path | None = None, title: str = ""
 ) -> PublishedFolder:

@@ -18,6 +18,7 @@ from monochord.capture.sources.base import Source
 from monochord.core.config import Tree, load_toml, override, table
 from monochord.core.errors import DeviceError, InputError
 from monochord.core.interruption import Interruption
+from monochord.core.ranges import Positive, checked
 from monochord.core.units import Metres, Seconds
 from monochord.live.listen import source_of
 from monochord.live.settings import recording_source
@@ -103,17 +104,18 @@ class Recording:
         self._begun.set()
 
 
+@checked
 @contextmanager
 def record(
     path: str | Path,
     source: str | Path | Source | None = None,
     *,
     instruments: Sequence[str] = (),
-    seconds: Seconds | None = None,
+    seconds: Positive[Seconds] | None = None,
     object: str | None = None,  # noqa: A002  (the session's own word)
     material: str | None = None,
-    radius: Metres | None = None,
-    sensor: str | None = None,
+    radius: Positive[Metres] | None = None,
+    sensor: str | Path | None = None,
     notes: str | None = None,
     simulated: bool | None = None,
     config: str | Path | None = None,
@@ -191,7 +193,7 @@ def record(
         object=object,
         material=material,
         radius=radius,
-        sensor=sensor,
+        sensor=None if sensor is None else str(sensor),
         notes=notes,
         simulated=simulated,
     )

@@ -9,6 +9,7 @@ from typing import Any
 from monochord.core.config import load_toml, override, to_tree
 from monochord.core.files import replacing
 from monochord.core.progress import progress_bar
+from monochord.core.ranges import Count, checked
 from monochord.core.types import Progress
 from monochord.core.workers import refuse_both
 from monochord.datasets.split import SPLIT_FILE
@@ -75,13 +76,14 @@ class TrainedModel(Model):
         ]
 
 
+@checked
 def train(
     data: LabelledData | Dataset | str | Path | None = None,
     out: str | Path = "run",
     *,
     config: str | Path = DEFAULT,
     settings: Sequence[str] = (),
-    workers: int | None = None,
+    workers: Count | None = None,
     cluster: str = "",
     progress: Progress | None = None,
 ) -> TrainedModel:

@@ -5,8 +5,9 @@ import math
 from collections.abc import AsyncIterator, Generator, Iterator
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Annotated, Any, TypeAlias
 
+from msgspec import Meta
 from numpy.typing import NDArray
 
 from monochord.capture.sources import SOURCES
@@ -14,28 +15,32 @@ from monochord.capture.sources._array import ArraySource
 from monochord.capture.sources._virtual_sensor import VirtualSensorSource
 from monochord.capture.sources.base import Source
 from monochord.core.errors import InputError
-from monochord.core.units import Seconds
+from monochord.core.ranges import Positive, checked
+from monochord.core.units import Hertz, Seconds
 from monochord.live.loop import opened
-from monochord.live.settings import MODEL, LiveRun, WindowSettings, recording_source
+from monochord.live.settings import MODEL, Hop, LiveRun, WindowLength, WindowSettings, recording_source
 from monochord.live.sinks.base import Update
 from monochord.perception.estimators import ESTIMATORS
+from monochord.perception.estimators._loaded import LoadedModel
 from monochord.perception.estimators.base import Estimator
-from monochord.perception.model import load
+from monochord.perception.model import Model, load
 from monochord.physics.twin.virtual_sensor import VirtualSensor
 
 Listenable: TypeAlias = str | Path | Source | VirtualSensor | NDArray[Any]
 """Inputs of `listen`: a source's name, a recording, a source object, a virtual sensor, or sound."""
+Answering: TypeAlias = str | Path | Model | Estimator
+"""What answers in `listen`: a model, its name or folder, or another estimator or its name."""
 
 
 def listen(
     source: Listenable = "jack",
-    model: str | Path | Estimator = "demo",
+    model: Answering = "demo",
     *,
     seconds: Seconds = math.inf,
     hop: Seconds = 0.01,
     window: Seconds | None = None,
-    string: str = "",
-    sensor: str = "",
+    string: str | Path = "",
+    sensor: str | Path = "",
     **options: Any,
 ) -> Iterator[Update]:
     """Yield an update for every window of a source, as soon as the window is complete.
@@ -51,8 +56,8 @@ def listen(
         (samples,) of floats in full scale, with ``sample_rate=`` in Hz; a `VirtualSensor`, whose time
         advances by a hop per update, so that the program can touch it in between.
     model
-        A bundled model's name, the folder of a model or of a training run, the name of another estimator
-        (``"closed_form"``), or an estimator object.
+        A bundled model's name, the folder of a model or of a training run, what `load` returned, the name of
+        another estimator (``"closed_form"``), or an estimator object.
     seconds
         How much of the stream to process, in s; without end by default.
     hop
@@ -98,7 +103,7 @@ def listen(
 
 
 async def listen_async(
-    source: Listenable = "jack", model: str | Path | Estimator = "demo", **options: Any
+    source: Listenable = "jack", model: Answering = "demo", **options: Any
 ) -> AsyncIterator[Update]:
     """Yield the updates of `listen` for asyncio programs; takes the same arguments.
 
@@ -139,24 +144,25 @@ def _updates(setup: LiveRun) -> Generator[Update]:
         yield from live
 
 
+@checked
 def _live_run(
     source: Listenable,
-    model: str | Path | Estimator,
-    seconds: Seconds,
-    hop: Seconds,
-    window: Seconds | None,
-    string: str,
-    sensor: str,
+    model: Answering,
+    seconds: Annotated[Seconds, Meta(ge=0.0)],
+    hop: Hop,
+    window: WindowLength | None,
+    string: str | Path,
+    sensor: str | Path,
     options: dict[str, Any],
 ) -> LiveRun:
     estimator, length = _estimator(model)
-    settings = WindowSettings(length=window or length, hop=hop)
+    settings = WindowSettings(length=length if window is None else window, hop=hop)
     return LiveRun(
         source=source_of(source, options, settings, seconds),
         estimator=estimator,
         window=settings,
-        string=string,
-        sensor=sensor,
+        string=str(string),
+        sensor=str(sensor),
         seconds=seconds,
     )
 
@@ -187,19 +193,26 @@ def source_of(
     return SOURCES.build(recording_source(source) or "wav", {"path": str(source), **options})
 
 
+@checked
 def _array_source(
-    samples: NDArray[Any], window: WindowSettings, *, sample_rate: float = math.nan, **others: Any
+    samples: NDArray[Any],
+    window: WindowSettings,
+    *,
+    sample_rate: Positive[Hertz] | None = None,
+    **others: Any,
 ) -> Source:
     if others:
         raise InputError(f"options {', '.join(others)} with an array", "sample_rate alone")
-    if not sample_rate > 0.0:
-        raise InputError(f"an array at {sample_rate:g} Hz", "its sample_rate", "set sample_rate=44100")
+    if sample_rate is None:
+        raise InputError("an array without its sample rate", "sample_rate in Hz", "set sample_rate=44100")
     _, hop = window.frames(round(sample_rate))
     return ArraySource(samples=samples, sample_rate=sample_rate, block=max(hop, 1))
 
 
-def _estimator(model: str | Path | Estimator) -> tuple[Estimator, Seconds]:
+def _estimator(model: Answering) -> tuple[Estimator, Seconds]:
     """Return an estimator and its window length."""
+    if isinstance(model, Model):
+        return LoadedModel(loaded=model), model.definition.window / model.definition.sample_rate
     if isinstance(model, Estimator):
         return model, WindowSettings().length
     if isinstance(model, str) and model.replace("-", "_") in set(ESTIMATORS.names()) - {MODEL}:

@@ -7,12 +7,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeAlias, TypeVar
+
+from msgspec import Meta
 
 from monochord.capture.sources import SOURCES
 from monochord.capture.sources.base import MAX_CHANNELS, Source
 from monochord.core.config import Tree, from_tree, table, to_tree
 from monochord.core.errors import InputError
+from monochord.core.ranges import Checked
 from monochord.core.registry import Registry
 from monochord.core.units import Hertz, Metres, Samples, Seconds
 from monochord.live.filter import FilterSettings
@@ -38,6 +41,8 @@ RECORDINGS: Mapping[str, str] = {
 MIN_WINDOW: Seconds = 0.01  # holds a period of 100 Hz
 MIN_HOP: Seconds = 0.001  # 16 frames at the lowest rate of a source
 MAX_WINDOW: Seconds = 60.0
+WindowLength: TypeAlias = Annotated[Seconds, Meta(ge=MIN_WINDOW, le=MAX_WINDOW)]
+Hop: TypeAlias = Annotated[Seconds, Meta(ge=MIN_HOP, le=MAX_WINDOW)]
 REMOVED: Mapping[str, tuple[str, ...]] = {
     "position": ("offset", "sliding", "resting", "believe"),
     "force": ("offset", "common", "change"),
@@ -67,20 +72,15 @@ def recording(path: str | Path) -> Tree:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class WindowSettings:
+class WindowSettings(Checked):
     """Window length and hop.
 
     >>> WindowSettings(length=0.1, hop=0.01).frames(44100)
     (4410, 441)
     """
 
-    length: Seconds = 0.1
-    hop: Seconds = 0.01
-
-    def __post_init__(self) -> None:
-        for name, span, shortest in (("length", self.length, MIN_WINDOW), ("hop", self.hop, MIN_HOP)):
-            if not shortest <= span <= MAX_WINDOW:
-                raise InputError(f"window {name} {span:g} s", f"{shortest:g} to {MAX_WINDOW:g} s")
+    length: WindowLength = 0.1
+    hop: Hop = 0.01
 
     def frames(self, sample_rate: int) -> tuple[Samples, Samples]:
         """Return window length and hop in frames, rounded."""

@@ -10,12 +10,13 @@ from monochord.capture.sources.base import Source, Stream
 from monochord.core.errors import InputError
 from monochord.core.lengths import refuse_other_units
 from monochord.core.notebook import lines
+from monochord.core.ranges import Positive, checked
 from monochord.core.silence import SILENCE_REMEDY
 from monochord.core.types import StringParams
 from monochord.core.units import Hertz, Metres, Seconds
 from monochord.core.windows import windows
 from monochord.live.listen import source_of
-from monochord.live.settings import WindowSettings
+from monochord.live.settings import WindowLength, WindowSettings
 from monochord.perception.tuning import Tuner, TunerState, Tuning
 from monochord.perception.tuning.tuner import NOT_DRIVEN
 from monochord.physics.sensors import (
@@ -158,12 +159,13 @@ class SensorAsTuned:
         )
 
 
+@checked
 def tune(
     *sources: str | Path | Source,
-    sensor: str = "",
-    seconds: Seconds = SECONDS,
-    window: Seconds = WINDOW.length,
-    length: Metres | None = None,
+    sensor: str | Path = "",
+    seconds: Positive[Seconds] = SECONDS,
+    window: WindowLength = WINDOW.length,
+    length: Positive[Metres] | None = None,
     **options: Any,
 ) -> SensorAsTuned:
     """Tune a sensor from its untouched sound.
@@ -203,7 +205,7 @@ def tune(
     opened = [source_of(source, options) for source in sources or ("jack",)]
     names = [str(source) if isinstance(source, str | Path) else type(source).__name__ for source in sources]
     settings = WindowSettings(length=window, hop=WINDOW.hop)
-    return tuned(opened, names or ["jack"], sensor, seconds, settings, length)
+    return tuned(opened, names or ["jack"], str(sensor), seconds, settings, length)
 
 
 def tuned(

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monochord.core.errors import InputError
+from monochord.core.ranges import checked
 from monochord.core.types import Floats
 from monochord.metrics._checked import numbers
 
@@ -55,6 +56,7 @@ def mean_error(reference: Floats, estimate: Floats) -> float:
     return float(np.mean(estimate - reference))
 
 
+@checked
 def mean_absolute_error(reference: Floats, estimate: Floats) -> float:
     """Return the mean absolute difference of estimate and reference: the MAE.
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monochord.core.errors import InputError
+from monochord.core.ranges import checked
 from monochord.core.types import Floats
 from monochord.metrics._checked import decisions, numbers
 from monochord.metrics.calibration import brier_score, calibration_error, coverage
@@ -66,6 +67,7 @@ class DetectionScore:
     calibration: float | None = None
 
 
+@checked
 def regression_score(
     reference: Floats, estimate: Floats, std: Floats | None = None, *, limit: float
 ) -> RegressionScore:
@@ -92,6 +94,8 @@ def regression_score(
     (0.25, True, True)
     """
     reference, estimate = _arrays(reference, estimate)
+    if std is not None and std.shape != reference.shape:
+        raise InputError(f"std of shape {std.shape}", f"{reference.shape}, as the reference")
     blank = RegressionScore(windows=reference.size, limit=limit)
     if not reference.size:
         return blank
@@ -114,6 +118,7 @@ def regression_score(
     )
 
 
+@checked
 def detection_score(reference: NDArray[np.bool_], probability: Floats) -> DetectionScore:
     """Return the scores of a binary label.
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from monochord.core.errors import InputError, did_you_mean
 from monochord.core.notebook import html_table, lines
+from monochord.core.ranges import Positive, SampleRate, checked
 from monochord.core.shapes import sound
 from monochord.core.types import Audio, Floats, Indices, Signal
 from monochord.core.units import Seconds
@@ -19,7 +20,7 @@ from monochord.datasets.split import SPLIT_FILE, Split
 from monochord.datasets.store import Dataset, open_dataset, window_starts
 from monochord.perception.features import FEATURES
 from monochord.perception.training.rows import Rows
-from monochord.physics.sensors import load_sensor
+from monochord.physics.sensors import as_sensor
 from monochord.physics.twin import Sensor
 
 if TYPE_CHECKING:
@@ -29,14 +30,15 @@ BATCH = 64
 """Windows whose features are computed in one call."""
 
 
+@checked
 def features(
     audio: Audio,
-    sensor: str | Sensor = "prototype",
+    sensor: str | Path | Sensor = "prototype",
     *,
     feature: str = "fft_harmonic",
-    sample_rate: int = 44100,
-    window: Seconds = 0.1,
-    hop: Seconds = 0.01,
+    sample_rate: SampleRate = 44100,
+    window: Positive[Seconds] = 0.1,
+    hop: Positive[Seconds] = 0.01,
     **options: Any,
 ) -> "FeatureRows":
     """Return the features of every window of a recording.
@@ -83,7 +85,7 @@ def features(
     if size < 1 or step < 1 or samples.shape[1] < size:
         given = f"{samples.shape[1]} samples for windows of {size} every {step}"
         raise InputError(given, "audio of at least one window, and a window and hop of at least one sample")
-    string = (load_sensor(sensor) if isinstance(sensor, str) else sensor).string
+    string = as_sensor(sensor).string
     signal = Signal(sample_rate=sample_rate, channels=samples.shape[0], string=string)
     extractor = FEATURES.build(feature, options).prepare(signal, size)
     starts = window_starts(samples.shape[1], size, step)
@@ -169,6 +171,7 @@ class FeatureRows(np.ndarray[tuple[int, ...], np.dtype[np.float32]]):
         """The same numbers as a plain array; the memory is shared."""
         return self.view(np.ndarray)
 
+    @checked
     def column(self, name: str) -> Audio:
         """Return the values (windows,) of a column; raises `InputError` for an unknown name."""
         if name not in self.columns:
@@ -176,6 +179,7 @@ class FeatureRows(np.ndarray[tuple[int, ...], np.dtype[np.float32]]):
         return self.values[:, self.columns.index(name)]
 
 
+@checked
 def load_dataset(path: str | Path, split: str | Path | None = None) -> "LabelledData":
     """Return a dataset that ``monochord build`` made, with its split.
 
@@ -257,6 +261,7 @@ class LabelledData:
         parts = ", ".join(f"{name} {len(rows)}" for name, rows in self.split.parts.items())
         return title, [*facts[:2], ("split", parts), *facts[2:]]
 
+    @checked
     def rows(self, part: str | None = None) -> Indices:
         """Return the indices (n,) of a part's usable windows in time order; None means all parts."""
         if part is not None and part not in self.split.parts:
@@ -265,16 +270,20 @@ class LabelledData:
         rows = np.sort(np.concatenate(chosen))
         return rows[self.dataset.usable[rows]]
 
+    @checked
     def labels(self, rows: Indices) -> Mapping[str, Floats]:
         """Return the labels (n,) of windows by name; NaN marks a missing label."""
+        if rows.size and not 0 <= rows.min() <= rows.max() < len(self):
+            raise InputError(f"rows {rows.min()} to {rows.max()}", f"0 to {len(self) - 1}")
         return {name: self.dataset.label(name)[rows] for name in self.dataset.labels}
 
+    @checked
     def arrays(
         self,
         feature: str = "fft_harmonic",
         part: str | None = None,
         *,
-        sensor: str = "prototype",
+        sensor: str | Path | Sensor = "prototype",
         **options: Any,
     ) -> tuple[Audio, Mapping[str, Floats], NDArray[np.str_]]:
         """Return features, labels and parts of the usable windows; caches features in the dataset's folder.
@@ -302,7 +311,7 @@ class LabelledData:
         """
         manifest, rows = self.dataset.manifest, self.rows(part)
         signal = Signal(
-            sample_rate=manifest.sample_rate, channels=manifest.channels, string=load_sensor(sensor).string
+            sample_rate=manifest.sample_rate, channels=manifest.channels, string=as_sensor(sensor).string
         )
         table = Rows.prepared(self.dataset, signal, feature, options, self.dataset.path / "features")
         parts = np.full(len(self.dataset), "", dtype="<U10")
@@ -310,6 +319,7 @@ class LabelledData:
             parts[members] = name
         return table.of(rows), self.labels(rows), parts[rows]
 
+    @checked
     def torch(self, part: str, feature: str = "fft_harmonic", **options: Any) -> "TensorDataset":
         """Return a part as a PyTorch dataset of (features, labels) pairs.
 

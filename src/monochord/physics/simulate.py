@@ -1,23 +1,27 @@
 """Simulates the sound of a touched string, for Python programs."""
 
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 from monochord.core.lengths import refuse_other_units
+from monochord.core.ranges import Finite, NonNegative, Positive, checked
 from monochord.core.types import Contact
 from monochord.core.units import Metres, Newtons, Seconds
 from monochord.physics.simulators import SIMULATORS, Case, Sound
 from monochord.physics.strings import load_string
 
 
+@checked
 def simulate(
-    string: str = "appendix",
+    string: str | Path = "appendix",
     *,
-    position: Metres | None = None,
-    force: Newtons | None = None,
+    position: Finite[Metres] | None = None,
+    force: NonNegative[Newtons] | None = None,
     touched: bool = True,
-    seconds: Seconds = 0.4,
+    seconds: Positive[Seconds] = 0.4,
     simulator: str = "split_string",
-    settings: tuple[str, ...] = (),
+    settings: Sequence[str] = (),
     **options: Any,
 ) -> Sound:
     """Simulate a string at rest or under one constant touch.
@@ -63,6 +67,9 @@ def simulate(
         force=usual.force if force is None else force,
     )
     case = Case(
-        string=preset.string, contact=contact if touched else None, seconds=seconds, assignments=settings
+        string=preset.string,
+        contact=contact if touched else None,
+        seconds=seconds,
+        assignments=tuple(settings),
     )
     return SIMULATORS.build(simulator, options).run(case)

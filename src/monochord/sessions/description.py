@@ -18,7 +18,7 @@ from monochord.core.config import Tree, from_tree, to_tree
 from monochord.core.errors import InputError
 from monochord.core.identity import SensorIdentity
 from monochord.core.notebook import lines
-from monochord.core.ranges import Checked
+from monochord.core.ranges import Checked, checked
 from monochord.core.types import Feed, Floats, StringParams
 from monochord.core.units import Metres, Seconds
 from monochord.sessions.bounds import MAX_COLUMNS, MAX_DURATION, MAX_SAMPLE_RATE, MAX_STREAMS, json_object
@@ -133,6 +133,7 @@ class Description(Checked):
             ],
         )
 
+    @checked
     def feed(self, stream: str) -> Feed:
         """Return the feed of a stream; raises `InputError` for an unknown stream."""
         for feed in self.feeds:
@@ -169,6 +170,7 @@ class Description(Checked):
             raise InputError(given, "text, numbers, and lists and tables of them") from error
 
     @classmethod
+    @checked
     def load(cls, text: str) -> "Description":
         """Read JSON text; fields added by a newer version go into `more`.
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from monochord.core.errors import InputError, MissingLibraryError, did_you_mean
 from monochord.core.labels import LabelTrack
 from monochord.core.notebook import html_table, lines
+from monochord.core.ranges import checked
 from monochord.core.types import Feed, Floats
 from monochord.core.units import Seconds
 from monochord.sessions import codec, walk
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 
+@checked
 def read_session(path: str | Path) -> "SessionReader":
     """Open a session; reads only its description at first.
 
@@ -84,6 +86,7 @@ class SessionReader:
     ['contact', 'force', 'position']
     """
 
+    @checked
     def __init__(self, path: Path) -> None:
         self.path = path
         self._view = walk.mapped(path)
@@ -171,6 +174,7 @@ class SessionReader:
         """Names of all topics, streams included."""
         return (*codec.TOPICS, *(codec.topic_of(stream) for stream in self.streams))
 
+    @checked
     def messages(self, topic: str) -> Iterator[walk.Message]:
         """Yield the messages of a topic in recording order; audio in order of frames.
 
@@ -196,6 +200,7 @@ class SessionReader:
         _ = self._places
         return self._names
 
+    @checked
     def decoded(self, topic: str) -> Iterator[tuple[walk.Message, Any]]:
         """Yield the messages of a topic with their decoded content; malformed ones are counted instead."""
         count = 0
@@ -289,10 +294,12 @@ class SessionReader:
             device_frame=np.array(counted, dtype=np.int64),
         )
 
+    @checked
     def to_numpy(self, stream: str) -> NDArray[Any]:
         """Return a stream as a structured array (n,); see `monochord.sessions.reader.table`."""
         return table(self, stream)
 
+    @checked
     def to_pandas(self, stream: str) -> "DataFrame":
         """Return a stream, ``audio`` or ``labels`` as a data frame, indexed by session time in s.
 
@@ -354,6 +361,7 @@ class SessionReader:
             return (block.start + len(block.samples) // block.channels) / self.description.sample_rate
         return 0.0
 
+    @checked
     def readings(self, stream: str) -> ReadingTrack:
         """Return a stream of readings; raises `InputError` for an unknown name."""
         feed = self.description.feed(stream)

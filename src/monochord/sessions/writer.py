@@ -12,6 +12,7 @@ from mcap.records import ChunkIndex
 
 from monochord.core.closing import Closing
 from monochord.core.errors import InputError
+from monochord.core.ranges import Finite, checked
 from monochord.core.types import Block, Floats, Readings
 from monochord.core.units import Samples, Seconds
 from monochord.sessions import codec
@@ -70,10 +71,11 @@ class SessionWriter(Closing):
     0.5
     """
 
-    def __init__(self, path: Path, description: Description, clock: SessionClock | None = None) -> None:
-        self.path, self.description = path, Description.load(description.dump())
+    @checked
+    def __init__(self, path: str | Path, description: Description, clock: SessionClock | None = None) -> None:
+        self.path, self.description = Path(path), Description.load(description.dump())
         self.clock = SessionClock.now() if clock is None else SessionClock.load(clock.dump())
-        self._file = SessionFile(path)
+        self._file = SessionFile(self.path)
         self._closed = False
         self._pending: list[Block] = []
         self._counts = {"frames": 0, "dropped": 0, "gaps": 0, "end": 0}
@@ -92,7 +94,7 @@ class SessionWriter(Closing):
             self.flush()
         except BaseException:
             self._file.close()
-            path.unlink(missing_ok=True)
+            self.path.unlink(missing_ok=True)
             raise
 
     @property
@@ -100,6 +102,7 @@ class SessionWriter(Closing):
         """Size of the file so far, in bytes."""
         return self._file.tell()
 
+    @checked
     def audio(self, block: Block) -> None:
         """Add the next block; consecutive blocks are joined into one message."""
         self._refuse_closed()
@@ -117,6 +120,7 @@ class SessionWriter(Closing):
             self._write_audio()
         self._flush_if_due()
 
+    @checked
     def readings(self, readings: Readings) -> None:
         """Add readings of a stream in the description's feeds; those of ``labels`` are labels."""
         self._refuse_closed()
@@ -159,10 +163,16 @@ class SessionWriter(Closing):
             self._put(topic, int(stamps[first]), data)
         self._flush_if_due()
 
+    @checked
     def labels(self, time: Floats, columns: Mapping[str, Floats]) -> None:
         """Add labels at times (n,): columns (n,) by name, NaN where unknown."""
         self._refuse_closed()
         _refuse_too_many("labels of", len(columns))
+        if not columns or time.ndim != 1 or any(each.shape != time.shape for each in columns.values()):
+            shapes = ", ".join(
+                f"{name} of shape {each.shape}" for name, each in {"time": time, **columns}.items()
+            )
+            raise InputError(f"labels with {shapes}", "time (n,), and one column or more (n,)")
         stamps = self.clock.stamps(time)
         values = np.stack([np.asarray(columns[name], np.float64) for name in columns], axis=1)
         for first in range(0, len(stamps), MAX_READINGS):
@@ -177,7 +187,8 @@ class SessionWriter(Closing):
             self._put("/labels", int(stamps[first]), data)
         self._flush_if_due()
 
-    def event(self, time: Seconds, kind: str, text: str = "", /, **data: str | float | bool) -> None:
+    @checked
+    def event(self, time: Finite[Seconds], kind: str, text: str = "", /, **data: str | float | bool) -> None:
         """Write an event."""
         self._refuse_closed()
         stamp, more = self.clock.stamp(time), json.dumps(data, sort_keys=True)
@@ -185,7 +196,8 @@ class SessionWriter(Closing):
         fields = {"header": codec.header(stamp), "kind": kind, "text": text, "data": more}
         self._put("/events", stamp, codec.encode(codec.EVENT, **fields))
 
-    def clocks(self, time: Seconds, offsets: Mapping[str, Seconds]) -> None:
+    @checked
+    def clocks(self, time: Finite[Seconds], offsets: Mapping[str, Finite[Seconds]]) -> None:
         """Record this machine's clock offsets from the monotonic clock at a time."""
         self._refuse_closed()
         _refuse_too_many("offsets of", len(offsets))
@@ -194,6 +206,7 @@ class SessionWriter(Closing):
         data = codec.encode(codec.CLOCKS, header=codec.header(stamp), names=names, offsets=values)
         self._put("/clocks", stamp, data)
 
+    @checked
     def flush(self, *, sync: bool = False) -> None:
         """Write everything added so far to the file; with `sync`, wait until it is on the disk.
 

@@ -31,10 +31,7 @@ class ArraySource(Source):
         refuse_other_rates(self.sample_rate, "sound", "resample it")
         if self.sample_rate != round(self.sample_rate):
             raise InputError(f"sound at {self.sample_rate} Hz", "a whole number of Hz")
-        given = np.atleast_1d(np.asarray(self.samples))
-        if given.dtype.kind in "iub":
-            remedy = "divide 16-bit samples by 32768"
-            raise InputError(f"sound of type {given.dtype}", "float in full scale, -1 to 1", remedy)
+        given = np.atleast_1d(self.samples)
         samples = sound(given[None] if given.ndim == 1 else given)
         if samples.shape[0] > 2:
             shape = f"sound of shape {samples.shape}"

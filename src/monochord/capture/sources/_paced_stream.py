@@ -7,8 +7,12 @@ from abc import abstractmethod
 from collections.abc import Iterator
 
 from monochord.capture.sources.base import Stream
+from monochord.core.errors import InputError
 from monochord.core.types import Audio, Block, Signal, StreamHealth
 from monochord.core.units import Samples, Seconds
+
+MIN_SPEED = 1e-3
+"""Least speed of a stream, in times real time."""
 
 
 class PacedStream(Stream):
@@ -19,6 +23,8 @@ class PacedStream(Stream):
     """
 
     def __init__(self, signal: Signal, *, block: Samples, speed: float, end: float = math.inf) -> None:
+        if 0.0 < speed < MIN_SPEED:
+            raise InputError(f"speed {speed:g}", f"0 for no limit, or {MIN_SPEED:g} or more")
         self._signal, self._block, self._speed, self._end = signal, block, speed, end
         self._closed = threading.Event()
         self._reading = threading.Lock()

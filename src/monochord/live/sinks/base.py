@@ -42,7 +42,7 @@ NO_SENSORS: Mapping[str, str] = MappingProxyType({})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Update(NamedEstimates):
+class Update(Checked, NamedEstimates):
     """All values of a string at one window: `mc.listen` yields it, and a sink takes it.
 
     Each estimate is an attribute: ``update.position``, ``update.force``. ``update.tracked.position`` is the
@@ -128,7 +128,7 @@ class Update(NamedEstimates):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Run:
+class Run(Checked):
     """The run that a sink is opened for.
 
     `signal` is the source's audio format with the string; with several strings, that of the first or of this

@@ -45,8 +45,15 @@ class ModelEstimator(Estimator):
 
     def estimate_all(self, prepared: Sequence[Prepared], windows: Sequence[Window]) -> list[Estimates]:
         """Return the estimates for one window of each of several strings; all heads are computed at once."""
-        streams = [each for each in prepared if isinstance(each, ModelStream)]
-        if len(streams) != len(prepared) or len(streams) < 2:
-            return Estimator.estimate_all(self, prepared, windows)
-        entries = [stream.before(window) for stream, window in zip(streams, windows, strict=True)]
-        return [stream.after(*each) for stream, each in zip(streams, step_all(entries), strict=True)]
+        return all_at_once(self, prepared, windows)
+
+
+def all_at_once(
+    estimator: Estimator, prepared: Sequence[Prepared], windows: Sequence[Window]
+) -> list[Estimates]:
+    """Return the estimates of an estimator's prepared models for one window each, all heads at once."""
+    streams = [each for each in prepared if isinstance(each, ModelStream)]
+    if len(streams) != len(prepared) or len(streams) < 2:
+        return Estimator.estimate_all(estimator, prepared, windows)
+    entries = [stream.before(window) for stream, window in zip(streams, windows, strict=True)]
+    return [stream.after(*each) for stream, each in zip(streams, step_all(entries), strict=True)]

@@ -20,6 +20,7 @@ import numpy as np
 from monochord.core.config import from_tree, load_json
 from monochord.core.errors import InputError
 from monochord.core.files import refuse_endless, similar_name
+from monochord.core.ranges import checked
 from monochord.core.types import Audio
 from monochord.perception.model.bundled import bundled_folder, bundled_names
 from monochord.perception.model.definition import FORMAT, OLDEST, Definition
@@ -48,6 +49,7 @@ def folder_of(path: Path) -> Path | None:
     return next(folders, None if path.exists() else bundled_folder(str(path)))
 
 
+@checked
 def load(path: Path | str) -> Model:
     """Return a model from its folder, from the folder of a training run, or by a bundled model's name.
 

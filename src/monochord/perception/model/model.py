@@ -4,7 +4,6 @@ import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import isfinite
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +13,9 @@ from monochord.core.errors import InputError
 from monochord.core.identity import calibrated_elsewhere
 from monochord.core.labels import LabelTrack, window_labels
 from monochord.core.notebook import html_table, lines
+from monochord.core.ranges import Checked, Count, Finite, NonNegative, Pair, Positive, SampleRate, checked
 from monochord.core.shapes import refuse_other_channels
-from monochord.core.shapes import sound as checked
+from monochord.core.shapes import sound as checked_sound
 from monochord.core.types import (
     Audio,
     Block,
@@ -45,7 +45,7 @@ from monochord.perception.model.stream import Fixed, Followed, ModelStream
 from monochord.perception.model.summary import brief, facts
 from monochord.perception.model.table import PredictionTable
 from monochord.perception.tuning.sessions import at_length_of, refuse_foreign
-from monochord.physics.sensors import Sensor, load_sensor, retuned, with_length, with_sensor
+from monochord.physics.sensors import Sensor, as_sensor, retuned, with_length, with_sensor
 from monochord.physics.strings import load_string
 from monochord.physics.theory import open_frequency
 
@@ -55,7 +55,7 @@ MAX_RETUNING = 0.12
 
 
 @dataclass(frozen=True, kw_only=True)
-class Model:
+class Model(Checked):
     """A trained model: `predict` estimates a whole sound, `step` a single window.
 
     The model is immutable. The state of a stream is passed in and out of `step`.
@@ -89,8 +89,19 @@ class Model:
     definition: Definition
     weights: Mapping[str, Audio]
     string: StringParams | None = None
-    length_std: Metres | None = None
-    sensing_range: tuple[Metres, Metres] | None = None
+    length_std: NonNegative[Metres] | None = None
+    sensing_range: Pair[Finite[Metres]] | None = None
+
+    def __post_init__(self) -> None:
+        Checked.__post_init__(self)
+        for name, shape in self.definition.shapes().items():
+            if name not in self.weights or self.weights[name].shape != shape:
+                given = (
+                    f"weights with {name} of shape {self.weights[name].shape}"
+                    if name in self.weights
+                    else f"weights without {name}"
+                )
+                raise InputError(given, f"{name} {shape}, as the definition says")
 
     @property
     def length_scale(self) -> float:
@@ -111,6 +122,7 @@ class Model:
             return own or trained
         return max(own[0], trained[0]), min(own[1], trained[1])
 
+    @checked
     def tuned(self, string: StringParams) -> "Model":
         """Return the model for a string at this tuning and length; features are relative to its pitch.
 
@@ -134,7 +146,8 @@ class Model:
             return self
         return replace(self, string=retuned(with_length(trained, string.length), own))
 
-    def within(self, sensing_range: tuple[Metres, Metres]) -> "Model":
+    @checked
+    def within(self, sensing_range: Pair[Finite[Metres]]) -> "Model":
         """Return the model for a sensor with this sensing range, in m.
 
         Raises
@@ -171,7 +184,8 @@ class Model:
             return False
         return True
 
-    def check(self, signal: Signal, size: Samples | None = None) -> None:
+    @checked
+    def check(self, signal: Signal, size: Count | None = None) -> None:
         """Check that the model fits a signal in windows of `size` frames, and prepare the features.
 
         Without this call, tables and filters of the features are computed at the first prediction.
@@ -194,14 +208,15 @@ class Model:
             self.check_size(size)
         _ = self.extractors
 
+    @checked
     def predict(
         self,
         sound: ArrayLike,
         *,
-        sample_rate: int = 44100,
-        hop: Seconds = 0.01,
-        sensor: str | Sensor = "",
-        string: str = "",
+        sample_rate: SampleRate = 44100,
+        hop: Positive[Seconds] = 0.01,
+        sensor: str | Path | Sensor = "",
+        string: str | Path = "",
     ) -> PredictionTable:
         """Return the estimates for every window of a sound, as the live loop computes them.
 
@@ -238,17 +253,17 @@ class Model:
         >>> len(table), table.position.valid.any(), str(table.position.reason[0])
         (11, np.False_, 'silence')
         """
-        samples = checked(sound)
+        samples = checked_sound(sound)
         blocks, own = [Block(samples=samples, start=0)], self.definition.sample_rate
         if sample_rate > own:
             blocks = [*resampled(blocks, sample_rate=sample_rate, new_rate=own)]
             sample_rate = own
-        size, step = self.definition.window, round(hop * sample_rate) if isfinite(hop) else 0
+        size, step = self.definition.window, round(hop * sample_rate)
         if step < 1:
             raise InputError(f"hop {hop:g} s", f"at least one sample, {1.0 / sample_rate:.1g} s")
         signal = Signal(sample_rate=sample_rate, channels=samples.shape[0])
         if sensor:
-            signal = with_sensor(signal, load_sensor(sensor) if isinstance(sensor, str) else sensor)
+            signal = with_sensor(signal, as_sensor(sensor))
         elif string:
             signal = replace(signal, string=load_string(string).string)
         estimate = self.stream(signal, size)
@@ -264,16 +279,17 @@ class Model:
             rows.append({name: estimates[name] for name in self.definition.heads})
         return PredictionTable.of(starts, sample_rate, rows)
 
+    @checked
     def score(
         self,
         sound: ArrayLike,
         truth: LabelTrack | Mapping[str, Floats],
         *,
-        sample_rate: int = 44100,
-        hop: Seconds = 0.01,
-        sensor: str | Sensor = "",
-        string: str = "",
-        tolerance: Metres = 0.005,
+        sample_rate: SampleRate = 44100,
+        hop: Positive[Seconds] = 0.01,
+        sensor: str | Path | Sensor = "",
+        string: str | Path = "",
+        tolerance: NonNegative[Metres] = 0.005,
     ) -> float:
         """Return the share of touched windows whose position is estimated within a tolerance, 0 to 1.
 
@@ -306,7 +322,7 @@ class Model:
         >>> load("demo").score(sound, truth, sensor="prototype") > 0.5
         True
         """
-        frames = checked(sound).shape[1]
+        frames = checked_sound(sound).shape[1]
         track = truth if isinstance(truth, LabelTrack) else _track(frames, sample_rate, truth)
         table = self.predict(sound, sample_rate=sample_rate, hop=hop, sensor=sensor, string=string)
         end = table.time + self.definition.window / self.definition.sample_rate
@@ -317,6 +333,7 @@ class Model:
             raise InputError(given, "truth with contact and position")
         return hit_rate(labels["position"][rows], table[self.definition.place].value[rows], tolerance)
 
+    @checked
     def save(self, folder: str | Path) -> "Model":
         """Save the model in a folder, which `load` reads, and return the model with its checksum.
 
@@ -341,7 +358,8 @@ class Model:
         except OSError as error:
             raise InputError(f"folder {folder} ({error.strerror})", "a writable folder") from error
 
-    def stream(self, signal: Signal, size: Samples) -> ModelStream:
+    @checked
+    def stream(self, signal: Signal, size: Count) -> ModelStream:
         """Return the model for one stream of windows in order, as the live loop runs it.
 
         Call the result with each window of `size` frames to get the estimates. Features are relative to the
@@ -373,6 +391,7 @@ class Model:
     def _repr_html_(self) -> str:
         return html_table(*facts(self.definition))
 
+    @checked
     def step(self, state: ModelState, window: Window) -> tuple[ModelState, Estimates]:
         """Return the state after a window, and the window's estimates.
 
@@ -391,6 +410,7 @@ class Model:
         """
         return stepping.step_all([self.stepper.entry(state, window)])[0]
 
+    @checked
     def outputs(self, state: ModelState, window: Window) -> tuple[ModelState, Mapping[str, Output]]:
         """Return the state after a window, and the output of each head before calibration and correction.
 
@@ -401,6 +421,7 @@ class Model:
         return reading.state, reading.outputs
 
     @staticmethod
+    @checked
     def step_all(
         streams: Sequence[tuple["Model", ModelState]], windows: Sequence[Window]
     ) -> list[tuple[ModelState, Estimates]]:
@@ -423,10 +444,12 @@ class Model:
             ]
         )
 
+    @checked
     def estimates(self, reading: WindowReading) -> dict[str, Estimate]:
         """Return the estimates of a window; see `monochord.perception.model.stepping.Stepper.estimates`."""
         return self.stepper.estimates(reading)
 
+    @checked
     def with_length_error(self, estimates: dict[str, Estimate]) -> dict[str, Estimate]:
         """Return estimates with positions on the string's own length, and its error in their standard error.
 
@@ -439,6 +462,7 @@ class Model:
         """The model made ready for windows."""
         return Stepper(self)
 
+    @checked
     def check_size(self, size: Samples) -> None:
         """Raise `InputError` if a window size in frames differs from the training's."""
         trained = self.definition
@@ -453,8 +477,11 @@ class Model:
         names = self.definition.heads
         return {name: own for name in names if (own := self.correction(name))}
 
+    @checked
     def correction(self, name: str) -> Correction | None:
-        """Return the correction of a head; None if it has none."""
+        """Return the correction of a head, None if it has none; raises `InputError` for an unknown head."""
+        if name not in self.definition.heads:
+            raise InputError(f"head '{name}'", ", ".join(self.definition.heads))
         record = self.definition.heads[name].correction
         if record is None:
             return None

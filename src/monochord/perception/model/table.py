@@ -9,6 +9,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from monochord.core.errors import InputError, MissingLibraryError, did_you_mean
 from monochord.core.notebook import html_table, panels
+from monochord.core.ranges import Checked, SampleRate, checked
 from monochord.core.types import Estimate, Estimates, Flags, Floats, Indices, Prediction
 
 if TYPE_CHECKING:
@@ -63,7 +64,7 @@ class EstimateColumn:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PredictionTable:
+class PredictionTable(Checked):
     """A model's estimates for a sound: an immutable table with a row for each window.
 
     ``len(table)`` is the number of windows. Iteration yields a `Prediction` for each window.
@@ -94,8 +95,20 @@ class PredictionTable:
     time: Floats
     estimates: Mapping[str, EstimateColumn]
 
+    def __post_init__(self) -> None:
+        Checked.__post_init__(self)
+        shapes = {
+            each.shape for each in (self.start, self.time, *(one.value for one in self.estimates.values()))
+        }
+        if shapes != {(self.start.size,)}:
+            given = f"columns of shapes {', '.join(map(str, sorted(shapes)))}"
+            raise InputError(given, "(n,), one value for each window")
+
     @classmethod
-    def of(cls, starts: Sequence[int], sample_rate: int, rows: Sequence[Estimates]) -> "PredictionTable":
+    @checked
+    def of(
+        cls, starts: Sequence[int], sample_rate: SampleRate, rows: Sequence[Estimates]
+    ) -> "PredictionTable":
         """Return the table for windows with these first frames and estimates.
 
         All rows have estimates of the same names. `sample_rate` is in Hz.
@@ -123,6 +136,7 @@ class PredictionTable:
     def __getitem__(self, key: str) -> EstimateColumn: ...
     @overload
     def __getitem__(self, key: int) -> Prediction: ...
+    @checked
     def __getitem__(self, key: str | int) -> EstimateColumn | Prediction:
         """Return a column by name, or a row by index.
 

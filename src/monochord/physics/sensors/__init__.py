@@ -20,7 +20,7 @@ from monochord.physics.strings import load_string
 from monochord.physics.theory import open_frequency
 from monochord.physics.twin.setup import Sensor, lengthened
 
-__all__ = ["Sensor", "design_toml", "load_sensor", "sensor_names"]
+__all__ = ["Sensor", "as_sensor", "design_toml", "load_sensor", "sensor_names"]
 
 MAX_RETUNING = 0.25
 """Largest relative deviation of a sensor's tuning from its design."""
@@ -104,15 +104,16 @@ def design_toml(sensor: Sensor) -> str:
     return dump_toml({**texts, "string": "prototype", **kept, "override": string})
 
 
-def sensor_tuning(name: str) -> SensorTuning | None:
+def sensor_tuning(name: str | Path) -> SensorTuning | None:
     """Return the tuning in a sensor's file, None for a design."""
+    name = str(name)
     if not name.endswith(".toml"):
         return None
     tree = load_toml(Path(name))
     return _tuning(tree, f"sensor {Path(name).stem}") if "tuning" in tree else None
 
 
-def sensor_design(name: str) -> str:
+def sensor_design(name: str | Path) -> str:
     """Return the name of a sensor's design; the sensor may be a tuned sensor's file.
 
     Examples
@@ -120,6 +121,7 @@ def sensor_design(name: str) -> str:
     >>> sensor_design("prototype-one-driver")
     'prototype_one_driver'
     """
+    name = str(name)
     if not name.endswith(".toml"):
         return name.replace("-", "_")
     return str(load_toml(Path(name)).get("design", Path(name).absolute()))
@@ -204,6 +206,17 @@ def _tuning(tree: dict[str, Any], where: str) -> SensorTuning:
 
 SENSORS = Presets(package=__name__, kind="sensor", read=_read)
 sensor_names, load_sensor = SENSORS.names, SENSORS.load
+
+
+def as_sensor(sensor: str | Path | Sensor) -> Sensor:
+    """Return a sensor by name or file, or the sensor itself.
+
+    Examples
+    --------
+    >>> as_sensor(as_sensor("prototype")).name
+    'prototype'
+    """
+    return sensor if isinstance(sensor, Sensor) else load_sensor(sensor)
 
 
 def with_sensor(signal: Signal, sensor: Sensor) -> Signal:

@@ -1,6 +1,8 @@
 """Argument checks of the closed forms, for numbers and arrays."""
 
-from typing import TypeVar
+from collections.abc import Callable
+from functools import wraps
+from typing import ParamSpec, TypeVar
 
 import numpy as np
 
@@ -8,8 +10,27 @@ from monochord.core.errors import InputError
 from monochord.core.lengths import metres_meant
 from monochord.core.types import Floats
 
+P = ParamSpec("P")
+R = TypeVar("R")
 Number = TypeVar("Number", float, Floats)
 """A float or an array of floats; the result is of the same kind."""
+
+
+def representable(function: Callable[P, R]) -> Callable[P, R]:
+    """Return a closed form that raises `InputError` where its numbers overflow, or have no result."""
+
+    @wraps(function)
+    def in_range(*args: P.args, **named: P.kwargs) -> R:
+        try:
+            with np.errstate(over="raise", divide="raise", invalid="raise"):
+                return function(*args, **named)
+        except (ArithmeticError, np.linalg.LinAlgError) as error:
+            name = function.__name__.replace("_", " ")
+            raise InputError(
+                f"{name} of numbers this extreme", "numbers whose result a float holds"
+            ) from error
+
+    return in_range
 
 
 def refuse_negative_force(force: float | Floats) -> None:
@@ -32,6 +53,14 @@ def refuse_not_positive(**named: float | Floats) -> None:
     for name, value in named.items():
         if not np.all(np.asarray(value) > 0.0):
             raise InputError(f"{name.replace('_', ' ')} {_worst(value)}", "above 0")
+
+
+def refuse_infinite(**named: float | Floats) -> None:
+    """Raise `InputError` for a named quantity that is not above zero and finite."""
+    refuse_not_positive(**named)
+    for name, value in named.items():
+        if not np.all(np.isfinite(value)):
+            raise InputError(f"{name.replace('_', ' ')} inf", "a finite number")
 
 
 def _worst(value: float | Floats) -> str:

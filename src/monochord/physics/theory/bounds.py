@@ -6,13 +6,16 @@ power ratio (not in decibels): half the squared amplitude of a partial over the 
 limits a sensor: `contact_bound` also includes uncertainty of its tuning, its ends and the contact.
 """
 
+from typing import Annotated
+
 import numpy as np
+from msgspec import Meta
 from numpy.typing import ArrayLike
 
-from monochord.core.errors import InputError
+from monochord.core.ranges import Finite, NonNegative, Positive, checked
 from monochord.core.types import Contact, Floats, StringParams
 from monochord.core.units import Hertz, Metres, Newtons, Seconds
-from monochord.physics.theory._checks import Number, refuse_not_positive
+from monochord.physics.theory._checks import Number, refuse_not_positive, representable
 from monochord.physics.theory.segments import open_frequency, split_frequencies
 from monochord.physics.theory.stiffness import inharmonicity, partial_numbers, stiff_partials
 from monochord.physics.theory.tension import TensionLaw, stretch_stiffness, tension_from_force
@@ -209,23 +212,25 @@ def series_bound(
     return information**-0.5 if information > 0.0 else np.inf
 
 
+@checked
+@representable
 def contact_bound(
     string: StringParams,
     contact: Contact,
-    snr: float,
+    snr: Positive[float],
     *,
-    duration: Seconds,
-    sample_rate: Hertz,
-    highest: Hertz = 8000.0,
+    duration: Positive[Seconds],
+    sample_rate: Positive[Hertz],
+    highest: Annotated[Hertz, Meta(gt=0.0, le=1e6)] = 8000.0,
     law: TensionLaw = "linear",
-    tension_std: Newtons = 0.0,
-    end_std: Metres = 0.0,
-    open_frequency_std: Hertz = np.inf,
-    lengthening_std: Metres = 0.0,
-    lengthening_correlation: float = 0.0,
-    lengthening_slope: float = 0.0,
-    line_std: float = 0.0,
-    force_prior_std: Newtons = np.inf,
+    tension_std: NonNegative[Newtons] = 0.0,
+    end_std: NonNegative[Metres] = 0.0,
+    open_frequency_std: Annotated[Hertz, Meta(gt=0.0)] = np.inf,
+    lengthening_std: NonNegative[Metres] = 0.0,
+    lengthening_correlation: Annotated[float, Meta(ge=-1.0, le=1.0)] = 0.0,
+    lengthening_slope: Finite[float] = 0.0,
+    line_std: NonNegative[float] = 0.0,
+    force_prior_std: Annotated[Newtons, Meta(gt=0.0)] = np.inf,
 ) -> tuple[Metres, Newtons]:
     """Return the smallest standard errors of position and force, from both segments and the untouched pitch.
 
@@ -321,9 +326,6 @@ def contact_bound(
     >>> round(1e3 * contact_bound(string, touch, 100.0, **window, **built, lengthening_std=1e-4)[1])
     5
     """
-    if not -1.0 <= lengthening_correlation <= 1.0:
-        raise InputError(f"lengthening_correlation {lengthening_correlation:g}", "-1 to 1")
-    refuse_not_positive(open_frequency_std=open_frequency_std, force_prior_std=force_prior_std)
     lengths = np.array([contact.position, string.length - contact.position])
     f = np.array(split_frequencies(string, contact.position, contact.force, law))
     variances = np.empty(2)

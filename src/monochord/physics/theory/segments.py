@@ -4,9 +4,16 @@ import numpy as np
 
 from monochord.core.errors import InputError
 from monochord.core.lengths import refuse_other_units
+from monochord.core.ranges import Positive, checked
 from monochord.core.types import Contact, Floats, StringParams
 from monochord.core.units import Hertz, KilogramsPerMetre, Metres, MetresPerSecond, Newtons, Seconds
-from monochord.physics.theory._checks import Number, refuse_not_positive, refuse_outside
+from monochord.physics.theory._checks import (
+    Number,
+    refuse_infinite,
+    refuse_not_positive,
+    refuse_outside,
+    representable,
+)
 from monochord.physics.theory.tension import TensionLaw, tension_from_force, wave_speed
 
 
@@ -47,6 +54,8 @@ def harmonic_frequencies(
     return np.arange(1, count + 1) * ((tension / linear_density) ** 0.5 / (2.0 * length))
 
 
+@checked
+@representable
 def open_frequency(string: StringParams) -> Hertz:
     """Return the fundamental of the untouched string.
 
@@ -60,6 +69,8 @@ def open_frequency(string: StringParams) -> Hertz:
     return wave_speed(string) / (2.0 * string.length)
 
 
+@checked
+@representable
 def segment_frequencies(
     string: StringParams, contact: Contact, law: TensionLaw = "linear"
 ) -> tuple[Hertz, Hertz]:
@@ -120,7 +131,9 @@ def split_frequencies(
     return half_speed / position, half_speed / (string.length - position)  # pyright: ignore[reportReturnType]
 
 
-def locate_from_segments(length: Metres, f1: Number, f2: Number) -> Number:
+@checked
+@representable
+def locate_from_segments(length: Positive[Metres], f1: Number, f2: Number) -> Number:
     """Return the touch position from the fundamentals of a string's two segments.
 
     x = L f2 / (f1 + f2): exact for a clamping touch, for any tension, density and force.
@@ -147,11 +160,13 @@ def locate_from_segments(length: Metres, f1: Number, f2: Number) -> Number:
     >>> round(locate_from_segments(0.65, 695.0, 374.2), 4)
     0.2275
     """
-    refuse_not_positive(length=length, f1=f1, f2=f2)
+    refuse_infinite(length=length, f1=f1, f2=f2)
     refuse_other_units(length=length)
     return length * f2 / (f1 + f2)
 
 
+@checked
+@representable
 def tension_from_segments(string: StringParams, f1: Number, f2: Number) -> Number:
     """Return the tension of a touched string from the fundamentals of its two segments.
 
@@ -180,7 +195,7 @@ def tension_from_segments(string: StringParams, f1: Number, f2: Number) -> Numbe
     >>> round(tension_from_segments(string, 695.0, 374.231), 1)
     65.0
     """
-    refuse_not_positive(f1=f1, f2=f2)
+    refuse_infinite(f1=f1, f2=f2)
     return string.linear_density * (2.0 * string.length * f1 * f2 / (f1 + f2)) ** 2
 
 

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from monochord.core.ranges import Checked, NonNegative
+from monochord.core.ranges import Checked, Finite, NonNegative, Positive, checked
 from monochord.core.types import Floats, StringParams
 from monochord.core.units import Hertz, Metres
-from monochord.physics.theory._checks import Number, refuse_not_positive
+from monochord.physics.theory._checks import Number, refuse_infinite, refuse_not_positive, representable
 
 STEEL_DENSITY = 7850.0
 """Density of plain carbon steel, in kg/m^3: the handbook value."""
@@ -150,7 +150,9 @@ def inharmonicity(string: StringParams, length: Metres | None = None) -> float:
     return bending / (string.tension * length**2)
 
 
-def stiff_partials(f0: Hertz, inharmonicity: float, number: Number) -> Number:
+@checked
+@representable
+def stiff_partials(f0: Positive[Hertz], inharmonicity: Finite[float], number: Number) -> Number:
     """Return partials of a stiff string between hinged ends.
 
     f_n = n f0 sqrt(1 + B n^2); f0 is the fundamental that the string would have without stiffness.
@@ -184,7 +186,7 @@ def stiff_partials(f0: Hertz, inharmonicity: float, number: Number) -> Number:
     array([ 100.  , 1004.99])
     """
     stretch = 1.0 + inharmonicity * number**2
-    refuse_not_positive(f0=f0, stretch_of_partials=stretch)
+    refuse_infinite(f0=f0, stretch_of_partials=stretch)
     return number * f0 * stretch**0.5  # pyright: ignore[reportReturnType]
 
 

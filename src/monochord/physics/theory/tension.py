@@ -5,13 +5,16 @@ from typing import Literal, TypeAlias, overload
 import numpy as np
 
 from monochord.core.errors import InputError
+from monochord.core.ranges import checked
 from monochord.core.types import Floats, StringParams
 from monochord.core.units import Pascals
 from monochord.physics.theory._checks import (
     Number,
+    refuse_infinite,
     refuse_negative_force,
     refuse_not_positive,
     refuse_outside,
+    representable,
 )
 
 TensionLaw: TypeAlias = Literal["linear", "geometric"]
@@ -274,6 +277,8 @@ def tension_from_force(
     return geometric_tension(string, _required(position), force)
 
 
+@checked
+@representable
 def force_from_tension(
     string: StringParams,
     tension: Number,
@@ -312,7 +317,7 @@ def force_from_tension(
     >>> force_from_tension(appendix, 68.0)
     0.5
     """
-    refuse_not_positive(tension=tension)
+    refuse_infinite(tension=tension)
     if check_law(law) == "linear":
         if string.tension_per_force == 0.0:
             raise InputError("tension per force 0", "a string whose tension depends on force", "set k_T")

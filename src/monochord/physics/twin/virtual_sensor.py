@@ -1,16 +1,20 @@
 """A virtual sensor that is touched step by step: press, slide, release, and take the sound."""
 
 from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+from msgspec import Meta
 
 from monochord.core.errors import InputError
 from monochord.core.lengths import metres_meant
 from monochord.core.notebook import lines
+from monochord.core.ranges import Finite, NonNegative, Positive, Seed, checked
 from monochord.core.types import Audio, Floats
 from monochord.core.units import Metres, MetresPerSecond, Newtons, Seconds
 from monochord.physics.materials import load_material
-from monochord.physics.sensors import load_sensor
+from monochord.physics.sensors import as_sensor
 from monochord.physics.theory import open_frequency
 from monochord.physics.twin.setup import MAX_TOUCHES, Key, Pluck, Scene, Sensor, Touch
 from monochord.physics.twin.stream import Labels, advance, begin, retouch, switch
@@ -24,6 +28,8 @@ PRESS: Seconds = 0.05
 """Time in which the force of a press builds up, and falls again."""
 ACCELERATION: Seconds = 0.02
 """Time in which a slide reaches its speed."""
+MAX_SECONDS: Seconds = 3600.0
+"""Longest time of an advance or of a slide."""
 PLUCK = 5e-4
 """Height of the pluck that starts the string, as a share of its length."""
 
@@ -71,17 +77,18 @@ class VirtualSensor:
     False
     """
 
+    @checked
     def __init__(
         self,
-        sensor: str | Sensor = "prototype",
+        sensor: str | Path | Sensor = "prototype",
         *,
-        seed: int = 0,
-        build: int | None = None,
-        day: int | None = None,
+        seed: Seed = 0,
+        build: Seed | None = None,
+        day: Seed | None = None,
         world: World = "ideal",
-        sample_rate: int = 44100,
+        sample_rate: Annotated[int, "Hz", Meta(ge=16_000, le=192_000)] = 44100,
     ) -> None:
-        design = load_sensor(sensor) if isinstance(sensor, str) else sensor
+        design = as_sensor(sensor)
         self.design, self.sensor = design, sensor_of(design, world, build=build, day=day)
         self.world: World = world
         self._seed, self.build = seed, build
@@ -116,13 +123,14 @@ class VirtualSensor:
             ],
         )
 
+    @checked
     def press(
         self,
-        position: Metres,
-        force: Newtons,
+        position: Finite[Metres],
+        force: NonNegative[Newtons],
         *,
-        material: str = "plastic",
-        radius: Metres | None = None,
+        material: str | Path = "plastic",
+        radius: Positive[Metres] | None = None,
         rolls: bool = False,
     ) -> int:
         """Bring a new object down on the string.
@@ -168,18 +176,20 @@ class VirtualSensor:
         self._changed = True
         return len(self._touches) - 1
 
-    def change(self, force: Newtons, *, touch: int = -1) -> None:
+    @checked
+    def change(self, force: NonNegative[Newtons], *, touch: int = -1) -> None:
         """Change the force of an object that presses, within 50 ms; the last object by default."""
         now = self._now(touch)
         later = replace(now, time=now.time + PRESS, force=force, clearance=0.0, across=0.0)
         self._continue(touch, now, later)
 
+    @checked
     def slide(
         self,
-        seconds: Seconds,
+        seconds: Annotated[Seconds, Meta(ge=2.0 * ACCELERATION, le=MAX_SECONDS)],
         *,
-        across: MetresPerSecond = 0.0,
-        along: MetresPerSecond = 0.0,
+        across: Finite[MetresPerSecond] = 0.0,
+        along: Finite[MetresPerSecond] = 0.0,
         touch: int = -1,
     ) -> None:
         """Move an object while it presses; the last object by default.
@@ -198,8 +208,6 @@ class VirtualSensor:
         InputError
             For too short a motion, or one that leaves the string.
         """
-        if not seconds >= 2.0 * ACCELERATION:
-            raise InputError(f"a slide of {seconds:g} s", f"{2.0 * ACCELERATION:g} s or more")
         now = self._now(touch)
         end = now.position + along * seconds
         self._refuse_off_string(end)
@@ -222,6 +230,7 @@ class VirtualSensor:
             replace(now, time=now.time + seconds, position=end, across=0.0),
         )
 
+    @checked
     def release(self, touch: int | None = None) -> None:
         """Lift an object off the string, or all of them."""
         for number in range(len(self._touches)) if touch is None else [touch]:
@@ -230,11 +239,15 @@ class VirtualSensor:
             gone = replace(free, time=free.time + CLEARANCE / APPROACH, clearance=CLEARANCE)
             self._continue(number, now, *([gone] if now.clearance > 0.0 else [free, gone]))
 
+    @checked
     def drive(self, first: bool, second: bool) -> None:  # noqa: FBT001
         """Switch the two drivers on or off; each goes over in 5 ms."""
         self._twin = switch(self._twin, (first, second))
 
-    def advance(self, seconds: Seconds) -> tuple[Audio, dict[str, Floats]]:
+    @checked
+    def advance(
+        self, seconds: Annotated[Seconds, Meta(ge=0.0, le=MAX_SECONDS)]
+    ) -> tuple[Audio, dict[str, Floats]]:
         """Advance time, and return the sound and its ground truth.
 
         Returns
@@ -249,10 +262,8 @@ class VirtualSensor:
         Raises
         ------
         InputError
-            For a negative time.
+            For a negative time, or more than an hour at once.
         """
-        if not seconds >= 0.0:
-            raise InputError(f"{seconds:g} s", "0 s or more")
         if self._changed:
             self._twin = retouch(self._twin, tuple(self._touches))
             self._changed = False

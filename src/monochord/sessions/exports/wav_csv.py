@@ -190,7 +190,7 @@ def read_csv(path: Path, kinds: Mapping[str, type]) -> Columns:
     """
     refuse_endless(path)
     try:
-        with path.open(encoding="utf-8", newline="") as file:
+        with path.open(encoding="utf-8-sig", newline="") as file:
             names, *rows = without_index([*csv.reader(file, strict=True)] or [[]])
     except OSError as error:
         remedy = similar_name(path) or "check its name"
