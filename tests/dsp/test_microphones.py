@@ -14,6 +14,7 @@ from monochord.dsp.microphones import Microphones, compare_inputs, inputs_of
 from monochord.physics.sensors import load_sensor
 
 RATE, SIZE = 44100, 4410
+LATE = 21  # windows until a copy is believed
 SENSORS = ("prototype", "gauge_012", "gauge_013", "long", "prototype_one_driver")
 
 
@@ -72,14 +73,14 @@ def test_a_copy_is_one_microphone(sensor: Audio, gain: float, noise: float) -> N
     random = np.random.default_rng(0)
     one = sensor.mean(axis=0)
     both = np.stack((one, gain * one)) + 10.0 ** (noise / 20) * random.standard_normal(sensor.shape)
-    assert {*told(both)} == {Inputs.SAME}
+    assert {*told(both)[LATE:]} == {Inputs.SAME}
     whole = np.round(both * 32768.0) / 32768.0
-    assert {*told(whole)} == {Inputs.SAME}
+    assert {*told(whole)[LATE:]} == {Inputs.SAME}
 
 
 def test_a_copy_with_the_hum_of_its_cable_is_one_microphone(sensor: Audio) -> None:
     one = sensor.mean(axis=0)
-    assert {*told(np.stack((one, one + hum(50.0, one.size, -40.0))))} == {Inputs.SAME}
+    assert {*told(np.stack((one, one + hum(50.0, one.size, -40.0))))[LATE:]} == {Inputs.SAME}
 
 
 def empty(count: int) -> dict[str, Floats]:
@@ -123,7 +124,7 @@ def test_two_microphones_before_one_string_in_the_air_are_two() -> None:
     sides = random.uniform(0.3, 1.0, (2, 13)) / numbers
     sound = 0.1 * sides @ partials + 1e-4 * random.standard_normal((2, RATE))
     assert {*told(sound)} == {Inputs.TWO}
-    assert {*told(0.1 * (sides[:1] * [[1.0], [0.6]]) @ partials)} == {Inputs.SAME}
+    assert {*told(0.1 * (sides[:1] * [[1.0], [0.6]]) @ partials)[LATE:]} == {Inputs.SAME}
 
 
 def test_what_tells_nothing_is_unknown() -> None:
@@ -140,11 +141,13 @@ def test_what_tells_nothing_is_unknown() -> None:
 @pytest.mark.parametrize(
     ("seen", "last"),
     [
-        (("SAME",), "SAME"),
-        (("SAME", "TWO"), "TWO"),
-        (("TWO", "SAME", "SAME"), "TWO"),
-        (("TWO", "SAME", "SAME", "SAME"), "SAME"),
-        (("TWO", "SAME", "SAME", "TWO", "SAME"), "TWO"),
+        (("SAME",), "UNKNOWN"),
+        (("SAME", "SAME", "SAME"), "SAME"),
+        (("SAME", "SAME", "SAME", "TWO"), "TWO"),
+        (("TWO", *["SAME"] * 29), "TWO"),
+        (("TWO", *["SAME"] * 30), "SAME"),
+        (("TWO", "FIRST", "FIRST", "TWO", "FIRST"), "TWO"),
+        (("TWO", "FIRST", "FIRST", "FIRST"), "FIRST"),
         (("APART", "APART"), "UNKNOWN"),
         (("APART", "APART", "APART", "TWO"), "APART"),
         (("FIRST", "UNKNOWN"), "FIRST"),

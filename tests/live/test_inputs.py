@@ -73,6 +73,8 @@ def test_a_guitar_beside_an_unused_input_is_read_as_the_mono_file(
     alone = located(tmp_path / "mono.wav", one[None], capsys)
     assert sum(position is not None for position, _ in alone) > 0.9 * len(alone)
     both = located(tmp_path / "both.wav", np.stack((one, other) if channel == 0 else (other, one)), capsys)
+    if "copy" in kind:  # believed after three looks
+        both, alone = both[21:], alone[21:]
     if "copy" in kind and channel == 1:  # which of two copies is read does not matter
         assert [reason for _, reason in both] == [reason for _, reason in alone]
     else:
@@ -83,7 +85,9 @@ def test_a_guitar_beside_an_unused_input_is_read_as_the_mono_file(
 def test_a_copy_of_one_microphone_is_never_answered(sensor: tuple[Audio, Floats], estimator: str) -> None:
     one = sensor[0].mean(axis=0)
     updates = list(mc.listen(np.stack((one, 0.7 * one)), estimator, sample_rate=RATE, sensor="prototype"))
-    assert {each.reason for update in updates for each in update.prediction.estimates.values()} == {ONE}
+    assert not any(update.position.valid for update in updates)
+    late = [each.reason for update in updates[21:] for each in update.prediction.estimates.values()]
+    assert {*late} == {ONE}
     said = {each.key for update in updates[60:] for each in update.notes}
     assert "one_microphone" in said
 

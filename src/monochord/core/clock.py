@@ -2,12 +2,15 @@
 
 import time
 from dataclasses import dataclass
+from fractions import Fraction
 from itertools import permutations
 
 from monochord.core.units import Samples, Seconds
 
 RATES = 44100, 48000, 32000, 22050, 88200, 96000
 """Sample rates in Hz that are mistaken for one another."""
+RATE_RATIOS = tuple(a / b for a, b in permutations(RATES, 2) if Fraction(a, b).denominator > 12)
+"""Ratios of such rates that are not those of small numbers, as between partials of a string."""
 RATE_TOLERANCE = 0.012
 """Relative distance of a pitch from where a mistaken rate puts it: strings are not quite in tune."""
 MIN_CLOCK_STEP: Seconds = 0.05

@@ -3,8 +3,9 @@
 from enum import Enum
 from typing import NamedTuple
 
-MIN_LOOKS = 3
-"""Fewest looks that change what was known before, or that decide for a recording."""
+MIN_LOOKS, MANY_LOOKS = 3, 30
+"""Fewest looks that change what was known before, or that decide for a recording; and for a copy, after two
+microphones were known."""
 
 
 class Inputs(Enum):
@@ -31,16 +32,16 @@ class Inputs(Enum):
 class InputState(NamedTuple):
     """What the channels of a stream carry by the looks so far; passed in and out.
 
-    What a look does not tell stays as it was. Two microphones are believed at once; anything else at once
-    where nothing was known before, else after `MIN_LOOKS` looks in succession that say it. Channels that
-    share no sound always take so many, and so does their end.
+    What a look does not tell stays as it was. Two microphones are believed at once, and so is an unused input
+    where nothing was known before; else `MIN_LOOKS` looks in succession decide. A copy after two microphones
+    takes `MANY_LOOKS`: where one segment of a string is silent, both microphones hear the other alone.
 
     >>> state = InputState()
-    >>> for seen in (Inputs.SAME, Inputs.UNKNOWN, Inputs.TWO, Inputs.SAME):
+    >>> for seen in (Inputs.FIRST, Inputs.UNKNOWN, Inputs.TWO, Inputs.FIRST):
     ...     state = state.after(seen)
     ...     print(state.inputs.name)
-    SAME
-    SAME
+    FIRST
+    FIRST
     TWO
     TWO
     """
@@ -54,7 +55,14 @@ class InputState(NamedTuple):
         if seen is Inputs.UNKNOWN:
             return self
         looks = self.looks + 1 if seen is self.seen else 1
-        at_once = seen is Inputs.TWO if self.inputs is not Inputs.UNKNOWN else seen is not Inputs.APART
-        if looks < MIN_LOOKS and (self.inputs is Inputs.APART or not at_once):
+        if looks < self._needed(seen):
             return self._replace(seen=seen, looks=looks)
         return InputState(seen, seen, looks)
+
+    def _needed(self, seen: Inputs) -> int:
+        """Return the number of looks in succession that change what is known to `seen`."""
+        if seen is Inputs.SAME and self.inputs is Inputs.TWO:
+            return MANY_LOOKS
+        unused = seen in (Inputs.FIRST, Inputs.SECOND) and self.inputs is Inputs.UNKNOWN
+        at_once = unused or (seen is Inputs.TWO and self.inputs is not Inputs.APART)
+        return 1 if at_once else MIN_LOOKS

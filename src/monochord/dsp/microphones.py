@@ -2,8 +2,8 @@
 
 Both microphones of a sensor hear all of the string, and each its own end louder: no multiple of one channel
 is the other. A copy is one, whatever its gain and polarity, but for noise. An input with nothing plugged in
-has noise, hum of the mains, and perhaps a trace of its neighbour. Two inputs of different clocks, or of two
-recordings, have no line in common.
+has noise, hum of the mains, and perhaps a trace of its neighbour. Two inputs of unlike rates have no line in
+common, and those of one are the other's, moved by the ratio of the rates.
 """
 
 from collections.abc import Iterable
@@ -11,6 +11,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
+from monochord.core.clock import RATE_RATIOS
 from monochord.core.inputs import MIN_LOOKS, Inputs, InputState
 from monochord.core.shapes import sound
 from monochord.core.silence import SILENT_LEVEL
@@ -49,6 +50,8 @@ PRESENT = 20.0
 """Power over the noise from which a channel may hear a line of the other."""
 APART = 0.05
 """Largest share of the lines' power that two channels have in common which share no sound."""
+ALIKE, SAME_RATIO = 0.8, 4e-3
+"""Least share of the lines' power that two rates move alike, and largest relative distance from that."""
 HUM_TOP: Hertz = 400.0
 HUM_WIDTH: Hertz = 1.0
 HUM_DRIFT = 2e-3
@@ -103,8 +106,9 @@ def _compared(spectrum: "_Spectrum") -> Inputs:
     """Return what two channels carry that may both be heard."""
     own = [spectrum.has_own(channel) for channel in (0, 1)]
     if all(own):
-        apart = spectrum.is_deaf(0) and spectrum.is_deaf(1)
-        return Inputs.APART if apart else Inputs.TWO
+        if not (spectrum.is_deaf(0) and spectrum.is_deaf(1)):
+            return Inputs.TWO
+        return Inputs.APART if spectrum.has_two_rates() else Inputs.UNKNOWN
     for channel in (0, 1):
         quiet = 1 - channel
         if not spectrum.has_string[channel] or own[quiet]:
@@ -123,10 +127,10 @@ class Microphones:
     >>> noise = np.random.default_rng(0).standard_normal((2, 4410)).astype(np.float32)
     >>> tone = np.sin(np.arange(4410)) + np.sin(0.5 * np.arange(4410)) + 0.001 * noise
     >>> microphones = Microphones()
-    >>> pieces = enumerate((noise, tone))
+    >>> pieces = enumerate((noise, tone, tone, tone))
     >>> windows = [Window(samples=each, start=4410 * k, sample_rate=44100) for k, each in pieces]
     >>> [microphones(window).name for window in windows]
-    ['UNKNOWN', 'SAME']
+    ['UNKNOWN', 'UNKNOWN', 'UNKNOWN', 'SAME']
     """
 
     def __init__(self) -> None:
@@ -218,6 +222,16 @@ class _Spectrum:
         own = self._frequency(self._values[1 - channel], lines)
         present = (np.abs(own[:, None] - there) < SAME_LINE * self._spacing).any(axis=1)
         return float(power[lines][present].sum()) < APART * float(power[lines].sum())
+
+    def has_two_rates(self) -> bool:
+        """Return whether one channel's lines are the other's, moved by a ratio of sample rates."""
+        one, two = (self._frequency(self._values[k], self._lines[k]) for k in (0, 1))
+        power = self._power[0][self._lines[0]]
+        for ratio in RATE_RATIOS:
+            near = (np.abs(ratio * one[:, None] / two - 1.0) < SAME_RATIO).any(axis=1)
+            if power[near].sum() > ALIKE * power.sum():
+                return True
+        return False
 
     def _shared_bins(self) -> list[NDArray[np.int64]]:
         """Return the bins of both channels' lines: all, and those above hum's strongest."""

@@ -2,12 +2,10 @@
 
 import math
 from collections import deque
-from fractions import Fraction
-from itertools import permutations
 
 import numpy as np
 
-from monochord.core.clock import RATES
+from monochord.core.clock import RATE_RATIOS
 from monochord.core.kernels import kernel, part
 from monochord.core.silence import SILENT_LEVEL
 from monochord.core.types import Audio, Floats, Window
@@ -17,9 +15,6 @@ CLIPPED_SHARE = 0.1
 """Share of samples at the very top and bottom values from which a window is too clipped to trust."""
 STRONG_LINE = 1e-2
 """Least power of a line that must jump with the others, as a share of its channel's strongest."""
-JUMPS = np.array([a / b for a, b in permutations(RATES, 2) if Fraction(a, b).denominator > 12])
-"""Factors by which a wrong sample rate moves the pitch. From one partial to another, it is a ratio
-of small numbers."""
 SAME_RATIO, SAME_LEVEL = 0.004, 0.5
 """Largest relative difference of lines in such a factor, and of their levels, in nats of power."""
 PATIENCE: Seconds = 3.0
@@ -77,7 +72,7 @@ class Hearing:
 
 
 class PitchJumps:
-    """Whether a stream's sample rate changes: all that its windows carry jumps in pitch by one of `JUMPS`.
+    """Whether a stream's sample rate changes: all in its windows jumps in pitch by one of `RATE_RATIOS`.
 
     A touch moves a string's lines by different factors, or changes their levels.
 
@@ -119,7 +114,7 @@ def _is_jump(before: tuple[Floats, Floats], after: tuple[Floats, Floats]) -> boo
         if not one.shape[1] or one.shape != two.shape or np.abs(np.log(two[1] / one[1])).max() > SAME_LEVEL:
             return False
         ratios.append(two[0] / one[0])
-    off = np.abs(np.concatenate(ratios) / JUMPS[:, np.newaxis] - 1.0)
+    off = np.abs(np.concatenate(ratios) / np.array(RATE_RATIOS)[:, np.newaxis] - 1.0)
     return bool((off < SAME_RATIO).all(axis=1).any())
 
 
