@@ -29,7 +29,8 @@ from monochord.live.web.server import Server
 
 STATIC = Path(__file__).parents[2] / "src" / "monochord" / "live" / "web" / "static"
 OF_THE_PAGE = ("page_light.png", "page_dark.png", "page_phone.png")
-NOTES = "document.getElementById('notes').textContent"
+LATE = "[...document.querySelectorAll('#notes .note')].some((each) => each.dataset.level !== 'info')"
+"""Whether the page warns, as it does where the machine is too busy."""
 MARK = b"page"
 """Keyword of the text in a picture that says which page it shows."""
 FIGURES = Path(__file__).parents[2] / "docs" / "figures"
@@ -93,10 +94,8 @@ def take_the_page() -> None:
 
 
 def take(page: Page, path: Path, *, whole: bool = False) -> None:
-    """Take a picture of a page that keeps up and has told what touches."""
-    page.wait("monochord.moment.decided.contact && monochord.moment.tracked.position?.value")
-    late = "[...document.querySelectorAll('#notes .note')].some((each) => each.dataset.level !== 'info')"
-    assert not page.ask(late), f"this machine is too busy: {page.ask(NOTES)}"
+    """Take a picture of a page that keeps up and has told what touches; wait for that as long as needed."""
+    page.wait(f"!({LATE}) && monochord.moment.decided.contact && monochord.moment.tracked.position?.value")
     page.picture(path, whole=whole)
 
 
@@ -108,6 +107,7 @@ def of_the_page(address: str, folder: Path) -> None:
         page.wait(READY)
         time.sleep(SETTLED)  # notes may come and go meanwhile
         history = "document.getElementById('history-title').closest('.card')"
+        page.wait(f"!({LATE})")
         page.size(1200, round(page.ask(f"{history}.getBoundingClientRect().top")))
         slide(page)
         take(page, folder / "page_light.png")
