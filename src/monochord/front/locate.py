@@ -536,9 +536,8 @@ class _Places(Listener):
         ]
         one_note, places = table.fret.valid, table.position
         rows = zip(places.value[one_note].tolist(), places.std[one_note].tolist(), strict=True)
-        nodes = Counter(light_touch(position, self._length, 2.0 * std) for position, std in rows)
-        del nodes[None]
-        for n, count in nodes.most_common(1):
+        nodes = (light_touch(position, self._length, 2.0 * std) for position, std in rows)
+        for n, count in Counter(n for n in nodes if n is not None).most_common(1):
             place = f"at 1/{n}, {1e3 * self._length / n:.2f} mm: the same note, in {count} windows"
             said.append(f"or lightly touched       {place}")
         if self._channels == 2:

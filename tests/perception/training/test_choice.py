@@ -89,7 +89,9 @@ def test_one_window_or_one_group_is_enough(method: Method) -> None:
     assert np.isfinite(fit_regression(method, task, one, np.ones(1), np.zeros(1, np.int64)).first(one)).all()
     rng = np.random.default_rng(0)
     inputs = rng.normal(size=(60, 2)).astype(np.float32)
-    fitted = fit_regression(method, task, inputs, 2.0 * inputs[:, 0], np.zeros(60, np.int64))
+    fitted = fit_regression(
+        method, task, inputs, 2.0 * inputs[:, 0].astype(np.float64), np.zeros(60, np.int64)
+    )
     assert np.abs(fitted.first(inputs) - 2.0 * inputs[:, 0]).mean() < 0.8
 
 
