@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
 
-    from monochord.front.locate import Located
+    from monochord.front.located import Located
 
 ERRORS, FAINT = "#7FB3D9", "#D5D5D5"
 """Colours of standard errors and of frets without a dot."""
