@@ -23,6 +23,8 @@ RELATIVES = np.array([1 / 5, 1 / 4, 1 / 3, 2 / 5, 1 / 2, 2 / 3, 3 / 4, 4 / 3, 3 
 """Related series that share many partials with a candidate and must be compared with it."""
 PROPOSED, WEIGHED = 10, 4
 """Number of comb maxima examined, and of those whose relatives are examined too."""
+RESOLVED = 3.5
+"""Least f0 of a relative outside the comb's range, relative to the resolution: denser lines fit any sound."""
 SAME_GUESS = 0.004
 """Guesses whose f0 differ relatively by less than this are the same."""
 CAPTURE = 1.2
@@ -294,7 +296,8 @@ def propose(teeth: Comb, view: View) -> Floats:
     best = teeth.guesses[top, rates[top].argmax(axis=1)]
     related = best[:WEIGHED, np.newaxis].repeat(RELATIVES.size, axis=1)
     related[:, :, 0] *= RELATIVES
-    inside = (related[:, :, 0] > view.resolution) & (related[:, :, 0] < 0.5 * view.top)
+    lowest = min(RESOLVED * view.resolution, float(teeth.guesses[0, 0, 0]))
+    inside = (related[:, :, 0] > lowest) & (related[:, :, 0] < 0.5 * view.top)
     return np.concatenate((best, related[inside]))
 
 

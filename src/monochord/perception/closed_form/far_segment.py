@@ -25,7 +25,7 @@ SAME_POSITION = 0.006
 """Candidates nearer to each other than this share of the length are of the same position."""
 EDGE_CENTS = 4.0
 """Distance in cents by which a fit may lie outside the searched range and still count as inside."""
-OUTSIDE = 0.05
+OUTSIDE = 0.01
 """Prior odds of a note outside the string's range to one inside it: the sound is said to be this string's."""
 LEAST_PROBABILITY = 0.95
 """Least probability of a position that is stated."""
