@@ -358,7 +358,7 @@ UNUSABLE: dict[str, Write] = {
     "text called flac": content(b"this is not sound\n" * 100, "take.flac"),
     "a header alone": content(b"RIFF\x24\x00\x00\x00WAVEfmt "),
     "8 kHz": sound(TONE, 8000),
-    "192 kHz": sound(TONE, 192000),
+    "384 kHz": sound(TONE, 384000),
     "three channels": sound(np.stack([TONE] * 3, axis=1)),
     "truncated wav": cut("take.wav"),
     "truncated flac": cut("take.flac"),
@@ -366,7 +366,7 @@ UNUSABLE: dict[str, Write] = {
 }
 GIVEN = {
     "8 kHz": "8000",
-    "192 kHz": "192000",
+    "384 kHz": "384000",
     "three channels": "3 channels",
     "shorter than a window": "window",
 }

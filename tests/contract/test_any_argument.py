@@ -271,6 +271,10 @@ def writer(world: World) -> mc.SessionWriter:
     return mc.SessionWriter(world.fresh(), description())
 
 
+def located(_: World) -> Any:
+    return mc.locate(sound(), length=0.65, open=110.0, sample_rate=44100)
+
+
 def simple(name: str, /, **more: Any) -> Callable[[World], Door]:
     return lambda _: Door(call=lambda: getattr(mc, name), usual=usual(**more))
 
@@ -465,6 +469,14 @@ DOORS: dict[str, Callable[[World], Door]] = {
     "load_material": simple("load_material", name="wood"),
     "load_sensor": simple("load_sensor", name="prototype"),
     "load_string": simple("load_string", name="appendix"),
+    "locate": lambda _: Door(
+        call=lambda: mc.locate,
+        usual=usual(recording=sound, length=0.65, open=110.0, sample_rate=44100),
+        more=("sample_rate", "allow_truncated"),
+        skip=("each",),  # whose own errors are its own
+    ),
+    "Located.lines": method(located, "lines"),
+    "Located.reasons": method(located, "reasons"),
     "locate_from_segments": simple("locate_from_segments", length=0.65, f1=695.0, f2=374.2),
     "mean_absolute_error": simple(
         "mean_absolute_error", reference=lambda: np.ones(3), estimate=lambda: np.zeros(3)

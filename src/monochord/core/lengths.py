@@ -5,7 +5,7 @@ from numbers import Real
 from typing import Any
 
 from monochord.core.errors import InputError
-from monochord.core.units import Metres
+from monochord.core.units import FINITE, Metres
 
 LONGEST: Metres = 5.0
 """Longest length of anything on a string: a piano's longest string has 2 m."""
@@ -27,7 +27,7 @@ def refuse_other_units(**lengths: Any) -> None:
     monochord.core.errors.InputError: ...; did you mean 0.0255 (from mm), 0.255 (from cm) or ...?
     """
     for name, length in lengths.items():
-        if isinstance(length, Real) and float(length) > LONGEST:
+        if isinstance(length, Real) and LONGEST < length <= FINITE:  # others are refused as numbers
             given = f"{name.replace('_', ' ')} {float(length):g} m"
             raise InputError(given, f"metres, {LONGEST:g} at most", metres_meant(float(length)))
 

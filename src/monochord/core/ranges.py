@@ -120,7 +120,7 @@ class _Arguments:
         self._by_name = {
             each.name: parts[each.name]
             for each in known
-            if each.name in parts and each.kind != each.VAR_POSITIONAL
+            if each.name in parts and each.kind in (each.POSITIONAL_OR_KEYWORD, each.KEYWORD_ONLY)
         }
         by_place = [each for each in known if each.kind in (each.POSITIONAL_ONLY, each.POSITIONAL_OR_KEYWORD)]
         self._by_place = [(each.name, *parts.get(each.name, _ANYTHING)) for each in by_place]

@@ -4,9 +4,9 @@ import numpy as np
 
 from monochord.core.types import Flags, Floats
 from monochord.core.units import Hertz
+from monochord.dsp.levels import MAINS
 from monochord.dsp.spectrum import Peaks
 
-MAINS: tuple[Hertz, ...] = (50.0, 60.0)
 GRID_TOLERANCE = 1.0e-3
 """Relative deviation of the grid's frequency."""
 PEAK_TOLERANCE: tuple[Hertz, Hertz] = (0.2, 1.0)

@@ -15,6 +15,7 @@ from monochord.capture.sources import SOURCES
 from monochord.core.config import Tree, override
 from monochord.core.errors import InputError
 from monochord.core.pitch_names import pitch, pitch_name
+from monochord.core.ranges import Positive, checked
 from monochord.core.types import Estimate, Window
 from monochord.core.units import Hertz, Metres, Seconds
 from monochord.dsp.pitch import PitchFinder
@@ -56,18 +57,19 @@ FRETS = 12.0 / math.log(2.0)
 """Frets of a relative change of frequency of one."""
 
 
+@checked
 def locate(
     recording: Listenable,
     model: str | Path | None = None,
     *,
-    length: Metres | None = None,
-    open: str | Hertz | None = None,  # noqa: A002  (the musician's word)
+    length: Positive[Metres] | None = None,
+    open: str | Positive[Hertz] | None = None,  # noqa: A002  (the musician's word)
     string: str | None = None,
     sensor: str | None = None,
     calibrate: Mapping[str, Metres] | Sequence[tuple[str | Path, Metres]] = (),
     estimator: str | None = None,
-    window: Seconds | None = None,
-    hop: Seconds | None = None,
+    window: Positive[Seconds] | None = None,
+    hop: Positive[Seconds] | None = None,
     settings: Sequence[str] = (),
     each: Callable[[Place], object] | None = None,
     **options: Any,

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monochord.core.pitch_names import pitch_name
+from monochord.core.ranges import checked
 from monochord.core.types import Floats
 from monochord.core.units import Hertz, Metres, Seconds
 from monochord.front.locate_figure import drawn
@@ -215,6 +216,7 @@ class Located:
         }
         return dict(sorted(counted.items(), key=lambda item: -item[1]))
 
+    @checked
     def lines(self, *, frets: bool = False) -> list[str]:
         """Summarise the places as lines of text: medians, and the reasons of windows without a position.
 
@@ -264,6 +266,7 @@ class Located:
         names = ("position", "std", "frequency", "fret", "note", "reason")
         return type(frame)({name: getattr(self, name) for name in names}, index=frame.index)
 
+    @checked
     def draw(self, *, frets: bool = False) -> "Canvas":
         """Return a figure of the places over time with standard errors; `frets` adds lines at the frets.
 

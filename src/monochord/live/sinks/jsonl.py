@@ -47,14 +47,14 @@ class Jsonl(Sink):
         """Open the file; raises `InputError` where it cannot be written."""
         if self.path == "-":
             with _standard_output() as file:
-                yield _Lines(file, everything=self.everything, flush=True)
+                yield _Lines(file, Path("standard output"), everything=self.everything, flush=True)
             return
         try:
             file = Path(self.path).open("w", encoding="utf-8")  # noqa: SIM115
         except OSError as error:
             raise InputError(f"file {self.path} ({error.strerror})", "a writable path") from error
         with file:
-            yield _Lines(file, everything=self.everything, flush=False)
+            yield _Lines(file, Path(self.path), everything=self.everything, flush=False)
 
 
 @contextmanager
@@ -75,13 +75,13 @@ def _standard_output() -> Generator[TextIO]:
 
 
 class _Lines(Writer):
-    def __init__(self, file: TextIO, *, everything: bool, flush: bool) -> None:
+    def __init__(self, file: TextIO, path: Path, *, everything: bool, flush: bool) -> None:
         # A reader at the other end of a pipe wants each line as it comes; a file is written in blocks.
-        self._file, self._everything, self._flush = file, everything, flush
+        self._file, self._path, self._everything, self._flush = file, path, everything, flush
 
     def write(self, update: Update) -> None:
         values = record(update, everything=self._everything)
-        with written(Path(str(self._file.name))):
+        with written(self._path):
             self._file.write(json.dumps(values, allow_nan=False) + "\n")
             if self._flush:
                 self._file.flush()
