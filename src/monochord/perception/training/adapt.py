@@ -134,8 +134,13 @@ def adapt(
         heads[name], known[name] = _corrected(ready, name, correction, errors, own, group)
         spreads[name] = float(np.median(errors.std))
         if heads[name].used:
+            prior = {
+                key: each for key, each in ready.weights.items() if key.startswith(f"{name}.correction.")
+            }
             model = with_correction(
-                replace(model, definition=_with_record(model, name, record)),
+                replace(
+                    model, definition=_with_record(model, name, record), weights={**model.weights, **prior}
+                ),
                 name,
                 known[name],
                 touches=record.correction.touches + heads[name].touches,
