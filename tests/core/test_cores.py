@@ -31,7 +31,7 @@ def group(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Quota:
             (tmp_path / file).write_text(f"{content}\n")
 
     monkeypatch.setattr(cores, "GROUPS", tmp_path)
-    monkeypatch.setattr(cores, "MEMBERSHIP", tmp_path / "membership")
+    monkeypatch.setattr(cores, "PROCESS_GROUPS", tmp_path / "membership")
     return make
 
 
@@ -58,7 +58,7 @@ def test_a_quota_is_a_number_of_cores(
 
 
 def test_without_control_groups_the_affinity_counts(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(cores, "MEMBERSHIP", tmp_path / "none")
+    monkeypatch.setattr(cores, "PROCESS_GROUPS", tmp_path / "none")
     assert available_cores() == 8
 
 

@@ -84,7 +84,7 @@ GetJob = Callable[[str], Callable[[Any], Any]]
 
 def test_two_workers_make_what_one_makes_without_dask(job: GetJob, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(workers, "find_spec", lambda _: None)
-    with pytest.raises(InputError, match=r"pip install.*dask"):
+    with pytest.raises(InputError, match=r"pip install.*\[cluster\]"):
         run_all([1, 2], float, cluster="tcp://127.0.0.1:8786")
     one = list(run_all(range(8), job("noise"), workers=1))
     assert [number for number, _ in one] == list(range(8))

@@ -106,5 +106,5 @@ def test_a_session_without_taps_is_refused(tmp_path: Path) -> None:
     tapped(groups=(), seconds=2.0).write(path)
     with pytest.raises(InputError, match="wrench"):
         Taps(session=str(path)).draw()
-    with pytest.raises(InputError, match="tap -1"):
+    with pytest.raises(InputError, match="tap' = -1"):
         Taps(tap=-1)

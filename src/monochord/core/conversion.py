@@ -198,8 +198,8 @@ def _has_shape(value: Any, kind: Any) -> bool:
         return origin in _TABLES or fields_of(bare) is not None
     if array_type(bare) is not None:
         return isinstance(value, (list, tuple))
-    is_text = isinstance(value, (str, bytes, bytearray))
-    return origin in _LISTS and not is_text and (isinstance(value, Sequence) or origin is Iterable)
+    is_list = isinstance(value, Iterable if origin is Iterable else Sequence)
+    return origin in _LISTS and is_list and not isinstance(value, (str, bytes, bytearray))
 
 
 def is_simple(kind: Any) -> bool:

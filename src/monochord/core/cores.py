@@ -12,7 +12,7 @@ from pathlib import Path
 
 GROUPS = Path("/sys/fs/cgroup")
 """Where control groups are mounted."""
-MEMBERSHIP = Path("/proc/self/cgroup")
+PROCESS_GROUPS = Path("/proc/self/cgroup")
 """The control groups of this process."""
 
 
@@ -29,24 +29,24 @@ def available_cores() -> int:
 def _quotas() -> Iterator[float]:
     """Yield the quota, in cores, of each control group of this process that has one, and of their parents."""
     with suppress(OSError):
-        for line in MEMBERSHIP.read_text(encoding="utf-8").splitlines():
+        for line in PROCESS_GROUPS.read_text(encoding="utf-8").splitlines():
             _, controllers, path = line.split(":", 2)
             if controllers and "cpu" not in controllers.split(","):
                 continue
-            hierarchy = GROUPS / controllers
-            own = hierarchy / path.lstrip("/")
+            mount = GROUPS / controllers
+            own = mount / path.lstrip("/")
             for group in (own, *own.parents):
-                if not group.is_relative_to(hierarchy):
+                if not group.is_relative_to(mount):
                     break
                 with suppress(OSError, ValueError, ZeroDivisionError):
-                    quota, period = _times(group, unified=not controllers)
+                    quota, period = _times(group, second_version=not controllers)
                     if quota > 0.0:
                         yield quota / period
 
 
-def _times(group: Path, *, unified: bool) -> tuple[float, float]:
+def _times(group: Path, *, second_version: bool) -> tuple[float, float]:
     """Return the processor time that a group may use in each period, and the period; none or below 0: any."""
-    if unified:
+    if second_version:
         quota, period = (group / "cpu.max").read_text(encoding="utf-8").split()
         return (-1.0 if quota == "max" else float(quota)), float(period)
     names = "cpu.cfs_quota_us", "cpu.cfs_period_us"

@@ -182,7 +182,7 @@ def test_truth_of_short_old_and_future_ranges() -> None:
         ({"materials": ()}, "materials"),
         ({"speed": -1.0}, "-1"),
         ({"block": 0}, "0"),
-        ({"day": -1}, "day -1"),
+        ({"day": -1}, "day' = -1"),
         ({"hold": 0.0}, "0"),
         ({"forces": (0.5, 0.1)}, "0.5 to 0.1"),
         ({"places": (0.0, 2.0)}, r"places.* 2"),

@@ -97,7 +97,7 @@ def test_another_press_lifts_the_object_and_brings_it_down_elsewhere() -> None:
 def test_what_is_out_of_range_is_moved_into_it_and_what_is_no_number_refused() -> None:
     with SOURCES.build("twin", FAST).open() as stream:
         controls, blocks = opened(stream)
-        controls.touch(Contact(position=5.0, force=-3.0))
+        controls.touch(Contact(position=5.0, force=300.0))
         felt = truth(stream, take(blocks, 50))
         assert felt["position"] == pytest.approx(controls.positions[1], abs=1e-3)
         with pytest.raises(InputError):

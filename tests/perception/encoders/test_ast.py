@@ -320,5 +320,5 @@ def test_without_its_library_a_backend_says_what_to_install(
     weights: Weights, name: Backend, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, LIBRARIES[name], None)
-    with pytest.raises(InputError, match=r"pip install .*'(onnxruntime|openvino)>="):
+    with pytest.raises(InputError, match=r"pip install .*(\[encoders\]|'openvino>=)"):
         build_engine(weights, frames=100, backend=name)

@@ -191,7 +191,7 @@ def test_what_does_not_fit_is_refused(takes: list[SessionReader], tmp_path: Path
             LeRobot(fps=fps, force=force).write(sessions, tmp_path / "refused")
 
     refuse("^30 frames.* 1, 2, 4, 5, ", takes[0], fps=30)
-    refuse("fps 0", takes[0], fps=0)
+    refuse("fps' = 0", takes[0], fps=0)
     refuse("no session")
     refuse("d.mcap", session(tmp_path / "d.mcap", seconds=0.01))
     refuse("microphones 1 .*2 .*a.mcap", takes[0], session(tmp_path / "e.mcap", channels=1))

@@ -95,6 +95,8 @@ class Model(Checked):
     def __post_init__(self) -> None:
         Checked.__post_init__(self)
         for name, shape in self.definition.shapes().items():
+            if ".correction." in name and name not in self.weights:
+                continue  # it is learned from the outputs of the model
             if name not in self.weights or self.weights[name].shape != shape:
                 given = (
                     f"weights with {name} of shape {self.weights[name].shape}"
