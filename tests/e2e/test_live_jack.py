@@ -62,10 +62,17 @@ def test_positions_are_those_of_offline_while_the_main_thread_is_busy(
     command = [sys.executable, str(script), *live(jack_server, "--seconds", "1.9")]
     ended = subprocess.run(command, capture_output=True, text=True, timeout=90, check=True)
     received = records(ended.stdout)
-    # Every frame arrived, and every window that was not left out says what it says offline.
+    # Every frame arrived, and every window that was not left out says what it says offline. Evidence of a
+    # note's windows adds up, so that what is left out moves later ones by far less than their error.
     assert (counted("dropped", ended.stderr), counted("gaps", ended.stderr)) == (0, 0)
     assert counted("frames", ended.stderr) >= 1.9 * RATE - 512
     assert counted("windows", ended.stderr) + counted("skipped", ended.stderr) == 181
     # How many were left out depends on what else the machine does, which may be all of them.
     assert len(received) == counted("windows", ended.stderr)
-    assert received == {moment: expected[moment] for moment in received}
+    for moment, line in received.items():
+        offline_line = expected[moment]
+        if not counted("skipped", ended.stderr):
+            assert line == offline_line
+        assert line["valid"] == offline_line["valid"]
+        if line["valid"]:
+            assert line["position"] == pytest.approx(offline_line["position"], abs=0.1 * line["position_std"])

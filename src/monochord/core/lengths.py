@@ -1,11 +1,12 @@
 """Lengths are in metres: a number far too large for one was given in another unit, and is asked back."""
 
 import math
+from contextlib import suppress
 from numbers import Real
 from typing import Any
 
 from monochord.core.errors import InputError
-from monochord.core.units import FINITE, Metres
+from monochord.core.units import Metres
 
 LONGEST: Metres = 5.0
 """Longest length of anything on a string: a piano's longest string has 2 m."""
@@ -27,9 +28,10 @@ def refuse_other_units(**lengths: Any) -> None:
     monochord.core.errors.InputError: ...; did you mean 0.0255 (from mm), 0.255 (from cm) or ...?
     """
     for name, length in lengths.items():
-        if isinstance(length, Real) and LONGEST < length <= FINITE:  # others are refused as numbers
-            given = f"{name.replace('_', ' ')} {float(length):g} m"
-            raise InputError(given, f"metres, {LONGEST:g} at most", metres_meant(float(length)))
+        with suppress(OverflowError):  # of a number beyond any, which is refused as such
+            if isinstance(length, Real) and float(length) > LONGEST:
+                given = f"{name.replace('_', ' ')} {float(length):g} m"
+                raise InputError(given, f"metres, {LONGEST:g} at most", metres_meant(float(length)))
 
 
 def metres_meant(length: float) -> str:

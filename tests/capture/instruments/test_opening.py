@@ -141,7 +141,7 @@ def test_the_first_record_is_part_of_the_same_time() -> None:
         assert 0.7 < time.monotonic() - begun < 1.4  # not the 0.6 s of the page and 0.8 s more
 
 
-@pytest.mark.parametrize("host", ["..", "a" * 300, "\udc80", "a\0b"])
+@pytest.mark.parametrize("host", ["..", "a" * 300, "a\0b"])
 def test_what_cannot_be_a_name_is_an_error_of_the_device(host: str) -> None:
     with pytest.raises(DeviceError), NetFt(address=host).open():
         pass

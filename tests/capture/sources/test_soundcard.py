@@ -78,7 +78,7 @@ def test_without_the_library_there_is_one_line(monkeypatch: pytest.MonkeyPatch) 
 
 @pytest.mark.parametrize(
     ("options", "given"),
-    [({"sample_rate": 8000}, "8000"), ({"channels": 65}, "65"), ({"block": 0}, "block 0")],
+    [({"sample_rate": 8000}, "8000"), ({"channels": 65}, "65"), ({"block": 0}, "block' = 0")],
 )
 def test_options_out_of_range_are_refused(options: dict[str, int], given: str) -> None:
     with pytest.raises(InputError, match=given), Soundcard(**options).open():  # pyright: ignore[reportArgumentType]
