@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from monochord.core.types import Floats
@@ -41,6 +41,7 @@ def string(
 def test_clean_strings_are_found_within_three_cents(
     f0: float, inharmonicity: float, decay: float, seed: int
 ) -> None:
+    assume(all(abs(f0 / hum - 1.0) > 2e-3 for hum in (100.0, 120.0)))  # whose lines are those of hum
     best = FINDER.find(string(f0, inharmonicity, decay=decay, seed=seed))[0]
     assert abs(cents(f0, best.frequency)) < 3.0
 

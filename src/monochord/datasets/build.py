@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import os
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -152,7 +153,8 @@ def find_sessions(names: Iterable[str]) -> list[Path]:
     for name in names:
         path = Path(name)
         if path.is_dir():
-            files = sorted(path.rglob("*.mcap"))
+            found = (Path(home, name) for home, _, names in os.walk(path) for name in names)
+            files = sorted(file for file in found if file.suffix == ".mcap")
         else:
             files = [path] if path.is_file() else [Path(each) for each in sorted(glob(name, recursive=True))]  # noqa: PTH207  (whole paths)
         if not files:

@@ -18,14 +18,13 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
-from resource import RLIM_INFINITY, RLIMIT_NOFILE, getrlimit
 from stat import S_ISREG
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from monochord.core.errors import InputError, did_you_mean
+from monochord.core.errors import DeviceError, InputError, did_you_mean
 from monochord.core.files import written
 from monochord.core.notebook import html_table, lines
 from monochord.core.types import Audio, Flags, Floats, Indices
@@ -34,7 +33,7 @@ from monochord.datasets.checksums import REMEDY, check_blocks, unreadable
 from monochord.datasets.manifest import FILE, TABLE, Layout, Manifest, file_checksum, is_column_name
 
 MAX_OPEN_FILES = 256
-"""Most audio files mapped at once; fewer where a process may open fewer than four times as many."""
+"""Most audio files mapped at once: each holds one of the process's file descriptors."""
 SAMPLED_BLOCKS = 128
 """Number of 1 MiB audio blocks compared with their checksums when a dataset is opened."""
 
@@ -109,9 +108,13 @@ class Dataset:
         tracks = self._tracks
         if session in tracks:
             return tracks[session]
-        while len(tracks) >= _most_open_files():
+        while len(tracks) >= MAX_OPEN_FILES:
             tracks.popitem(last=False)
-        tracks[session] = self.mapped(session)
+        try:
+            tracks[session] = self.mapped(session)
+        except DeviceError:  # this process may open fewer files
+            tracks.clear()
+            tracks[session] = self.mapped(session)
         return tracks[session]
 
     def mapped(self, session: int) -> Audio:
@@ -193,12 +196,6 @@ def open_dataset(path: Path, *, sampled: int = SAMPLED_BLOCKS, seed: int | None 
     )
     _refuse_outside(dataset)
     return dataset
-
-
-def _most_open_files() -> int:
-    """Return how many audio files may be mapped at once: a quarter of the files that a process may open."""
-    allowed, _ = getrlimit(RLIMIT_NOFILE)
-    return MAX_OPEN_FILES if allowed == RLIM_INFINITY else max(1, min(MAX_OPEN_FILES, allowed // 4))
 
 
 def _reopened(path: Path) -> Dataset:
