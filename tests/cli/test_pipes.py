@@ -50,7 +50,9 @@ def on_a_terminal(words: list[str], folder: Path, **changed: str) -> bytes:
     return shown
 
 
-@pytest.mark.parametrize("forced", FORCED, ids=["FORCE_COLOR", "all"])
+@pytest.mark.parametrize(
+    "forced", [pytest.param(FORCED[0], marks=pytest.mark.slow), FORCED[1]], ids=["FORCE_COLOR", "all"]
+)
 @pytest.mark.parametrize("words", DRAWING.values(), ids=[*DRAWING])
 def test_a_pipe_gets_plain_text(tmp_path: Path, words: list[str], forced: dict[str, str]) -> None:
     command = [sys.executable, "-m", "monochord", *words]

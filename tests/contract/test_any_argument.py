@@ -637,7 +637,13 @@ def refused_or_taken(door: Door, name: str) -> list[str]:
     return raw
 
 
-@pytest.mark.parametrize("name", DOORS)
+SLOW = {"build", "calibrate", "collect", "evaluate", "record", "split_dataset", "train", "Located.lines"}
+"""Names whose usual call takes a while."""
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in DOORS]
+)
 def test_any_value_is_taken_or_refused_in_one_line(
     name: str, world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, little_memory: None
 ) -> None:

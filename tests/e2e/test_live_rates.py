@@ -13,6 +13,7 @@ PLACE = 0.08
 TWIN = {"seed": 1, "script": [{"start": 4.0, "position": PLACE, "force": 1.0, "seconds": 30.0}]}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate", [44100, 48000])
 def test_the_chain_answers_alike_at_both_rates(rate: int) -> None:
     touched, errors, starts, origins = 0, list[float](), list[int](), list[float]()
