@@ -31,7 +31,7 @@ MAX_SHOWN = 80
 def converted(kind: Any, value: Any, where: str) -> Any:
     """Return a value as its annotation `kind` states it; `where` names it in errors.
 
-    What fits is returned as it is. Numbers of other libraries (NumPy's scalars, arrays without dimensions)
+    A value that fits is returned unchanged. Numbers of other libraries (NumPy's scalars, arrays without dimensions)
     become Python's; one text stands for a list of texts, a table for a dataclass, and a path for text. Arrays
     become arrays of the annotated numbers.
 
@@ -211,7 +211,7 @@ def is_simple(kind: Any) -> bool:
 
 
 def _mapping(parts: tuple[Any, ...], table: Mapping[Any, Any], where: str) -> Any:
-    """Return a table with its entries converted; one that fits is returned as it is."""
+    """Return a table with its entries converted; one that fits is returned unchanged."""
     key, inner = parts if len(parts) == 2 else (str, Any)
     entries = {
         _leaf(key, name, where): _converted(inner, each, joined(where, str(name)))
