@@ -31,9 +31,9 @@ MAX_SHOWN = 80
 def converted(kind: Any, value: Any, where: str) -> Any:
     """Return a value as its annotation `kind` states it; `where` names it in errors.
 
-    A value that fits is returned unchanged. Numbers of other libraries (NumPy's scalars, arrays without dimensions)
-    become Python's; one text stands for a list of texts, a table for a dataclass, and a path for text. Arrays
-    become arrays of the annotated numbers.
+    A value that fits is returned unchanged. Numbers of other libraries (NumPy's scalars, arrays without
+    dimensions) become Python's; one text stands for a list of texts, a table for a dataclass, and a path for
+    text. Arrays become arrays of the annotated numbers.
 
     Raises
     ------
