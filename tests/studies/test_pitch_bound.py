@@ -1,14 +1,37 @@
 """Pitch is as good as theory allows, within a small factor, and knows how good it is."""
 
+import pytest
 from studies.pitch_bound import Bound
 
+RATIOS = (10.0, 0.0)
 
-def test_errors_are_near_the_bound_and_claims_honest() -> None:
-    rows = {row.name: row for row in Bound(ratios=(10.0, 0.0), windows=120).run()}
-    for ratio in ("10 dB", "0 dB"):
-        # Of 120 windows judged alone; a note that is followed has none.
-        assert rows[f"{ratio}: gross errors"].value <= (0.0 if ratio == "10 dB" else 2.0)
-        over = rows[f"{ratio}: error of f0"].ratio
-        assert over is not None
-        assert 0.8 < over < 3.0
-        assert 0.4 < rows[f"{ratio}: error over claim"].value < 1.5
+
+@pytest.fixture(scope="module", name="rows")
+def _rows() -> dict[str, tuple[float, float | None]]:
+    return {row.name: (row.value, row.ratio) for row in Bound(ratios=RATIOS, windows=120).run()}
+
+
+@pytest.mark.parametrize(
+    "ratio",
+    [
+        10.0,
+        pytest.param(
+            0.0,
+            marks=pytest.mark.xfail(
+                raises=AssertionError, strict=True, reason="a window alone; see docs/ROADMAP.md"
+            ),
+        ),
+    ],
+)
+def test_no_error_is_gross(ratio: float, rows: dict[str, tuple[float, float | None]]) -> None:
+    assert rows[f"{ratio:g} dB: gross errors"][0] == 0.0
+
+
+@pytest.mark.parametrize("ratio", RATIOS)
+def test_errors_are_near_the_bound_and_claims_honest(
+    ratio: float, rows: dict[str, tuple[float, float | None]]
+) -> None:
+    over = rows[f"{ratio:g} dB: error of f0"][1]
+    assert over is not None
+    assert 0.8 < over < 3.0
+    assert 0.4 < rows[f"{ratio:g} dB: error over claim"][0] < 1.5

@@ -222,7 +222,7 @@ def _mapping(parts: tuple[Any, ...], table: Mapping[Any, Any], where: str) -> An
 
 
 def _sequence(kind: Any, value: Any, where: str) -> Any:
-    """Return a list or tuple with its elements converted; what can only be iterated converts as it is."""
+    """Return a list or tuple with its elements converted, or an iterable of any other kind."""
     bare = bare_type(kind)[0]
     parts, origin = get_args(bare), get_origin(bare) or bare
     inner = parts[0] if parts else Any

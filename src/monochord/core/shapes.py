@@ -144,7 +144,7 @@ def _microphones(count: int) -> str:
 
 
 def numbers(given: ArrayLike, number: Any = Any, name: str = "array") -> NDArray[Any]:
-    """Return an array of ordered numbers; one of the wanted type is returned as it is.
+    """Return an array of ordered numbers; one of the wanted type is returned unchanged.
 
     Parameters
     ----------

@@ -81,7 +81,7 @@ def refuse_later(path: Path, begin: Mapping[str, str]) -> None:
     """Raise `InputError` for a session in a later format, which this version neither reads nor repairs."""
     if is_later(begin):
         given = f"session {path} (format {begin['format']}, written by a later version of Monochord)"
-        raise InputError(given, f"format {FORMAT}", "install a newer version: the file is left as it is")
+        raise InputError(given, f"format {FORMAT}", "install a newer version: the file is left unchanged")
 
 
 def rewritten(header: bytes) -> bool:
