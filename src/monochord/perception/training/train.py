@@ -375,10 +375,11 @@ def _calibration(
     reference, session = dataset.label(record.task.label)[rows], dataset.session[rows].astype(np.int64)
     if record.task.is_probability:
         logit = np.array([outputs[row][name].value for row in rows.tolist()])
-        more = (noisy or {}).get(name, (np.zeros(0), np.zeros(0), np.zeros(0, np.int64)))
-        pairs = zip((reference, logit, session), more, strict=True)
-        label, logit, session = (np.concatenate(pair) for pair in pairs)
-        return calibrate_probability(label == 1.0, logit, session, windows=len(rows))
+        if noisy and name in noisy:
+            labels, logits, sessions = noisy[name]
+            reference, logit = np.concatenate((reference, labels)), np.concatenate((logit, logits))
+            session = np.concatenate((session, sessions))
+        return calibrate_probability(reference == 1.0, logit, session, windows=len(rows))
     if not len(rows):  # no position is certain
         return Calibration()
     value, std = _quantities(definition, name, rows, outputs)
