@@ -19,7 +19,7 @@ from monochord.core import labels as label_rules
 from monochord.core.errors import InputError
 from monochord.core.labels import LabelColumns, Rules, window_labels
 from monochord.core.ownership import part_folder
-from monochord.core.ranges import Checked
+from monochord.core.ranges import Checked, SampleRate
 from monochord.core.types import Audio, Progress, StringParams
 from monochord.core.units import Metres, Newtons, Samples, Seconds
 from monochord.core.workers import run_all
@@ -41,6 +41,7 @@ from monochord.datasets.truth import SessionTruth, truth_of
 from monochord.physics.sensors import load_sensor, same_wire
 from monochord.sessions import TUNING, AudioTrack, Description, SessionReader, read_session
 from monochord.sessions.alignment import AUDIO
+from monochord.sessions.resample import resample
 
 MANY = 16
 """Number of sessions from which starting several processes pays off."""
@@ -76,6 +77,9 @@ class BuildOptions(Checked):
         Thresholds of contact and sliding, for measured labels.
     sensor
         The tuned sensor (a preset, or a file from ``monochord tune``) of sessions recorded without a tuning.
+    sample_rate
+        Rate of the dataset, in Hz: a session of a higher rate is resampled to it, as ``sessions resample``
+        does. None keeps each session's rate, and refuses unequal ones.
     """
 
     window: Annotated[Seconds, Meta(ge=1e-3, le=60.0)] = 0.1
@@ -86,6 +90,7 @@ class BuildOptions(Checked):
     rules: Rules = field(default_factory=Rules)
     thresholds: Thresholds = field(default_factory=Thresholds)
     sensor: str = ""
+    sample_rate: SampleRate | None = None
 
     def __post_init__(self) -> None:
         Checked.__post_init__(self)
@@ -175,10 +180,10 @@ def build_dataset(
 ) -> Dataset:
     """Build a dataset from sessions in the new folder `out`, and return it; see `store` for the format.
 
-    Samples are copied as recorded: lost frames are zeros, clipped and non-finite samples stay, and windows
-    with any of these are flagged. A process holds one session in memory at a time. Equal sessions and options
-    give equal bytes, for any number of processes. The folder gets its name once it is complete; remains of a
-    killed run are removed.
+    Samples are copied as recorded, or resampled to `options.sample_rate`: lost frames are zeros, clipped and
+    non-finite samples stay, and windows with any of these are flagged. A process holds one session in memory
+    at a time. Equal sessions and options give equal bytes, for any number of processes. The folder gets its
+    name once it is complete; remains of a killed run are removed.
 
     Parameters
     ----------
@@ -265,12 +270,13 @@ def take(job: Job) -> Taken:
     """
     options = job.options
     try:
-        session = read_session(job.path)
+        recorded = read_session(job.path)
         if not options.force:
-            _refuse_damaged(session)
+            _refuse_damaged(recorded)
+        session = _at_rate(recorded, job)
         truth = truth_of(session, options.labels, options.thresholds, force=options.force)
         if not options.force:
-            _refuse_damaged(session)  # and what was malformed in what has been read
+            _refuse_damaged(recorded)  # and what was malformed in what has been read
         tension, tuned, length, measured = _string_of(session, job.listen, options.sensor)
     except InputError as error:
         if not options.skip:
@@ -304,7 +310,7 @@ def take(job: Job) -> Taken:
         day=description.day,
         build=description.build,
         music=description.more.get("music"),
-        complete=session.complete,
+        complete=recorded.complete,
         late=late.offsets[0].value if late and late.offsets[0].is_determined else None,
         flags=truth.alignment.flags,
         tension=tension,
@@ -319,6 +325,21 @@ def take(job: Job) -> Taken:
         counts=counts_of(kinds_of(labels, usable)) | {"clipped": int(flags["clipped"].sum())},
         sums=file_sums(job.audio),
     )
+
+
+def _at_rate(session: SessionReader, job: Job) -> SessionReader:
+    """Return a session, or where its rate is above the dataset's, its resampled copy."""
+    rate = job.options.sample_rate
+    if rate is None or session.description.sample_rate <= rate:
+        return session
+    path = job.folder / f"resampled-{job.number}.mcap"
+    try:
+        resample(session, path, rate)
+        copy = read_session(path)  # is read after its file's name is gone
+    finally:
+        path.unlink(missing_ok=True)
+    copy.path = session.path
+    return copy
 
 
 def _write(folder: Path, options: BuildOptions, taken: Sequence[tuple[Job, Taken]]) -> None:

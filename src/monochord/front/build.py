@@ -1,7 +1,7 @@
 """Builds a dataset with labels from sessions, split and audited, like ``monochord build``."""
 
 import logging
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TypeAlias
@@ -58,7 +58,8 @@ def build(
     """Build a dataset from sessions: windows with labels, split, and audited for leaks.
 
     Equal sessions and options give equal bytes, for any number of processes. The string's tuning comes from
-    the session, else from `sensor`, else from the untouched beginning of the recording.
+    the session, else from `sensor`, else from the untouched beginning of the recording. Sessions of several
+    sample rates are resampled to the lowest of them.
 
     Parameters
     ----------
@@ -147,7 +148,9 @@ def built(
     progress: Progress | None = None,
     note: Callable[[str], None] = lambda line: _log.warning("monochord: %s", line),
 ) -> LabelledData:
-    """Return the dataset of `build` with its audit, even with leaks; `note` receives skipped sessions.
+    """Return the dataset of `build` with its audit, even with leaks.
+
+    `note` receives a line for each session that is left out or resampled.
 
     Raises
     ------
@@ -157,9 +160,20 @@ def built(
     refuse_both(workers, cluster)
     folder, files = Path(out), find_sessions(session_names(sessions))
     held_out = tuple(held_out)
-    _refuse_split(split or _default_split(len(files)), files, held_out)
+    descriptions = _descriptions(files)
+    _refuse_split(split or _default_split(len(files)), descriptions, held_out)
+    rate = min((each.sample_rate for each in descriptions.values()), default=None)
+    for name, each in descriptions.items():
+        if rate is not None and each.sample_rate != rate:
+            note(f"resampled: session {name}, {each.sample_rate} to {rate} Hz, the lowest rate of all")
     options = BuildOptions(
-        window=window, hop=hop, labels=labels or "", force=force, skip=skip, sensor=str(sensor or "")
+        window=window,
+        hop=hop,
+        labels=labels or "",
+        force=force,
+        skip=skip,
+        sensor=str(sensor or ""),
+        sample_rate=rate,
     )
     with progress_bar(progress=progress) as report:
         dataset = build_dataset(
@@ -194,13 +208,18 @@ def _default_split(count: int) -> str:
     return "session" if count >= len(PARTS) else "time"
 
 
-def _refuse_split(by: str, files: Sequence[Path], held_out: Sequence[str]) -> None:
-    """Raise `InputError` for an impossible split before anything is built."""
-    refuse_impossible(by, held_out=held_out)
+def _descriptions(files: Sequence[Path]) -> dict[str, Description]:
+    """Return the descriptions of sessions by name, as far as they can be read."""
     descriptions: dict[str, Description] = {}
     for name, file in named_sessions(files).items():
         with suppress(InputError):  # refused when it is built
             descriptions[name] = read_session(file).description
+    return descriptions
+
+
+def _refuse_split(by: str, descriptions: Mapping[str, Description], held_out: Sequence[str]) -> None:
+    """Raise `InputError` for an impossible split before anything is built."""
+    refuse_impossible(by, held_out=held_out)
     if descriptions:
         objects = [one.material or one.object for one in descriptions.values()]
         days = [one.day for one in descriptions.values()]

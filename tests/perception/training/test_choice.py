@@ -108,6 +108,25 @@ def test_every_head_says_its_method_and_why(lesson: dict[str, Any], tmp_path: Pa
         assert (record.nodes > 0) == (choice.method == "extra_trees")
 
 
+def test_methods_are_compared_and_probabilities_calibrated_in_each_noise(
+    lesson: dict[str, Any], tmp_path: Path
+) -> None:
+    noise = {"copies": 1, "kinds": ["white", "chord", "chord", "chord"], "ratios": [-10.0, -5.0]}
+    quiet, noisy = (
+        learned(lesson, tmp_path / name, methods=["ridge"], noise={**noise, "copies": copies})
+        for name, copies in (("quiet", 0), ("noisy", 1))
+    )
+    assert {choice.noises for choice in quiet.choices.values()} == {()}
+    assert {choice.noises for choice in noisy.choices.values()} == {("white", "chord")}
+    stored = json.loads((tmp_path / "noisy/metrics.json").read_text())["methods"]
+    assert stored["slip"]["noises"] == ["white", "chord"]
+    for name in ("contact", "slip"):
+        before, after = (each.model.definition.heads[name].calibration for each in (quiet, noisy))
+        assert after.windows == before.windows  # copies are no further evidence
+        # Where slip drowns, as it does here, no probability is as sure as in quiet.
+        assert after.factor > 1.5 * before.factor, name
+
+
 def made_examples(definition: Definition, labels: Floats, base: Audio) -> Examples:
     count, names = len(labels), list(definition.heads)
     truth: dict[str, Floats] = {name: np.arange(count, dtype=np.float64) % 2.0 for name in names}

@@ -11,7 +11,7 @@ from itertools import compress
 
 import numpy as np
 
-from monochord.core.types import Audio, Floats
+from monochord.core.types import Audio, Floats, Indices
 from monochord.perception.heads.base import RIGHT_WITHIN
 from monochord.perception.model.definition import Definition, HeadRecord, Method
 from monochord.perception.model.network import Network, Output
@@ -25,15 +25,16 @@ MARGIN = 0.05
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Choice:
-    """The chosen method of a head, and the error of each method on the validation part and its noisy copies.
+    """The chosen method of a head, and each method's mean error on the validation part and its noisy copies.
 
     The error of a quantity is its mean absolute error in the label's unit. Where the head refines a position,
     a window without an answer counts as 5 mm: a wrong answer costs more than none. The error of a probability
-    is its log loss at its best temperature.
+    is its log loss at its best temperature. `noises` names the noise of each copy.
     """
 
     method: Method
     errors: Mapping[Method, float]
+    noises: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,11 +96,15 @@ def regressions(
 
 
 def choose(
-    candidates: Mapping[Method, Candidate], scaler: Mapping[str, Audio], validation: Examples
+    candidates: Mapping[Method, Candidate],
+    scaler: Mapping[str, Audio],
+    validation: Examples,
+    noises: tuple[str, ...] = (),
 ) -> tuple[Candidate, dict[str, Choice]]:
     """Return each head by the method with the smallest error on validation, and the choices.
 
-    A method is chosen over an earlier one if its error is smaller by `MARGIN`.
+    A method is chosen over an earlier one if its error is smaller by `MARGIN`. `noises` names the noise of
+    each copy in `validation`.
     """
     errors = dict[Method, dict[str, float]]()
     for method, candidate in candidates.items():
@@ -113,7 +118,7 @@ def choose(
         for method in others:
             if own[method] < (1.0 - MARGIN) * own[best]:
                 best = method
-        choices[name] = Choice(method=best, errors=own)
+        choices[name] = Choice(method=best, errors=own, noises=noises)
         heads[name] = candidates[best].definition.heads[name]
         weights |= {
             key: array for key, array in candidates[best].weights.items() if key.partition(".")[0] == name
@@ -132,6 +137,24 @@ def _errors(candidate: Candidate, scaler: Mapping[str, Audio], examples: Example
         own = [each[name] for copy in outputs for each in compress(copy, mask.tolist())]
         errors[name] = head_error(record, own, targets_of(definition, name, examples)[:, mask].ravel())
     return errors
+
+
+def noisy_logits(
+    candidate: Candidate, scaler: Mapping[str, Audio], examples: Examples
+) -> dict[str, tuple[Floats, Floats, Indices]]:
+    """Return labels, logits and sessions (n,) of each probability on all noisy copies of examples."""
+    definition = candidate.definition
+    network = Network.of(definition, {**scaler, **candidate.weights})
+    copies = list(zip(examples.base[1:], examples.context[1:], strict=True))
+    outputs = [output for copy in copies for output in network.outputs(*copy)]
+    result: dict[str, tuple[Floats, Floats, Indices]] = {}
+    for name, record in definition.heads.items():
+        mask = np.tile(examples.masks[name], len(copies))
+        if record.task.is_probability:
+            logit = np.array([each[name].value for each in compress(outputs, mask.tolist())], np.float64)
+            label = np.tile(examples.labels[name], len(copies))[mask]
+            result[name] = label, logit, np.tile(examples.session, len(copies))[mask]
+    return result
 
 
 def head_error(record: HeadRecord, outputs: list[Output], target: Floats) -> float:

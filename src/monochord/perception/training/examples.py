@@ -12,6 +12,7 @@ import numpy as np
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Flags, Floats, Indices, Progress, Signal
 from monochord.core.units import Metres
+from monochord.datasets.augment import RECORDED
 from monochord.datasets.split import SPLIT_FILE, Split
 from monochord.datasets.store import Dataset
 from monochord.perception.heads.base import CONTACT, POSITION, REFINED_SCALE, Task
@@ -397,3 +398,17 @@ def noises_of(settings: TrainingSettings, sample_rate: int) -> tuple[Noise, ...]
         return ()
     first = Noise(augmentation=settings.noise, copy=1, seed=settings.seed, sample_rate=sample_rate)
     return tuple(dataclasses.replace(first, copy=copy) for copy in range(1, settings.noise.copies + 1))
+
+
+def each_noise(settings: TrainingSettings, sample_rate: int) -> dict[str, Noise]:
+    """Return a noise of each kind alone, by kind; a mixture hides the kind in which a method fails."""
+    if not settings.noise.copies:
+        return {}
+    first, *_ = noises_of(settings, sample_rate)
+    alone = {
+        kind: dataclasses.replace(settings.noise, kinds=(kind,), recordings=())
+        for kind in settings.noise.kinds
+    }
+    if settings.noise.recordings:
+        alone[RECORDED] = dataclasses.replace(settings.noise, kinds=())
+    return {kind: dataclasses.replace(first, augmentation=each) for kind, each in alone.items()}
