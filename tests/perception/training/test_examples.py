@@ -71,7 +71,7 @@ def test_the_reference_is_of_untouched_windows_before_and_of_the_same_session(da
     rows = np.arange(len(dataset))
     contact = labelled_contact(dataset, rows)
     features = {row: np.array([row], np.float32) for row in rows[contact == 0.0].tolist()}
-    reference = references(dataset, rows, contact, RULE, features)
+    reference = np.stack(list(references(dataset, rows, contact, RULE, features.__getitem__)))
     known = reference[:, 1] > 0.0
     assert 0.9 < known.mean() < 1.0
     assert (reference[known, 0] < rows[known]).all()

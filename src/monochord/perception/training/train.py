@@ -126,6 +126,7 @@ def train(
         chosen(dataset, split.parts[name], data.tasks, name)  # refuses before anything is written
     claim(out, settings.resolved())
     with sole_use(out, anywhere=True):
+        data = dataclasses.replace(data, scratch=out)
         result = _trained(settings, methods, out, dataset, split, data, progress)
     return dataclasses.replace(result, left_out=left_out)
 
