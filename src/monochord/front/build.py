@@ -4,6 +4,7 @@ import logging
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
+from sys import intern
 from typing import TypeAlias
 
 from monochord.core.errors import InputError
@@ -30,7 +31,7 @@ from monochord.datasets.split import (
 from monochord.lab.offline import CollectedSession
 from monochord.perception.data import LabelledData
 from monochord.perception.tuning.sessions import estimate_tension
-from monochord.sessions import Description, read_session
+from monochord.sessions import read_session
 
 Sessions: TypeAlias = str | Path | CollectedSession | Iterable[str | Path | CollectedSession]
 """Session files, folders (searched recursively), patterns, or the result of `collect`; one or several."""
@@ -197,12 +198,14 @@ def _default_split(count: int) -> str:
 def _refuse_split(by: str, files: Sequence[Path], held_out: Sequence[str]) -> None:
     """Raise `InputError` for an impossible split before anything is built."""
     refuse_impossible(by, held_out=held_out)
-    descriptions: dict[str, Description] = {}
+    names, objects = list[str](), list[str]()
+    days, builds = list[int | None](), list[int | None]()
     for name, file in named_sessions(files).items():
         with suppress(InputError):  # refused when it is built
-            descriptions[name] = read_session(file).description
-    if descriptions:
-        objects = [one.material or one.object for one in descriptions.values()]
-        days = [one.day for one in descriptions.values()]
-        builds = [one.build for one in descriptions.values()]
-        refuse_too_few(by, objects, days, held_out, list(descriptions), builds)
+            about = read_session(file).description
+            names.append(name)
+            objects.append(intern(about.material or about.object))
+            days.append(about.day)
+            builds.append(about.build)
+    if names:
+        refuse_too_few(by, objects, days, held_out, names, builds)
