@@ -3,6 +3,8 @@
 import dataclasses
 import json
 import sys
+import tracemalloc
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, get_args
 
@@ -11,7 +13,7 @@ import pytest
 
 from monochord.core.errors import InputError, MissingLibraryError
 from monochord.core.installing import TORCH_INDEX
-from monochord.core.types import Audio, Floats
+from monochord.core.types import Audio, Floats, Indices
 from monochord.datasets.split import Split
 from monochord.datasets.store import open_dataset
 from monochord.front.train import TrainedModel
@@ -81,6 +83,44 @@ def test_a_position_that_is_refined_is_certain_only_where_the_column_is_right(me
     certainty = inputs @ fitted.weight[2] + fitted.bias[2]
     assert np.mean(certainty[right] > 0.0) > 0.99
     assert np.mean(certainty[inputs[:, 1] > 1.3] > 0.0) == 0.0
+
+
+def drawn(count: int, columns: int = 40) -> Windows:
+    """Windows that are made as they are read, of which a block is in memory."""
+    weight = np.random.default_rng(0).normal(size=columns)
+
+    def block(first: int) -> Audio:
+        return (
+            np.random.default_rng(first).normal(size=(min(1000, count - first), columns)).astype(np.float32)
+        )
+
+    def blocks() -> Iterator[tuple[Indices, Audio]]:
+        for first in range(0, count, 1000):
+            yield np.arange(first, min(first + 1000, count)), block(first)
+
+    target = np.concatenate([block(first) @ weight for first in range(0, count, 1000)])
+    target = target + np.random.default_rng(1).laplace(size=count)
+    return Windows(blocks=blocks, target=target, group=np.arange(count) // 50)
+
+
+def test_ridge_learns_from_all_windows_and_holds_a_block() -> None:
+    task, peaks = Task(label="force", unit="N", loss="laplace"), list[int]()
+    for count in (4_000, 60_000):
+        windows = drawn(count)
+        tracemalloc.start()
+        fitted = fit_regression("ridge", task, windows)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert (
+        peaks[1] - peaks[0] < 100 * 56_000
+    )  # of 160 bytes of inputs a window, which are 320 as they are summed
+    inputs = np.concatenate([rows for _, rows in windows.blocks()]).astype(np.float64)
+    centre = inputs.mean(axis=0)
+    best = np.linalg.lstsq(inputs - centre, windows.target - windows.target.mean(), rcond=None)[0]
+    np.testing.assert_allclose(fitted.weight[0], best, atol=1e-3)  # no draw is as near
+    whole = fit_regression("ridge", task, Windows.of(inputs, windows.target, windows.group))
+    np.testing.assert_allclose(fitted.weight, whole.weight, rtol=1e-4, atol=1e-6)
+    np.testing.assert_allclose(fitted.bias, whole.bias, rtol=1e-4, atol=1e-6)
 
 
 @ALONE

@@ -22,9 +22,11 @@ from monochord.perception.training.examples import (
     read_split,
     references,
     scaling,
+    targets_of,
     touches_of,
     training_data,
 )
+from monochord.perception.training.scratch import Scratch
 from monochord.perception.training.settings import TrainingSettings
 
 pytest.importorskip("torch")
@@ -113,6 +115,27 @@ def test_the_reference_in_noise_is_noisy(lesson: dict[str, Any]) -> None:
     seen = examples_of(source, part, "train", noises_of(settings, 16000))
     known = seen.context[0, :, -1] > 0.0
     assert (seen.context[1, known, :-1] != seen.context[0, known, :-1]).mean() > 0.7
+
+
+def test_examples_in_files_are_those_in_memory(
+    lesson: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    settings, source, part = made(lesson, noise={"copies": 1})
+    noises = noises_of(settings, 16000)
+    memory = examples_of(source, part, "train", noises)
+    monkeypatch.setattr("monochord.perception.training.examples.BLOCK", 7)
+    filed = examples_of(dataclasses.replace(source, scratch=tmp_path), part, "train", noises)
+    assert isinstance(filed.base, Scratch)
+    assert isinstance(filed.context, Scratch)
+    assert not list(tmp_path.iterdir())
+    for name in ("base", "context", "rows", "touch"):
+        np.testing.assert_array_equal(getattr(filed, name), getattr(memory, name))
+    one, two = scaling(filed), scaling(memory)
+    for name, array in one.items():
+        np.testing.assert_allclose(array, two[name], rtol=1e-6, atol=1e-7)
+    for name in source.tasks:
+        own, other = (targets_of(source.definition, name, each) for each in (filed, memory))
+        np.testing.assert_array_equal(own, other)
 
 
 def test_far_below_all_training_windows_is_silence(lesson: dict[str, Any]) -> None:

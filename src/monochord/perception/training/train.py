@@ -35,7 +35,13 @@ from monochord.perception.training._torch import torch_library
 from monochord.perception.training.calibrate import calibrate_probability, calibrate_quantity
 from monochord.perception.training.checkpoint import Checkpoint
 from monochord.perception.training.choice import Candidate, Choice, choose, regressions
-from monochord.perception.training.correct import Replayed, counting, with_prior, with_variables
+from monochord.perception.training.correct import (
+    PackedOutputs,
+    Replayed,
+    counting,
+    with_prior,
+    with_variables,
+)
 from monochord.perception.training.examples import (
     TrainingData,
     chosen,
@@ -331,15 +337,15 @@ def read_in_turn(
     design = model.definition.string
     strings = retuned_strings(dataset, design) if design is not None else {}
     own, state, session = model, ModelState(), -1
-    every: dict[int, Mapping[str, Output]] = {}
+    every = PackedOutputs()
     odds: dict[int, Floats] = {}
-    for done, row in enumerate(rows.tolist(), start=1):
+    for done, row in enumerate(map(int, rows), start=1):
         if dataset.session[row] != session:
             state, session = ModelState(), int(dataset.session[row])
             own = model.tuned(strings[session]) if session in strings else model
         state, outputs = own.outputs(state, window_of(dataset, row))
         if outputs:
-            every[row] = outputs
+            every.append(row, outputs)
             if state.faults.odds is not None:
                 odds[row] = state.faults.odds
         if done % 256 == 0 or done == len(rows):
