@@ -21,8 +21,7 @@ from studies._command import lines_of, main, progress_bar
 
 import monochord as mc
 from monochord.core.errors import InputError
-from monochord.perception.training.settings import TrainingSettings
-from monochord.perception.training.train import train
+from monochord.perception.training import TrainingSettings, train
 from monochord.sessions import SessionClock
 
 RATE, SECONDS = 8000, 0.5

@@ -17,7 +17,7 @@ from monochord.datasets.records import Files
 
 FEW, MANY = 200, 2000
 A_SESSION = 1000
-"""Bytes that a session may take; as objects, a part and its checksums took 5 kB."""
+"""Bytes that a session may take while its manifest is read or written; objects of all of it take 2.3 kB."""
 
 
 def manifest(count: int) -> Manifest:

@@ -64,15 +64,15 @@ class _Reader:
         self._text, self._at, self._decoder = "", 0, json.JSONDecoder()
 
     def members(self, large: tuple[str, ...]) -> Iterator[tuple[str, Any]]:
-        if self._peek() != "{":
+        if self._next() != "{":
             yield "", self._value()
         else:
             for _ in self._entries("{"):
-                name, opening = self._name(), self._peek()
+                name, opening = self._name(), self._next()
                 is_large = name in large and opening in ("{", "[")
                 yield name, self._large(opening) if is_large else self._value()
-        if self._peek():
-            raise ValueError(f"more text after the end: {self._peek()!r}")
+        if self._next():
+            raise ValueError(f"more text after the end: {self._next()!r}")
 
     def _large(self, opening: str) -> Iterator[Any]:
         with _named(self._path, self._remedy):
@@ -83,9 +83,9 @@ class _Reader:
         """Yield once before each entry of a list or an object."""
         closing = "]" if opening == "[" else "}"
         self._take(opening)
-        if self._peek() != closing:
+        if self._next() != closing:
             yield
-            while self._peek() == ",":
+            while self._next() == ",":
                 self._take(",")
                 yield
         self._take(closing)
@@ -99,7 +99,7 @@ class _Reader:
 
     def _value(self) -> Any:
         """Return the next value; text that ends within it is continued, each time by as much again."""
-        self._peek()
+        self._next()
         while True:
             try:
                 value, end = self._decoder.raw_decode(self._text, self._at)
@@ -113,11 +113,11 @@ class _Reader:
             return flat_enough(value)
 
     def _take(self, character: str) -> None:
-        if self._peek() != character:
-            raise ValueError(f"{self._peek()!r} where {character!r} is expected")
+        if self._next() != character:
+            raise ValueError(f"{self._next()!r} where {character!r} is expected")
         self._at += 1
 
-    def _peek(self) -> str:
+    def _next(self) -> str:
         """Return the next character that is no space; empty at the end."""
         while True:
             while self._at < len(self._text) and self._text[self._at] in SPACE:

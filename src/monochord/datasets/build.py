@@ -229,14 +229,14 @@ def build_dataset(
         ]
         progress(names[0], 0, len(files))
         form: tuple[int, int] | None = None
-        with TemporaryFile(dir=part) as spool:
+        with TemporaryFile(dir=part) as file:
             places = np.zeros((len(jobs), 2), np.int64)
             for done, (job, each) in enumerate(run_all(jobs, take, workers=workers, cluster=cluster), 1):
                 if not options.skip:
                     form = _form_of(job.name, each, form)
-                places[job.number] = spool.tell(), spool.write(msgspec.msgpack.encode(each))
+                places[job.number] = file.tell(), file.write(msgspec.msgpack.encode(each))
                 progress(names[done], done, len(files))
-            _write(part, options, ((job, _spooled(spool, *places[job.number])) for job in jobs))
+            _write(part, options, ((job, _contribution(file, *places[job.number])) for job in jobs))
         part.rename(out)
     return open_dataset(out)
 
@@ -327,10 +327,10 @@ def take(job: Job) -> Taken:
     )
 
 
-def _spooled(spool: IO[bytes], place: int, size: int) -> Taken:
+def _contribution(file: IO[bytes], place: int, size: int) -> Taken:
     """Return a session's contribution from the file in which all of them wait."""
-    spool.seek(place)
-    return msgspec.msgpack.decode(spool.read(size), type=Taken)
+    file.seek(place)
+    return msgspec.msgpack.decode(file.read(size), type=Taken)
 
 
 def _write(folder: Path, options: BuildOptions, taken: Iterable[tuple[Job, Taken]]) -> None:
