@@ -174,8 +174,10 @@ class Manifest:
         packed = {name: value for name, value in tree.items() if isinstance(value, (Records, Files))}
         nothing = {name: () if name == "parts" else {} for name in packed}
         manifest = replace(from_tree(cls, {**tree, **nothing}, FILE), **packed)
-        for wrong in _contradictions(manifest):
-            raise InputError(f"{folder / FILE} ({wrong})", "the unchanged output of monochord build", REMEDY)
+        for contradiction in _contradictions(manifest):
+            raise InputError(
+                f"{folder / FILE} ({contradiction})", "the unchanged output of monochord build", REMEDY
+            )
         return manifest
 
 

@@ -1,6 +1,7 @@
 """From settings and a dataset to examples: labels, masks, references and scaling."""
 
 import dataclasses
+import errno
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +27,7 @@ from monochord.perception.training.examples import (
     touches_of,
     training_data,
 )
-from monochord.perception.training.scratch import Scratch
+from monochord.perception.training.scratch import Scratch, empty
 from monochord.perception.training.settings import TrainingSettings
 
 pytest.importorskip("torch")
@@ -136,6 +137,17 @@ def test_examples_in_files_are_those_in_memory(
     for name in source.tasks:
         own, other = (targets_of(source.definition, name, each) for each in (filed, memory))
         np.testing.assert_array_equal(own, other)
+
+
+def test_a_full_disk_is_an_error_before_anything_is_put_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("os.posix_fallocate", full)
+    with pytest.raises(OSError, match=f"No space left on device: '{tmp_path}'"):
+        empty(tmp_path, (2, 3))
 
 
 def test_far_below_all_training_windows_is_silence(lesson: dict[str, Any]) -> None:

@@ -332,8 +332,7 @@ def examples_of(
     context = empty(data.scratch, (*size, 0 if rule is None else len(rule.feature.columns) + 1))
     for copy, noise in enumerate((None, *noises)):
         data.feature.of(rows, noise, progress, out=base[copy])
-        if rule is not None and data.reference is not None:
-            _put_references(data, rule, (stream, rows), noise, progress, (base[copy], context[copy]))
+        _put_references(data, (stream, rows), noise, progress, (base[copy], context[copy]))
     design = data.definition.string
     scales = {"N": force_scales(dataset, design), "m": length_scales(dataset, design)} if design else None
     return assembled(dataset, rows, data.tasks, base, context, scales)
@@ -341,25 +340,26 @@ def examples_of(
 
 def _put_references(
     data: TrainingData,
-    rule: Reference,
     windows: tuple[Indices, Indices],
     noise: Noise | None,
     progress: Progress,
     arrays: tuple[Audio, Audio],
 ) -> None:
-    """Put the untouched reference of some windows of a stream (k, c) where it belongs.
+    """Put the untouched references of some windows of a stream into an array; nothing without a reference.
 
-    `windows` are the stream (n,) and those of its windows that are learned from (k,). `arrays` are the
-    features of these windows (k, d), and the references.
+    `windows` are the stream (n,), and those of its windows that are learned from (k,). `arrays` are the
+    features (k, d) of the latter, and their references (k, c).
     """
     (stream, rows), (base, context) = windows, arrays
+    rule, source = data.definition.reference, data.reference
+    if rule is None or source is None:
+        return
     dataset, contact = data.dataset, labelled_contact(data.dataset, stream)
-    assert data.reference is not None
     tables = [(rows, base)] if rule.feature == data.definition.feature else []
     absent = stream[contact == 0.0]
     absent = absent[~np.isin(absent, rows)] if tables else absent
     quiet = empty(data.scratch, (len(absent), len(rule.feature.columns)))
-    tables.append((absent, data.reference.of(absent, noise, progress, out=quiet)))
+    tables.append((absent, source.of(absent, noise, progress, out=quiet)))
 
     def feature(row: int) -> Audio:
         for known, table in tables:

@@ -36,7 +36,9 @@ def empty(folder: Path | None, shape: tuple[int, ...]) -> Audio:
     size = int(np.prod(shape)) * np.dtype(np.float32).itemsize
     with TemporaryFile(dir=folder) as file:
         with written(folder):
-            os.posix_fallocate(file.fileno(), 0, size)
+            file.truncate(size)
+            if hasattr(os, "posix_fallocate"):  # as on Linux
+                os.posix_fallocate(file.fileno(), 0, size)
         pages = mmap.mmap(file.fileno(), size)
     array = np.frombuffer(pages, np.float32).reshape(shape).view(Scratch)
     array.pages = pages
