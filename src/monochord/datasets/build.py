@@ -8,10 +8,13 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from glob import glob
 from importlib.metadata import version
+from itertools import chain
 from math import inf
 from pathlib import Path
-from typing import Annotated, Literal, TypeAlias
+from tempfile import TemporaryFile
+from typing import IO, Annotated, Literal, TypeAlias
 
+import msgspec
 import numpy as np
 from msgspec import Meta
 
@@ -27,7 +30,9 @@ from monochord.datasets.checksums import FileSums, file_sums
 from monochord.datasets.kinds import counts_of, kinds_of
 from monochord.datasets.manifest import Manifest, Part, audio_name, file_checksum
 from monochord.datasets.measured import Thresholds
+from monochord.datasets.records import Files, Records
 from monochord.datasets.store import (
+    TABLES,
     Dataset,
     Flags,
     Indices,
@@ -227,15 +232,16 @@ def build_dataset(
             Job(name=name, number=number, path=path, folder=part, options=options, listen=listen)
             for number, (name, path) in enumerate(files.items())
         ]
-        taken: dict[str, Taken] = {}
         progress(names[0], 0, len(files))
         form: tuple[int, int] | None = None
-        for job, each in run_all(jobs, take, workers=workers, cluster=cluster):
-            if not options.skip:
-                form = _form_of(job.name, each, form)
-            taken[job.name] = each
-            progress(names[len(taken)], len(taken), len(files))
-        _write(part, options, [(job, taken[job.name]) for job in jobs])
+        with TemporaryFile(dir=part) as file:
+            places = np.zeros((len(jobs), 2), np.int64)
+            for done, (job, each) in enumerate(run_all(jobs, take, workers=workers, cluster=cluster), 1):
+                if not options.skip:
+                    form = _form_of(job.name, each, form)
+                places[job.number] = file.tell(), file.write(msgspec.msgpack.encode(each))
+                progress(names[done], done, len(files))
+            _write(part, options, ((job, _contribution(file, *places[job.number])) for job in jobs))
         part.rename(out)
     return open_dataset(out)
 
@@ -342,9 +348,15 @@ def _at_rate(session: SessionReader, job: Job) -> SessionReader:
     return copy
 
 
-def _write(folder: Path, options: BuildOptions, taken: Sequence[tuple[Job, Taken]]) -> None:
+def _contribution(file: IO[bytes], place: int, size: int) -> Taken:
+    """Return a session's contribution from the file in which all of them wait."""
+    file.seek(place)
+    return msgspec.msgpack.decode(file.read(size), type=Taken)
+
+
+def _write(folder: Path, options: BuildOptions, taken: Iterable[tuple[Job, Taken]]) -> None:
     """Combine the sessions in order, and write everything except their sound."""
-    parts, files, refused = list[Part](), dict[str, FileSums](), dict[str, str]()
+    parts, sums, refused = Records(Part), Records(FileSums), dict[str, str]()
     rows, labels, counts = list[Path](), dict[str, None](), Counter[str]()
     form: tuple[int, int] | None = None
     windows = 0
@@ -361,7 +373,7 @@ def _write(folder: Path, options: BuildOptions, taken: Sequence[tuple[Job, Taken
             continue
         file = audio_name(len(parts))
         job.audio.rename(folder / file)
-        files[file] = each.sums
+        sums.append(each.sums)
         rows.append(job.rows)
         labels |= dict.fromkeys(each.columns)
         counts.update(each.counts)
@@ -372,10 +384,11 @@ def _write(folder: Path, options: BuildOptions, taken: Sequence[tuple[Job, Taken
     write_table(folder, rows, windows, tuple(labels))
     for each in rows:
         each.unlink()
-    for path in sorted(folder.glob("*/*.npy")):
-        name = path.relative_to(folder).as_posix()
-        if name not in files:
-            files[name] = file_sums(path)
+    tables = (path for name in TABLES for path in (folder / name).glob("*.npy"))
+    files = chain(
+        ((part.audio, sums[number]) for number, part in enumerate(parts)),
+        ((path.relative_to(folder).as_posix(), file_sums(path)) for path in tables),
+    )
     rate, channels = form
     Manifest(
         sample_rate=rate,
@@ -386,8 +399,8 @@ def _write(folder: Path, options: BuildOptions, taken: Sequence[tuple[Job, Taken
         columns=tuple(labels),
         rules=options.rules,
         labelling=label_rules.__doc__ or "",
-        parts=tuple(parts),
-        files=files,
+        parts=parts,
+        files=Files(files),
         counts=dict(counts),
         refused=refused,
         thresholds=options.thresholds,

@@ -208,7 +208,8 @@ def test_training_sees_the_rise_and_the_reference_that_the_model_sees(
     heads = heads_module(definition, 0)
     for tensor in heads["force"].parameters():
         tensor.data = torch.from_numpy(rng.normal(size=tuple(tensor.shape)).astype(np.float32))
-    output, _ = TrainingTensors(definition, drawn.weights, examples).whole_copy("force", heads, 0)
+    tensors = TrainingTensors(definition, drawn.weights, examples)
+    output = next(output for name, output, _, _ in tensors.outputs(heads) if name == "force")
     arrays = {**drawn.weights, **{name: tensor.numpy() for name, tensor in heads.state_dict().items()}}
     network = Network.of(definition, arrays)
     for number in range(6):

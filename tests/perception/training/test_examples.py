@@ -1,6 +1,7 @@
 """From settings and a dataset to examples: labels, masks, references and scaling."""
 
 import dataclasses
+import errno
 from pathlib import Path
 from typing import Any
 
@@ -22,9 +23,11 @@ from monochord.perception.training.examples import (
     read_split,
     references,
     scaling,
+    targets_of,
     touches_of,
     training_data,
 )
+from monochord.perception.training.scratch import Scratch, empty
 from monochord.perception.training.settings import TrainingSettings
 
 pytest.importorskip("torch")
@@ -71,7 +74,7 @@ def test_the_reference_is_of_untouched_windows_before_and_of_the_same_session(da
     rows = np.arange(len(dataset))
     contact = labelled_contact(dataset, rows)
     features = {row: np.array([row], np.float32) for row in rows[contact == 0.0].tolist()}
-    reference = references(dataset, rows, contact, RULE, features)
+    reference = np.stack(list(references(dataset, rows, contact, RULE, features.__getitem__)))
     known = reference[:, 1] > 0.0
     assert 0.9 < known.mean() < 1.0
     assert (reference[known, 0] < rows[known]).all()
@@ -113,6 +116,38 @@ def test_the_reference_in_noise_is_noisy(lesson: dict[str, Any]) -> None:
     seen = examples_of(source, part, "train", noises_of(settings, 16000))
     known = seen.context[0, :, -1] > 0.0
     assert (seen.context[1, known, :-1] != seen.context[0, known, :-1]).mean() > 0.7
+
+
+def test_examples_in_files_are_those_in_memory(
+    lesson: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    settings, source, part = made(lesson, noise={"copies": 1})
+    noises = noises_of(settings, 16000)
+    memory = examples_of(source, part, "train", noises)
+    monkeypatch.setattr("monochord.perception.training.examples.BLOCK", 7)
+    filed = examples_of(dataclasses.replace(source, scratch=tmp_path), part, "train", noises)
+    assert isinstance(filed.base, Scratch)
+    assert isinstance(filed.context, Scratch)
+    assert not list(tmp_path.iterdir())
+    for name in ("base", "context", "rows", "touch"):
+        np.testing.assert_array_equal(getattr(filed, name), getattr(memory, name))
+    one, two = scaling(filed), scaling(memory)
+    for name, array in one.items():
+        np.testing.assert_allclose(array, two[name], rtol=1e-6, atol=1e-7)
+    for name in source.tasks:
+        own, other = (targets_of(source.definition, name, each) for each in (filed, memory))
+        np.testing.assert_array_equal(own, other)
+
+
+def test_a_full_disk_is_an_error_before_anything_is_put_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("os.posix_fallocate", full)
+    with pytest.raises(OSError, match=f"No space left on device: '{tmp_path}'"):
+        empty(tmp_path, (2, 3))
 
 
 def test_far_below_all_training_windows_is_silence(lesson: dict[str, Any]) -> None:

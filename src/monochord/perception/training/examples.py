@@ -1,10 +1,11 @@
 """The inputs of the training loop from settings and a dataset: definition, examples and scaling."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,10 +22,13 @@ from monochord.perception.model.definition import Definition, FeatureRecord, Hea
 from monochord.perception.model.network import Scaling, network_inputs
 from monochord.perception.model.probe import probed
 from monochord.perception.training.rows import Noise, Rows
+from monochord.perception.training.scratch import empty, release
 from monochord.perception.training.settings import TrainingSettings
 from monochord.perception.tuning.sessions import force_scales, length_scales
 from monochord.physics.sensors import load_sensor
 
+BLOCK = 2048
+"""Number of windows, with all their copies, that are in memory at a time."""
 MIN_DEVIATION = 1e-6
 """Columns with a smaller standard deviation are not scaled."""
 TOUCH_SPACING: Metres = 2e-3
@@ -33,12 +37,16 @@ TOUCH_SPACING: Metres = 2e-3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrainingData:
-    """A dataset, its features, and the definition of the model to train."""
+    """A dataset, its features, and the definition of the model to train.
+
+    `scratch` is the folder of the files in which examples are kept, block by block; None: in memory.
+    """
 
     dataset: Dataset
     definition: Definition
     feature: Rows
     reference: Rows | None
+    scratch: Path | None = None
 
     @property
     def tasks(self) -> dict[str, Task]:
@@ -63,6 +71,32 @@ class Examples:
     context: Audio
     labels: Mapping[str, Floats]
     masks: Mapping[str, Flags]
+
+    def blocks(self) -> Iterator[tuple[slice, "Examples"]]:
+        """Yield `BLOCK` windows at a time, with their place; the memory of features in files is let go."""
+        for first in range(0, len(self.rows), BLOCK):
+            at = slice(first, first + BLOCK)
+            yield at, self._of(at, self.base[:, at], self.context[:, at])
+            release(self.base, self.context)
+
+    def at(self, copies: Indices, numbers: Indices) -> "Examples":
+        """Return some windows (n,), each in one of its copies."""
+        some = self._of(
+            numbers, self.base[copies, numbers][np.newaxis], self.context[copies, numbers][np.newaxis]
+        )
+        release(self.base, self.context)
+        return some
+
+    def _of(self, at: slice | Indices, base: Audio, context: Audio) -> "Examples":
+        return Examples(
+            rows=self.rows[at],
+            session=self.session[at],
+            touch=self.touch[at],
+            base=base,
+            context=context,
+            labels={name: values[at] for name, values in self.labels.items()},
+            masks={name: mask[at] for name, mask in self.masks.items()},
+        )
 
 
 def read_split(settings: TrainingSettings, dataset: Dataset) -> Split:
@@ -224,9 +258,9 @@ def touches_of(dataset: Dataset) -> Indices:
 
 
 def references(
-    dataset: Dataset, rows: Indices, contact: Floats, rule: Reference, features: Mapping[int, Audio]
-) -> Audio:
-    """Return the untouched reference (n, c) of each window.
+    dataset: Dataset, rows: Indices, contact: Floats, rule: Reference, feature: Callable[[int], Audio]
+) -> Iterator[Audio]:
+    """Yield the untouched reference (c,) of each window.
 
     Parameters
     ----------
@@ -238,30 +272,28 @@ def references(
         Probability of contact (n,).
     rule
         The rule that updates the reference.
-    features
-        The reference's feature (c - 1,) of each window that may enter it, by row in the dataset.
+    feature
+        Returns the reference's feature (c - 1,) of a window that may enter it, by row in the dataset.
     """
     width = len(rule.feature.columns) + 1
-    result = np.zeros((len(rows), width), np.float32)
     state, session, rate = ModelState(), -1, dataset.manifest.sample_rate
-    for number, row in enumerate(rows.tolist()):
+    for number, row in enumerate(map(int, rows)):
         if dataset.session[row] != session:
             state, session = ModelState(), int(dataset.session[row])
-        result[number] = context_row(state, width)
+        yield context_row(state, width)
         time = int(dataset.start[row]) / rate
-        state = step(state, rule, time, float(contact[number]), lambda row=row: features[row])
-    return result
+        state = step(state, rule, time, float(contact[number]), lambda row=row: feature(row))
 
 
 def assembled(
     dataset: Dataset,
     rows: Indices,
     tasks: Mapping[str, Task],
-    base: Sequence[Audio],
-    context: Sequence[Audio],
+    base: Audio,
+    context: Audio,
     scales: Mapping[str, Floats] | None = None,
 ) -> Examples:
-    """Return the examples of windows `rows` (n,) from the features and references of each copy.
+    """Return the examples of windows `rows` (n,) from features (copies, n, d) and references (copies, n, c).
 
     Labels in the units of `scales` are divided by these (windows of the dataset,), which convert positions
     (m) and forces (N) to the design's string.
@@ -276,8 +308,8 @@ def assembled(
         rows=rows,
         session=dataset.session[rows].astype(np.int64),
         touch=touches_of(dataset)[rows],
-        base=np.stack(base),
-        context=np.stack(context),
+        base=base,
+        context=context,
         labels={name: np.where(masks[name][rows], label(task)[rows], 0.0) for name, task in tasks.items()},
         masks={name: masks[name][rows] for name in tasks},
     )
@@ -296,40 +328,72 @@ def examples_of(
     """
     dataset, rule = data.dataset, data.definition.reference
     rows, stream = chosen(dataset, part, data.tasks, name), stream_of(dataset, part)
-    contact = labelled_contact(dataset, stream)
-    quiet = stream[contact == 0.0]
-    alike = rule is not None and rule.feature == data.definition.feature
-    base: list[Audio] = []
-    context: list[Audio] = []
-    for noise in (None, *noises):
-        base.append(data.feature.of(rows, noise, progress))
-        if rule is None or data.reference is None:
-            context.append(np.zeros((len(rows), 0), np.float32))
-            continue
-        features = dict(zip(rows.tolist(), base[-1], strict=True)) if alike else {}
-        absent = np.array([row for row in quiet.tolist() if row not in features], np.int64)
-        features |= zip(absent.tolist(), data.reference.of(absent, noise, progress), strict=True)
-        whole = references(dataset, stream, contact, rule, features)
-        context.append(whole[np.searchsorted(stream, rows)])
+    size = 1 + len(noises), len(rows)
+    base = empty(data.scratch, (*size, len(data.definition.feature.columns)))
+    context = empty(data.scratch, (*size, 0 if rule is None else len(rule.feature.columns) + 1))
+    for copy, noise in enumerate((None, *noises)):
+        data.feature.of(rows, noise, progress, out=base[copy])
+        _put_references(data, (stream, rows), noise, progress, (base[copy], context[copy]))
     design = data.definition.string
     scales = {"N": force_scales(dataset, design), "m": length_scales(dataset, design)} if design else None
     return assembled(dataset, rows, data.tasks, base, context, scales)
 
 
+def _put_references(
+    data: TrainingData,
+    windows: tuple[Indices, Indices],
+    noise: Noise | None,
+    progress: Progress,
+    arrays: tuple[Audio, Audio],
+) -> None:
+    """Put the untouched references of some windows of a stream into an array; nothing without a reference.
+
+    `windows` are the stream (n,), and those of its windows that are learned from (k,). `arrays` are the
+    features (k, d) of the latter, and their references (k, c).
+    """
+    (stream, rows), (base, context) = windows, arrays
+    rule, source = data.definition.reference, data.reference
+    if rule is None or source is None:
+        return
+    dataset, contact = data.dataset, labelled_contact(data.dataset, stream)
+    tables = [(rows, base)] if rule.feature == data.definition.feature else []
+    absent = stream[contact == 0.0]
+    absent = absent[~np.isin(absent, rows)] if tables else absent
+    quiet = empty(data.scratch, (len(absent), len(rule.feature.columns)))
+    tables.append((absent, source.of(absent, noise, progress, out=quiet)))
+
+    def feature(row: int) -> Audio:
+        for known, table in tables:
+            at = int(np.searchsorted(known, row))
+            if at < len(known) and known[at] == row:
+                return np.array(table[at])
+        raise KeyError(row)
+
+    done = 0
+    for row, reference in zip(stream, references(dataset, stream, contact, rule, feature), strict=True):
+        while done < len(rows) and rows[done] == row:
+            context[done] = reference
+            done += 1
+            if done % BLOCK == 0:
+                release(context, base, quiet)
+
+
 def inputs_of(definition: Definition, scaler: Mapping[str, Audio], examples: Examples) -> Audio:
     """Return the scaled inputs (copies, n, inputs) of all heads; see `network_inputs`."""
     own = Scaling.of(definition, scaler)
-    pairs = zip(examples.base, examples.context, strict=True)
+    pairs = zip(np.asarray(examples.base), np.asarray(examples.context), strict=True)
     return np.stack([network_inputs(base, context, own, definition.clip) for base, context in pairs])
 
 
 def targets_of(definition: Definition, name: str, examples: Examples) -> Floats:
     """Return what a head's first output should be (copies, n): 0 or 1, or the quantity in its scale."""
-    record, shape = definition.heads[name], examples.base.shape[:2]
-    target = np.broadcast_to(examples.labels[name] - record.offset, shape)
-    refined = definition.refined(name)
-    if refined is not None and definition.string is not None:
-        target = target - examples.base[..., refined].astype(np.float64) * definition.string.length
+    record = definition.heads[name]
+    refined, string = definition.refined(name), definition.string
+    target = np.empty(examples.base.shape[:2])
+    for at, block in examples.blocks():
+        target[:, at] = block.labels[name] - record.offset
+        if refined is not None and string is not None:
+            target[:, at] -= block.base[..., refined].astype(np.float64) * string.length
     return target / record.scale
 
 
@@ -338,17 +402,18 @@ def scaling(train: Examples) -> dict[str, Audio]:
 
     The reference's statistics use only windows with a reference. Its presence mark is not scaled.
     """
-    mean, scale = mean_and_scale(train.base.reshape(-1, train.base.shape[-1]))
+    mean, scale = mean_and_scale(_flat(block.base) for _, block in train.blocks())
     result = {"scaler.mean": mean, "scaler.scale": scale}
     if train.context.shape[-1]:
-        context = train.context.reshape(-1, train.context.shape[-1])
-        context = context[context[:, -1] > 0.0]
-        mean, scale = mean_and_scale(context) if len(context) else (np.zeros(1), np.ones(1))
-        zeros = np.zeros(train.context.shape[-1], np.float32)
-        context_mean, context_scale = zeros + mean.astype(np.float32), zeros + scale.astype(np.float32)
-        context_mean[-1], context_scale[-1] = 0.0, 1.0
-        result |= {"context.mean": context_mean, "context.scale": context_scale}
+        context = (_flat(block.context) for _, block in train.blocks())
+        mean, scale = mean_and_scale(rows[rows[:, -1] > 0.0] for rows in context)
+        mean[-1], scale[-1] = 0.0, 1.0
+        result |= {"context.mean": mean, "context.scale": scale}
     return result
+
+
+def _flat(copies: Audio) -> Audio:
+    return copies.reshape(-1, copies.shape[-1])
 
 
 def scaled_heads(definition: Definition, train: Examples) -> Definition:
@@ -367,10 +432,26 @@ def scaled_heads(definition: Definition, train: Examples) -> Definition:
     return dataclasses.replace(definition, heads=heads)
 
 
-def mean_and_scale(rows: Audio) -> tuple[Audio, Audio]:
-    """Return mean and standard deviation of each column of rows (n, d); 1 for a constant column."""
-    mean = rows.mean(axis=0, dtype=np.float64)
-    deviation = rows.std(axis=0, dtype=np.float64)
+def mean_and_scale(blocks: Iterable[Audio]) -> tuple[Audio, Audio]:
+    """Return mean and standard deviation of each column of blocks of rows (n, d); 1 for a constant column.
+
+    Blocks are merged as in Chan, Golub and LeVeque, Updating formulae and a pairwise algorithm for computing
+    sample variances (1979). Without a row the mean is 0.
+
+    >>> mean_and_scale([np.array([[1.0, 2.0]], np.float32), np.array([[3.0, 2.0]], np.float32)])
+    (array([2., 2.], dtype=float32), array([1., 1.], dtype=float32))
+    """
+    count, mean, squares = 0, np.zeros(0), np.zeros(0)
+    for rows in blocks:
+        if not count:
+            mean, squares = np.zeros(rows.shape[1]), np.zeros(rows.shape[1])
+        if len(rows):
+            own, share = rows.mean(axis=0, dtype=np.float64), len(rows) / (count + len(rows))
+            squares += len(rows) * rows.var(axis=0, dtype=np.float64)
+            squares += count * share * (own - mean) ** 2
+            mean = mean + share * (own - mean)
+            count += len(rows)
+    deviation = np.sqrt(squares / max(count, 1))
     return mean.astype(np.float32), np.where(deviation > MIN_DEVIATION, deviation, 1.0).astype(np.float32)
 
 
@@ -386,9 +467,8 @@ def probes(data: TrainingData) -> dict[str, Audio]:
 
 def quietest(dataset: Dataset, rows: Indices) -> float:
     """Return half of the 0.1 % quantile of the windows' root mean squares, in full scale."""
-    levels = [
-        float(np.sqrt(np.mean(np.square(dataset.window(row), dtype=np.float64)))) for row in rows.tolist()
-    ]
+    squares = (np.mean(np.square(dataset.window(row), dtype=np.float64)) for row in map(int, rows))
+    levels = np.sqrt(np.fromiter(squares, np.float64, len(rows)))
     return 0.5 * float(np.quantile(levels, 0.001))
 
 

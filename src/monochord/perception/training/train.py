@@ -41,7 +41,13 @@ from monochord.perception.training.choice import (
     noisy_logits,
     regressions,
 )
-from monochord.perception.training.correct import Replayed, counting, with_prior, with_variables
+from monochord.perception.training.correct import (
+    PackedOutputs,
+    Replayed,
+    counting,
+    with_prior,
+    with_variables,
+)
 from monochord.perception.training.examples import (
     TrainingData,
     chosen,
@@ -133,6 +139,7 @@ def train(
         chosen(dataset, split.parts[name], data.tasks, name)  # refuses before anything is written
     claim(out, settings.resolved())
     with sole_use(out, anywhere=True):
+        data = dataclasses.replace(data, scratch=out)
         result = _trained(settings, methods, out, dataset, split, data, progress)
     return dataclasses.replace(result, left_out=left_out)
 
@@ -341,15 +348,15 @@ def read_in_turn(
     design = model.definition.string
     strings = retuned_strings(dataset, design) if design is not None else {}
     own, state, session = model, ModelState(), -1
-    every: dict[int, Mapping[str, Output]] = {}
+    every = PackedOutputs()
     odds: dict[int, Floats] = {}
-    for done, row in enumerate(rows.tolist(), start=1):
+    for done, row in enumerate(map(int, rows), start=1):
         if dataset.session[row] != session:
             state, session = ModelState(), int(dataset.session[row])
             own = model.tuned(strings[session]) if session in strings else model
         state, outputs = own.outputs(state, window_of(dataset, row))
         if outputs:
-            every[row] = outputs
+            every.append(row, outputs)
             if state.faults.odds is not None:
                 odds[row] = state.faults.odds
         if done % 256 == 0 or done == len(rows):
