@@ -129,3 +129,41 @@ def test_each_build_of_a_sealed_plan_has_100_touches_to_know_and_100_to_score(pl
     pitch = [np.sqrt(1.0 + each.drift / each.string.tension) - 1.0 for each in sensors]
     assert min(pitch) < -0.02
     assert max(pitch) > 0.02
+
+
+def test_the_training_of_builds_3_has_a_build_a_session_and_shares_nothing_with_a_test() -> None:
+    plan = plan_of("builds_3")
+    sessions = assignments(plan)
+    builds = [one.build for one in sessions]
+    assert len(builds) == len(set(builds)) == max(builds, default=0) - min(builds, default=0) + 1
+    others = [group for name in every() if name != "builds_3" for group in plan_of(name).groups]
+    assert not {*builds} & {build for group in others for build in _builds(group)}
+    assert not {one.day for one in sessions} & {day for group in others for day in group.days}
+    # What a session draws depends on its name: equal names would be equal speech, songs and strokes.
+    tests = {group.name for name in SEALED for group in plan_of(name).groups}
+    assert not {group.name for group in plan.groups} & tests
+    ideal = [one for one in sessions if one.world == "ideal"]
+    assert 0 < len(ideal) < 0.03 * len(sessions)
+
+
+@pytest.mark.parametrize("name", ["sealed_9", "builds_3"])
+def test_plans_of_stories_have_every_story(name: str) -> None:
+    groups = plan_of(name).groups
+    for option in ("swing", "vibrato", "again", "in_turn", "driver_dies", "on_touched", "detuned"):
+        assert any(getattr(group, option) for group in groups), option
+    assert any(group.protocol == "tap" for group in groups)
+    assert any(isinstance(group.second, tuple) and group.in_turn is None for group in groups)
+    assert any(group.pause is not None and ends(group.pause)[1] == 30.0 for group in groups)
+    assert {"drawn", "synthetic speech"} <= {group.music for group in groups}
+    assert max(group.forces[1] for group in groups) >= 8.0
+    assert max(group.speeds[1] for group in groups) == 0.3
+    faults = {
+        fault
+        for group in groups
+        if (one := group.deviation) is not None
+        for fault in (("driver", one.dead_driver), ("microphone", one.dead_microphone), one.swapped)
+    }
+    assert {("driver", 1), ("driver", 2), ("microphone", 1), ("microphone", 2), True} <= faults
+    detuned = [one.deviation.tuning or 0.0 for one in assignments(plan_of(name)) if one.group.detuned]
+    assert min(detuned) < -0.2
+    assert max(detuned) > 0.2
