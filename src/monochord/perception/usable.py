@@ -7,6 +7,7 @@ import numpy as np
 
 from monochord.core.clock import RATE_RATIOS
 from monochord.core.kernels import kernel, part
+from monochord.core.reasons import Reason
 from monochord.core.silence import SILENT_LEVEL
 from monochord.core.types import Audio, Floats, Window
 from monochord.core.units import Samples, Seconds
@@ -22,23 +23,23 @@ PATIENCE: Seconds = 3.0
 one that is touched."""
 
 
-def unusable_reason(window: Window) -> str:
-    """Return why a window cannot be used, or an empty string.
+def unusable_reason(window: Window) -> Reason:
+    """Return why a window cannot be used; empty if it can.
 
     >>> quiet = Window(samples=np.zeros((2, 4410), np.float32), start=0, sample_rate=44100)
     >>> unusable_reason(quiet)
     'silence'
     """
     if window.has_gap:
-        return "gap"
+        return Reason.GAP
     deviation, extreme = _measured(window.samples)
     if not math.isfinite(deviation):
-        return "samples that are not numbers"
+        return Reason.NOT_NUMBERS
     if deviation < SILENT_LEVEL:
-        return "silence"
+        return Reason.SILENCE
     if extreme > CLIPPED_SHARE:
-        return "clipped"
-    return ""
+        return Reason.CLIPPED
+    return Reason.NONE
 
 
 class Hearing:

@@ -12,6 +12,7 @@ from rich.text import Text
 
 from monochord.core.labels import SETTLED
 from monochord.core.printable import printable
+from monochord.core.reasons import Reason
 from monochord.core.timing import Percentiles
 from monochord.core.types import Audio, Estimate, Signal, Truth
 from monochord.core.units import Metres, Newtons, decibels
@@ -31,7 +32,7 @@ NAMED_COLUMNS = 72
 FLOOR = -60.0  # decibels at the left end of a level meter
 EIGHTHS = " ▏▎▍▌▋▊▉"
 ORDER = ("contact", "position", "force", "slip", "frequency")  # what a person looks for first
-NORMAL_REASONS = ("no contact", "not estimated")
+NORMAL_REASONS = (Reason.NO_CONTACT, Reason.NOT_ESTIMATED)
 """Abstention reasons that are not problems."""
 TRACK_COLUMN = 37
 """Columns before a track."""
@@ -252,7 +253,7 @@ def _estimates(update: Update, length: Metres, columns: int) -> Iterator[Text]:
         line = Text.assemble((f"  {name.replace('_', ' '):<12}", LABEL))
         if not estimate.valid:
             line.append(f"{'--':>10}", DIM)
-            line.append(f"  {estimate.reason}", WARN if estimate.reason not in NORMAL_REASONS else DIM)
+            line.append(f"  {estimate.reason}", DIM if Reason.of(estimate.reason) in NORMAL_REASONS else WARN)
         elif name in WORDS:
             word, share = probability_in_words(name, estimate.value)
             line.append(f"{word:>10}", "bold").append(f"  {share:<11}", LABEL)
