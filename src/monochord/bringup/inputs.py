@@ -8,15 +8,22 @@ from monochord.bringup.check import MICROPHONES, Check, Take, left_out
 from monochord.bringup.steps import TAP_PLACE
 from monochord.bringup.string import LOWEST, onset
 from monochord.core.inputs import Inputs
+from monochord.core.reasons import Reason
 from monochord.core.types import Audio, Floats
 from monochord.core.units import Hertz, Seconds
 from monochord.dsp.microphones import LOOK, inputs_of
 
 INPUT_FAULTS: Mapping[Inputs, tuple[str, str]] = {
-    Inputs.SAME: ("one microphone", "choose both inputs, and turn off mono in the mixer or the interface"),
-    Inputs.FIRST: ("microphone 2 dead", "check its plug, cable, phantom power or battery, and gain"),
-    Inputs.SECOND: ("microphone 1 dead", "check its plug, cable, phantom power or battery, and gain"),
-    Inputs.APART: ("unlike inputs", "record both as two channels of one interface, at one rate"),
+    Inputs.SAME: (Reason.INPUT_COPIED, "choose both inputs, and turn off mono in the mixer or the interface"),
+    Inputs.FIRST: (
+        Reason.MICROPHONE_DEAD.with_detail(2),
+        "check its plug, cable, phantom power or battery, and gain",
+    ),
+    Inputs.SECOND: (
+        Reason.MICROPHONE_DEAD.with_detail(1),
+        "check its plug, cable, phantom power or battery, and gain",
+    ),
+    Inputs.APART: (Reason.INPUTS_UNLIKE, "record both as two channels of one interface, at one rate"),
 }
 """Fault and advice for what two channels carry."""
 TARGET_PEAK = 0.3
@@ -80,7 +87,7 @@ def silence_checks(pluck: Take, quiet: Take | None) -> list[Check]:
         name, ratio = f"microphone {number} over its noise", level / max(floor, 1e-9)
         value = decibels(ratio)
         if ratio >= DEAD_RATIO and level > 1e-6:
-            checks.append(Check(step="pluck", name=name, value=value, unit="dB"))
+            checks.append(Check(step="pluck", name=name, value=value, unit="dB", microphone=number))
             continue
         checks.append(
             Check(
@@ -89,7 +96,8 @@ def silence_checks(pluck: Take, quiet: Take | None) -> list[Check]:
                 value=value,
                 unit="dB",
                 passed=False,
-                fault=f"microphone {number} dead",
+                fault=Reason.MICROPHONE_DEAD.with_detail(number),
+                microphone=number,
                 advice=f"input {number} does not pick up the string: check plug, cable, phantom power "
                 f"or battery, gain, "
                 "and that its piezo is glued on",
@@ -127,18 +135,28 @@ def level_checks(takes: Sequence[Take]) -> list[Check]:
         name = f"level of microphone {number}"
         if clipped > MAX_CLIPPED:
             fault, advice = (
-                "clipped",
+                Reason.TOO_LOUD,
                 f"{100.0 * clipped:.1f} % of samples clip: turn its gain down by 15 dB, run it again",
             )
         elif peak < MIN_PEAK:
-            fault, advice = "low", f"turn its gain up by {gain:.0f} dB"
+            fault, advice = Reason.LOW, f"turn its gain up by {gain:.0f} dB"
         else:
             note = "" if abs(gain) < 12.0 else f"gain {gain:+.0f} dB would be best"
-            checks.append(Check(step="both", name=name, value=value, unit="dBFS", advice=note))
+            checks.append(
+                Check(step="both", name=name, value=value, unit="dBFS", advice=note, microphone=number)
+            )
             continue
-        fault = f"microphone {number} {fault}"
         checks.append(
-            Check(step="both", name=name, value=value, unit="dBFS", passed=False, advice=advice, fault=fault)
+            Check(
+                step="both",
+                name=name,
+                value=value,
+                unit="dBFS",
+                passed=False,
+                advice=advice,
+                fault=fault.with_detail(number),
+                microphone=number,
+            )
         )
     return checks
 
@@ -161,7 +179,7 @@ def rate_check(takes: Mapping[str, Take]) -> Check:
                 unit="Hz",
                 passed=False,
                 advice=advice,
-                fault="wrong rate",
+                fault=Reason.WRONG_RATE,
             )
     return Check(step=next(iter(takes)), name="sample rate", value=float(rate), unit="Hz")
 
@@ -180,7 +198,7 @@ def dropped_check(takes: Mapping[str, Take]) -> Check:
         unit="frames",
         passed=False,
         advice=advice,
-        fault="lost frames",
+        fault=Reason.LOST_FRAMES,
     )
 
 
@@ -222,11 +240,11 @@ def order_check(tap: Take, relative: float) -> Check:
             unit="dB",
             passed=False,
             advice=advice,
-            fault="microphones swapped",
+            fault=Reason.INPUTS_SWAPPED,
         )
     advice = f"no clear order: tap once, within {1e3 * TAP_PLACE:g} mm of microphone 1's end of the string"
     return Check(
-        step="tap", name=name, value=value, unit="dB", passed=False, advice=advice, fault="unclear tap"
+        step="tap", name=name, value=value, unit="dB", passed=False, advice=advice, fault=Reason.UNCLEAR_TAP
     )
 
 
@@ -255,7 +273,7 @@ def separation_check(press: Take, relative: float) -> Check:
         "their cables apart"
     )
     return Check(
-        step="press", name=name, value=value, unit="dB", passed=False, advice=advice, fault="crosstalk"
+        step="press", name=name, value=value, unit="dB", passed=False, advice=advice, fault=Reason.CROSSTALK
     )
 
 
