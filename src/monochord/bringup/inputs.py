@@ -109,16 +109,18 @@ def silence_checks(pluck: Take, quiet: Take | None) -> list[Check]:
 def inputs_check(takes: Mapping[str, Take]) -> Check:
     """Return whether the inputs are two microphones: neither a copy of the other, nor unused, nor unlike."""
     name, step = "two microphones", next(iter(takes))
+    rate = takes[step].sample_rate
+    size = round(LOOK * rate)
     pieces = [
-        take.samples[:, start : start + round(LOOK * take.sample_rate)]
+        take.samples[:, start : start + size]
         for take in takes.values()
-        for start in range(0, take.samples.shape[1], round(LOOK * take.sample_rate))
+        for start in range(0, take.samples.shape[1] - size + 1, size)
     ]
-    reason = inputs_of(pieces, takes[step].sample_rate)
-    if not reason.reason:
+    inputs = inputs_of(pieces, rate)
+    if not inputs.reason:
         return Check(step=step, name=name)
-    fault, advice = INPUT_FAULTS[reason]
-    return Check(step=step, name=name, passed=False, fault=fault, advice=f"{reason.reason}: {advice}")
+    fault, advice = INPUT_FAULTS[inputs]
+    return Check(step=step, name=name, passed=False, fault=fault, advice=f"{inputs.reason}: {advice}")
 
 
 def level_checks(takes: Sequence[Take]) -> list[Check]:
