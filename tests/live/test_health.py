@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import soundfile
+import soxr
 
 import monochord as mc
 from monochord.capture.sources import SOURCES
@@ -89,6 +90,21 @@ def test_what_levels_show_is_said_and_ends_with_its_cause(sound: Audio, key: str
     assert said * HOP / RATE >= notes[said][0].since + 0.5 - 1e-6
     assert key in keys(notes[185])
     assert not notes[-1]
+
+
+@pytest.mark.parametrize("limit", [1.0, 0.985])
+@pytest.mark.parametrize("rate", [RATE, 48000])
+def test_clipping_is_said_at_any_rate_and_where_a_converter_limits_below_full_scale(
+    rate: int, limit: float
+) -> None:
+    """Of a top that is cut off at another rate, no two samples are equal."""
+    loud = soxr.resample(8.0 * STRING.T, RATE, rate)
+    sound = soxr.resample(np.clip(loud, -limit, limit), rate, RATE).T.astype(np.float32)
+    assert keys(watched(sound)[-1]) == ["clipping"]
+    assert not any(watched((4.7 * STRING).astype(np.float32)))  # its peaks are 0.958
+    single = STRING.copy()
+    single[:, ::2205] = 1.0
+    assert not any(watched(single))
 
 
 def test_a_sound_string_has_no_notes_even_after_a_moment_of_trouble() -> None:

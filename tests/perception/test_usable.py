@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
+from monochord.core.clipping import DISTORTED_SHARE
 from monochord.core.reasons import Reason
 from monochord.core.silence import SILENT_LEVEL
 from monochord.core.types import Audio, Floats, Window
-from monochord.perception.usable import CLIPPED_SHARE, unusable_reason
+from monochord.perception.usable import unusable_reason
 
 RATE, SIZE = 44100, 4410
 TONE = 0.3 * np.sin(0.2 * np.arange(2.0 * SIZE)).reshape(2, SIZE)
@@ -39,5 +40,5 @@ def test_silence_is_judged_about_the_mean_and_by_the_louder_channel() -> None:
 def test_clipping_at_any_level(top: float) -> None:
     unit = TONE / 0.3
     for share, reason in ((1.3, Reason.CLIPPED), (0.7, Reason.NONE)):
-        peak = np.cos(0.5 * np.pi * share * CLIPPED_SHARE)
+        peak = np.cos(0.5 * np.pi * share * DISTORTED_SHARE)
         assert unusable_reason(window(top * np.clip(unit / peak, -1.0, 1.0))) == reason

@@ -7,6 +7,7 @@ import numpy as np
 from monochord.bringup.check import MICROPHONES, Check, Take, left_out
 from monochord.bringup.steps import TAP_PLACE
 from monochord.bringup.string import LOWEST, onset
+from monochord.core.clipping import LOUD, LOUD_SHARE
 from monochord.core.inputs import Inputs
 from monochord.core.reasons import Reason
 from monochord.core.types import Audio, Floats
@@ -30,10 +31,6 @@ TARGET_PEAK = 0.3
 """Peak in full scale that the gain is set to: a hard press is some 8 dB louder than the untouched string."""
 MIN_PEAK = 0.03
 """Smallest peak of the driven string in full scale: healthy simulated builds reach 0.1 or more."""
-CLIPPED = 0.985
-"""Share of full scale from which a sample counts as clipped."""
-MAX_CLIPPED = 1e-3
-"""Share of clipped samples that is accepted: single shocks clip."""
 DEAD_RATIO = 5.0
 """Level of a pluck's loudest line over the noise there, below which a microphone is dead: healthy ones reach
 100."""
@@ -132,10 +129,10 @@ def level_checks(takes: Sequence[Take]) -> list[Check]:
     checks: list[Check] = []
     for channel, number in enumerate(MICROPHONES):
         peak = max(float(np.abs(end[channel]).max()) for end in ends)
-        clipped = max(float((np.abs(end[channel]) >= CLIPPED).mean()) for end in ends)
+        clipped = max(float((np.abs(end[channel]) >= LOUD).mean()) for end in ends)
         value, gain = decibels(peak), decibels(TARGET_PEAK / max(peak, 1e-9))
         name = f"level of microphone {number}"
-        if clipped > MAX_CLIPPED:
+        if clipped >= LOUD_SHARE:
             fault, advice = (
                 Reason.TOO_LOUD,
                 f"{100.0 * clipped:.1f} % of samples clip: turn its gain down by 15 dB, run it again",
@@ -210,7 +207,7 @@ def sensitivity(pluck: Take) -> float:
     size = round(0.05 * pluck.sample_rate)
     for start in range(first + size // 5, pluck.samples.shape[1] - size, size // 2):
         part = pluck.samples[:, start : start + size]
-        if np.abs(part).max() < CLIPPED:
+        if np.abs(part).max() < LOUD:
             one, two = rms(part)
             return float(one / max(two, 1e-12))
     return 1.0
@@ -225,7 +222,7 @@ def order_check(tap: Take, relative: float) -> Check:
     name, first = "tap beside microphone 1, over microphone 2", onset(tap.samples, tap.sample_rate, HUM_SPAN)
     size = round(1e-3 * tap.sample_rate)
     part = _without_hum(tap, first, size)
-    if (np.abs(tap.samples[:, first : first + size]) >= CLIPPED).any():
+    if (np.abs(tap.samples[:, first : first + size]) >= LOUD).any():
         return left_out("tap", name, "the tap clips: tap more softly, or turn the gain down")
     one, two = np.sqrt((part**2).mean(axis=1))
     value = decibels(one / max(two, 1e-12)) - decibels(relative)

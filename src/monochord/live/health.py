@@ -12,6 +12,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from monochord.core.clipping import LOUD_SHARE
 from monochord.core.clock import MIN_CLOCK_STEP, mistaken_rates
 from monochord.core.inputs import Inputs, InputState
 from monochord.core.ranges import Checked, NonNegative
@@ -39,8 +40,6 @@ from monochord.core.units import Seconds
 from monochord.live.filter import CONTACT, FilterState
 from monochord.perception.estimators.base import Condition
 
-CLIPPED_PEAK, CLIPPED_SHARE = 0.98, 2.0e-3
-"""Peak in full scale, and share of samples at the peak, from which a channel counts as clipped."""
 RINGING_LEVEL, PROMINENCE = 5.6e-3, 40.0
 """Root mean square (-45 dB) and prominence of the strongest tone below which a string does not ring.
 
@@ -300,12 +299,12 @@ def _level_findings(window: Window, inputs: Inputs) -> Mapping[str, Finding]:
     from monochord.dsp.levels import measure_levels, tone_prominence  # noqa: PLC0415 (compiled, and a sink imports this module)
 
     measured = measure_levels(window.samples, window.sample_rate)
-    level, peak, extreme, hum = measured.T
+    level, loud, hum = measured.T
     if not np.isfinite(level).all():
         return _by_key(Reason.NOT_NUMBERS.finding)
     if level.max() < SILENT_LEVEL:
         return _by_key(NO_MICROPHONE)
-    clips = bool(((peak >= CLIPPED_PEAK) & (extreme >= CLIPPED_SHARE)).any())
+    clips = bool((loud >= LOUD_SHARE).any())
     hums = bool((hum > HUM_SHARE).any())
     is_quiet = level.max() < RINGING_LEVEL
     is_still = is_quiet and tone_prominence(window.samples, window.sample_rate) < PROMINENCE

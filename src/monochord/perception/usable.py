@@ -5,6 +5,7 @@ from collections import deque
 
 import numpy as np
 
+from monochord.core.clipping import DISTORTED_SHARE
 from monochord.core.clock import RATE_RATIOS
 from monochord.core.kernels import kernel, part
 from monochord.core.reasons import Reason
@@ -12,8 +13,6 @@ from monochord.core.silence import SILENT_LEVEL
 from monochord.core.types import Audio, Floats, Window
 from monochord.core.units import Samples, Seconds
 
-CLIPPED_SHARE = 0.1
-"""Share of samples at the very top and bottom values from which a window is too clipped to trust."""
 STRONG_LINE = 1e-2
 """Least power of a line that must jump with the others, as a share of its channel's strongest."""
 SAME_RATIO, SAME_LEVEL = 0.004, 0.5
@@ -37,7 +36,7 @@ def unusable_reason(window: Window) -> Reason:
         return Reason.NOT_NUMBERS
     if deviation < SILENT_LEVEL:
         return Reason.SILENCE
-    if extreme > CLIPPED_SHARE:
+    if extreme > DISTORTED_SHARE:
         return Reason.CLIPPED
     return Reason.NONE
 

@@ -10,6 +10,7 @@ from operator import itemgetter
 import numpy as np
 from rich.text import Text
 
+from monochord.core.clipping import LOUD
 from monochord.core.labels import SETTLED
 from monochord.core.printable import printable
 from monochord.core.reasons import Reason
@@ -30,6 +31,8 @@ ESTIMATED, TRUE, BOTH = "●", "◆", "◉"
 NAMED_COLUMNS = 72
 """Smallest width in columns at which the ends of a scale are named."""
 FLOOR = -60.0  # decibels at the left end of a level meter
+LOUD_LEVEL = decibels(LOUD)
+"""Peak in dB from which a meter says that sound is clipped."""
 EIGHTHS = " ▏▎▍▌▋▊▉"
 ORDER = ("contact", "position", "force", "slip", "frequency")  # what a person looks for first
 NORMAL_REASONS = (Reason.NO_CONTACT, Reason.NOT_ESTIMATED)
@@ -316,8 +319,8 @@ def _meter(number: int, rms: float, peak: float, columns: int) -> Text:
     bar = ("█" * int(filled) + EIGHTHS[int(filled % 1.0 * 8.0)])[:width]
     line.append(bar, "green").append("·" * (width - len(bar)), DIM)
     line.append(f" {rms:6.1f} dB" if math.isfinite(rms) else " silence", LABEL)
-    # Full scale reached: the wave's top is cut off, and with it the spectrum is not the string's.
-    return line.append("  clipped", WARN) if peak > -0.01 else line
+    # The wave's top is cut off, and with it the spectrum is not the string's.
+    return line.append("  clipped", WARN) if peak >= LOUD_LEVEL else line
 
 
 def _tracked(update: Update) -> Text:
