@@ -14,19 +14,13 @@ from monochord.core.types import Audio, Floats
 from monochord.core.units import Hertz, Seconds
 from monochord.dsp.microphones import LOOK, inputs_of
 
-INPUT_FAULTS: Mapping[Inputs, tuple[str, str]] = {
-    Inputs.SAME: (Reason.INPUT_COPIED, "choose both inputs, and turn off mono in the mixer or the interface"),
-    Inputs.FIRST: (
-        Reason.MICROPHONE_DEAD.with_detail(2),
-        "check its plug, cable, phantom power or battery, and gain",
-    ),
-    Inputs.SECOND: (
-        Reason.MICROPHONE_DEAD.with_detail(1),
-        "check its plug, cable, phantom power or battery, and gain",
-    ),
-    Inputs.APART: (Reason.INPUTS_UNLIKE, "record both as two channels of one interface, at one rate"),
+INPUT_FAULTS: Mapping[Inputs, str] = {
+    Inputs.SAME: Reason.INPUT_COPIED,
+    Inputs.FIRST: Reason.MICROPHONE_DEAD.with_detail(2),
+    Inputs.SECOND: Reason.MICROPHONE_DEAD.with_detail(1),
+    Inputs.APART: Reason.INPUTS_UNLIKE,
 }
-"""Fault and advice for what two channels carry."""
+"""Fault for what two channels carry."""
 TARGET_PEAK = 0.3
 """Peak in full scale that the gain is set to: a hard press is some 8 dB louder than the untouched string."""
 MIN_PEAK = 0.03
@@ -116,8 +110,9 @@ def inputs_check(takes: Mapping[str, Take]) -> Check:
     inputs = inputs_of(pieces, rate)
     if not inputs.reason:
         return Check(step=step, name=name)
-    fault, advice = INPUT_FAULTS[inputs]
-    return Check(step=step, name=name, passed=False, fault=fault, advice=f"{inputs.reason}: {advice}")
+    fault = INPUT_FAULTS[inputs]
+    advice = f"{inputs.reason}: {Reason.of(fault).remedy}"
+    return Check(step=step, name=name, passed=False, fault=fault, advice=advice)
 
 
 def level_checks(takes: Sequence[Take]) -> list[Check]:

@@ -396,9 +396,13 @@ class Reason(StrEnum):
     # Diagnoses of a bring-up.
     LOW = "microphone {} low"
     TOO_LOUD = "microphone {} clipped"
-    MICROPHONE_DEAD = "microphone {} dead"
-    INPUT_COPIED = "one microphone"
-    INPUTS_UNLIKE = "unlike inputs"
+    MICROPHONE_DEAD = _Row(
+        "microphone {} dead", remedy="check its plug, cable, phantom power or battery, and gain"
+    )
+    INPUT_COPIED = _Row(
+        "one microphone", remedy="choose both inputs, and turn off mono in the mixer or the interface"
+    )
+    INPUTS_UNLIKE = _Row("unlike inputs", remedy="record both as two channels of one interface, at one rate")
     INPUTS_SWAPPED = "microphones swapped"
     UNCLEAR_TAP = "unclear tap"
     CROSSTALK = "crosstalk"
