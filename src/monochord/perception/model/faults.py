@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from monochord.core.kernels import kernel
+from monochord.core.reasons import Reason
 from monochord.core.types import Flags, Floats
 from monochord.core.units import Seconds
 
@@ -30,34 +31,32 @@ log10 of power: 0 of 1,000 windows of the plan `odd` that look like one, with ei
 class Fault(NamedTuple):
     """How a fault is reported.
 
-    `reason` is the sentence for it, and `memory` the averaging time in s. A fault `of_touch` is detected in
-    touched windows alone; a `brief` one ends with the touch, and implies a touch. Contact stays reliable
-    where `contact_reliable` says so.
+    `memory` is the averaging time in s. A fault `of_touch` is detected in touched windows alone. Contact
+    stays reliable where `contact_reliable` says so.
     """
 
-    reason: str
+    reason: Reason
     memory: Seconds = 2.0
     of_touch: bool = False
-    brief: bool = False
     contact_reliable: bool = False
 
 
 FAULTS: Mapping[str, Fault] = {
-    "microphone 1 dead": Fault("microphone 1 is silent"),
-    "microphone 2 dead": Fault("microphone 2 is silent"),
-    "microphones swapped": Fault("the microphones seem swapped", contact_reliable=True),
-    "clipping": Fault("mostly clipped"),
-    "hum": Fault("hum louder than the string"),
-    "second string": Fault("two strings sound at once"),
-    "two touches": Fault("two things seem to touch", memory=0.2, brief=True),
-    SILENT_DRIVER: Fault("one driver seems silent", of_touch=True, contact_reliable=True),
-    "very soft": Fault("something very soft seems to touch", memory=0.2, brief=True),
-    "detuned": Fault("the string seems out of tune: run monochord tune", memory=0.2, of_touch=True),
+    "microphone 1 dead": Fault(Reason.MICROPHONE_1_SILENT),
+    "microphone 2 dead": Fault(Reason.MICROPHONE_2_SILENT),
+    "microphones swapped": Fault(Reason.MICROPHONES_SWAPPED, contact_reliable=True),
+    "clipping": Fault(Reason.MOSTLY_CLIPPED),
+    "hum": Fault(Reason.HUM),
+    "second string": Fault(Reason.TWO_STRINGS),
+    "two touches": Fault(Reason.TWO_TOUCHES, memory=0.2),
+    SILENT_DRIVER: Fault(Reason.DRIVER_SILENT, of_touch=True, contact_reliable=True),
+    "very soft": Fault(Reason.SOFT_TOUCH, memory=0.2),
+    "detuned": Fault(Reason.OUT_OF_TUNE, memory=0.2, of_touch=True),
 }
 """All faults by the names of their kinds of windows."""
 NAMES = tuple(FAULTS)
 _SILENT_DRIVER = NAMES.index(SILENT_DRIVER)
-OF_REASON = {fault.reason: fault for fault in FAULTS.values()}
+OF_REASON: Mapping[str, Fault] = {fault.reason: fault for fault in FAULTS.values()}
 _MEMORY = np.array([fault.memory for fault in FAULTS.values()])
 _COUNTS = tuple(
     np.array([touched or not fault.of_touch for fault in FAULTS.values()]) for touched in (False, True)
@@ -135,14 +134,14 @@ def _averaged(
     return odds, weight
 
 
-def fault_reason(odds: Floats | None, limits: Floats) -> str:
+def fault_reason(odds: Floats | None, limits: Floats) -> Reason:
     """Return why to abstain from averaged log odds (faults,); empty if none is above its limit (faults,).
 
     >>> fault_reason(np.array([-5.0, 6.0, *[-5.0] * 8]), np.full(10, 3.0))
     'microphone 2 is silent'
     """
     if odds is None:
-        return ""
+        return Reason.NONE
     above = odds - limits
     best = int(above.argmax())
-    return FAULTS[NAMES[best]].reason if above[best] > 0.0 else ""
+    return FAULTS[NAMES[best]].reason if above[best] > 0.0 else Reason.NONE

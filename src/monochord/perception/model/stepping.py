@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from monochord.core.reasons import Reason
 from monochord.core.shapes import sound
 from monochord.core.types import (
-    OUTSIDE_RANGE,
     Audio,
     Estimate,
     Estimates,
@@ -46,7 +46,7 @@ is in doubt: a touch at a node of the partial that the drivers hold leaves that 
 windows 0.03 % have both."""
 RISE_MEMORY: Seconds = 60.0
 """How long the pitch of the untouched string counts. Then the string may have been tuned, and not touched."""
-UNUSABLE = ("gap", "silence", "samples that are not numbers")
+UNUSABLE = (Reason.GAP, Reason.SILENCE, Reason.NOT_NUMBERS)
 """Reasons that make a window unusable for a model. Clipped windows are usable: training includes them."""
 
 
@@ -193,14 +193,16 @@ class Stepper:
         contact, fault = estimates[gate], OF_REASON.get(reason)
         touched, kept = contact.valid and contact.value >= DECISION, set[str]()
         place = self._no_place_reason(reading, estimates) if touched else ""
-        if place == OUTSIDE_RANGE and (not reason or (fault and (fault.brief or fault.of_touch))):
+        if place is Reason.OUTSIDE_RANGE and (
+            not reason or (fault and (fault.reason.brief or fault.of_touch))
+        ):
             # Outside the sensing range one touch may sound soft, like two, or as if its driver were silent.
             reason, kept = place, {name for name, record in heads.items() if not record.task.touched}
         elif place and not reason:
             reason, kept = place, {name for name, record in heads.items() if record.task.is_probability}
         elif not reason:
             return estimates
-        elif fault and (fault.contact_reliable or (fault.brief and touched)):
+        elif fault and (fault.contact_reliable or (fault.reason.brief and touched)):
             kept = {gate}
         return {
             name: each if name in kept else Estimate.abstain(each.unit, reason)
@@ -238,7 +240,7 @@ class Stepper:
         place, std = quantity(output, record, self._corrections.get(name))
         edge = min(EDGE_DEVIATIONS * std, MAX_EDGE)
         if places is not None and not places[0] - edge <= place <= places[1] + edge:
-            return OUTSIDE_RANGE
+            return Reason.OUTSIDE_RANGE
         return "" if estimates[name].valid else estimates[name].reason
 
     def _at_string_tension(self, estimates: dict[str, Estimate]) -> dict[str, Estimate]:
@@ -255,14 +257,14 @@ class Stepper:
             for name, each in estimates.items()
         }
 
-    def _unusable_reason(self, window: Window) -> str:
+    def _unusable_reason(self, window: Window) -> Reason:
         """Return why a window cannot be used; empty if it can."""
         reason = unusable_reason(window)
         if reason in UNUSABLE:
             return reason
         samples = window.samples
         power = float(np.vdot(samples, samples)) / samples.size
-        return "silence" if power < self._definition.quietest**2 else ""
+        return Reason.SILENCE if power < self._definition.quietest**2 else Reason.NONE
 
     @cached_property
     def network(self) -> Network:

@@ -4,7 +4,8 @@ from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING
 
 from monochord.core.errors import InputError
-from monochord.core.types import UNHEARD, Estimate, Estimates, Signal, StringParams, Window
+from monochord.core.reasons import Reason
+from monochord.core.types import Estimate, Estimates, Signal, StringParams, Window
 from monochord.core.units import Samples
 from monochord.dsp.microphones import Microphones
 from monochord.metrics import DECISION
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from monochord.perception.model.model import Model
 
 EXPECTED_PITCH = "the pitch that this model expects"
-LASTING = {reason for reason, fault in OF_REASON.items() if not fault.brief}
+LASTING = {fault.reason for fault in OF_REASON.values() if not fault.reason.brief}
 """Reasons of faults that do not end with a touch."""
 
 
@@ -117,7 +118,7 @@ class Followed(ModelStream, Watching):
         if not reason and not may_state and contact.valid and contact.value >= DECISION:
             # One that lasts tells more: a silent driver may be why no untouched string is heard.
             faults = {each.reason for each in estimates.values() if each.reason in LASTING}
-            reason = faults.pop() if faults else UNHEARD
+            reason = faults.pop() if faults else Reason.UNTOUCHED_MISSING
         return _abstaining(estimates, reason) if reason else estimates
 
     @property
