@@ -74,6 +74,15 @@ def touched(rate: int) -> Audio:
     return np.concatenate((untouched, touch, twin.advance(1.0)[0]), axis=1)
 
 
+def riff(rate: int) -> Audio:
+    """Return three notes on the highest string of a guitar: open, and at its frets 5 and 12."""
+    time = np.arange(rate // 2) / rate
+    notes = [329.63 * 2.0 ** (fret / 12.0) for fret in (0, 5, 12)]
+    levels = [(n, 0.2 / n * np.exp(-(0.5 + 0.3 * n) * time)) for n in range(1, 15)]
+    parts = [sum(level * np.sin(2.0 * np.pi * n * f * time + n) for n, level in levels) for f in notes]
+    return np.concatenate(parts).astype(np.float32)
+
+
 def group(name: str, **options: object) -> str:
     """Return a group of a plan whose sessions take a few seconds."""
     short = {"name": name, "grid": [2, 1], "forces": [0.8, 1.2], "hold": 0.5, "days": [1], **options}
@@ -112,6 +121,7 @@ class Reader(Newcomer):
         shutil.copy(here / "takes" / "both.wav", here / "driven.wav")
         for name, rate in (("take", 44100), ("at 48 kHz", 48000)):
             soundfile.write(here / f"{name}.wav", touched(rate).T, rate)
+        soundfile.write(here / "riff.mp3", riff(44100), 44100, format="MP3")
         (table,) = [
             text for text in blocks(PAGES[HOW_TO / "sessions.md"], "text") if text.startswith("time,")
         ]
