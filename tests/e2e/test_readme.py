@@ -15,9 +15,11 @@ import venv
 from pathlib import Path
 
 import pytest
+import soundfile
 from packaging.requirements import Requirement
 from tests.e2e.printed import missing_comments, missing_lines, outputs
 from tests.e2e.requirements import link
+from tests.e2e.workshop import riff
 
 ROOT = Path(__file__).parents[2]
 README, TUTORIAL = ROOT / "README.md", ROOT / "docs" / "tutorial" / "first-sound.md"
@@ -81,6 +83,7 @@ def newcomer(tmp_path: Path) -> Newcomer:
     for name in ("torch", "matplotlib"):
         pytest.importorskip(name)
     somebody = Newcomer(tmp_path)
+    soundfile.write(somebody.folder / "riff.mp3", riff(44100, 82.41), 44100, format="MP3")
     for name in ("torch", "matplotlib", "pandas", "pytest"):
         assert somebody.run(f"python -c 'import {name}'").returncode == 1
     return somebody

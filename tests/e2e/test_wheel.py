@@ -83,7 +83,7 @@ except mc.InputError as error:
 assert "demmo" in told[0] and "demo" in told[1], told
 model = mc.train(data, out="without", settings=["noise.copies=0"])
 assert model.epochs == 0 and model.left_out.endswith("https://download.pytorch.org/whl/cpu"), model.left_out
-assert len(mc.load("without").predict(sound)) == 41
+assert len(mc.load("without").predict(sound)) == 61
 try:
     mc.train(data, out="run", settings=['methods=["network"]'])
 except mc.InputError as error:

@@ -27,6 +27,7 @@ from websockets.sync.client import connect
 from monochord.bringup import STEPS, Virtual
 from monochord.capture.dds.participant import Participant
 from monochord.core.types import Audio
+from monochord.core.units import Hertz
 from monochord.perception.encoders.ast.network import Sizes, Weights, network_of
 from monochord.physics.sensors import load_sensor
 from monochord.physics.twin.virtual_sensor import VirtualSensor
@@ -74,10 +75,10 @@ def touched(rate: int) -> Audio:
     return np.concatenate((untouched, touch, twin.advance(1.0)[0]), axis=1)
 
 
-def riff(rate: int) -> Audio:
-    """Return three notes on the highest string of a guitar: open, and at its frets 5 and 12."""
+def riff(rate: int, open_frequency: Hertz) -> Audio:
+    """Return three notes on a string of a guitar: open, and at its frets 5 and 12."""
     time = np.arange(rate // 2) / rate
-    notes = [329.63 * 2.0 ** (fret / 12.0) for fret in (0, 5, 12)]
+    notes = [open_frequency * 2.0 ** (fret / 12.0) for fret in (0, 5, 12)]
     levels = [(n, 0.2 / n * np.exp(-(0.5 + 0.3 * n) * time)) for n in range(1, 15)]
     parts = [sum(level * np.sin(2.0 * np.pi * n * f * time + n) for n, level in levels) for f in notes]
     return np.concatenate(parts).astype(np.float32)
@@ -121,7 +122,7 @@ class Reader(Newcomer):
         shutil.copy(here / "takes" / "both.wav", here / "driven.wav")
         for name, rate in (("take", 44100), ("at 48 kHz", 48000)):
             soundfile.write(here / f"{name}.wav", touched(rate).T, rate)
-        soundfile.write(here / "riff.mp3", riff(44100), 44100, format="MP3")
+        soundfile.write(here / "riff.mp3", riff(44100, 329.63), 44100, format="MP3")
         (table,) = [
             text for text in blocks(PAGES[HOW_TO / "sessions.md"], "text") if text.startswith("time,")
         ]
