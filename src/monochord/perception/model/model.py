@@ -1,4 +1,4 @@
-"""The model: features, untouched reference, scaling and heads in one frozen object, offline and live."""
+"""The model: features, scaling and heads in one frozen object, offline and live."""
 
 import logging
 from collections.abc import Mapping, Sequence
@@ -33,13 +33,13 @@ from monochord.metrics import hit_rate
 from monochord.perception.features import FEATURES
 from monochord.perception.features.base import Extractor
 from monochord.perception.model import stepping
-from monochord.perception.model.context import ModelState
 from monochord.perception.model.correction import Correction
 from monochord.perception.model.definition import Definition, FeatureRecord
 from monochord.perception.model.forest import NO_FOREST
 from monochord.perception.model.network import Network, Output
 from monochord.perception.model.probe import probed, refuse_another
 from monochord.perception.model.saving import save
+from monochord.perception.model.state import ModelState
 from monochord.perception.model.stepping import Stepper, WindowReading
 from monochord.perception.model.stream import Fixed, Followed, ModelStream
 from monochord.perception.model.summary import brief, facts
@@ -208,7 +208,7 @@ class Model(Checked):
             refuse_foreign(signal.string, trained.string)
         if size is not None:
             self.check_size(size)
-        _ = self.extractors
+        _ = self.extractor
 
     @checked
     def predict(
@@ -222,8 +222,8 @@ class Model(Checked):
     ) -> PredictionTable:
         """Return the estimates for every window of a sound, as the live loop computes them.
 
-        The sound is a stream of its own. The model follows the untouched reference and the string's pitch
-        from the beginning of the sound, so an untouched first second improves the estimates.
+        The sound is a stream of its own. The model remembers the windows before and follows the string's
+        pitch from the beginning of the sound, so an untouched first second improves the estimates.
 
         Parameters
         ----------
@@ -416,8 +416,7 @@ class Model(Checked):
     def outputs(self, state: ModelState, window: Window) -> tuple[ModelState, Mapping[str, Output]]:
         """Return the state after a window, and the output of each head before calibration and correction.
 
-        The window is compared with the reference from earlier windows. An unusable window has no outputs and
-        does not change the reference. A window with an anomaly counts as touched in the reference.
+        An unusable window has no outputs, and is not remembered.
         """
         (reading,) = stepping.read_all([self.stepper.entry(state, window)])
         return reading.state, reading.outputs
@@ -506,30 +505,19 @@ class Model(Checked):
         return Network.of(self.definition, self.weights)
 
     @cached_property
-    def extractors(self) -> tuple[Extractor, Extractor | None]:
-        """The extractors of the window's feature and of the reference, checked against the training.
-
-        The reference has none of its own where its feature is the window's.
-        """
-        trained = self.definition
+    def extractor(self) -> Extractor:
+        """The extractor of the feature, checked against the training."""
+        trained, record = self.definition, self.definition.feature
         signal = Signal(sample_rate=trained.sample_rate, channels=trained.channels, string=trained.string)
-
-        def extractor(record: FeatureRecord, part: str) -> Extractor:
-            feature = FEATURES.build(record.name, record.options)
-            prepared = feature.prepare(signal, trained.window)
-            _refuse_other_columns(record, prepared.columns)
-            probe = self.weights[f"{part}.probe"]
-            scale = self.weights[f"{part}.scale"][: probe.shape[1]]
-            refuse_another(record.name, probed(prepared, trained.channels, trained.window), probe, scale)
-            if self.string is None:
-                return prepared
-            own = at_length_of(self.string, trained.string) if trained.string else self.string
-            return feature.prepare(replace(signal, string=own, design=trained.string), trained.window)
-
-        reference = trained.reference
-        has_own = reference is not None and reference.feature != trained.feature
-        own = extractor(reference.feature, "context") if reference is not None and has_own else None
-        return extractor(trained.feature, "scaler"), own
+        feature = FEATURES.build(record.name, record.options)
+        prepared = feature.prepare(signal, trained.window)
+        _refuse_other_columns(record, prepared.columns)
+        values = probed(prepared, trained.channels, trained.window)
+        refuse_another(record.name, values, self.weights["scaler.probe"], self.weights["scaler.scale"])
+        if self.string is None:
+            return prepared
+        own = at_length_of(self.string, trained.string) if trained.string else self.string
+        return feature.prepare(replace(signal, string=own, design=trained.string), trained.window)
 
 
 def _track(frames: Samples, sample_rate: int, truth: Mapping[str, Floats]) -> LabelTrack:

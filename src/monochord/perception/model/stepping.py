@@ -18,15 +18,14 @@ from monochord.core.types import (
     Indices,
     Window,
 )
-from monochord.core.units import Metres, Seconds
+from monochord.core.units import Metres
 from monochord.metrics import DECISION
-from monochord.perception.features.base import Extractor, SpectrumExtractor
-from monochord.perception.model import faults
-from monochord.perception.model.context import ModelState, context_row, step
+from monochord.perception.features.base import Extractor, RecurrentExtractor, SpectrumExtractor
 from monochord.perception.model.correction import Correction
 from monochord.perception.model.definition import Definition
-from monochord.perception.model.faults import OF_REASON, fault_reason
+from monochord.perception.model.faults import OF_REASON, fault_reason, log_odds
 from monochord.perception.model.network import Network, Output, estimates_of, probability, quantity
+from monochord.perception.model.state import ModelState
 from monochord.perception.spectrum import Spectrum
 from monochord.perception.tuning.sessions import force_scale
 from monochord.perception.usable import unusable_reason
@@ -37,15 +36,6 @@ if TYPE_CHECKING:
 EDGE_DEVIATIONS, MAX_EDGE = 2.0, 1e-3
 """Number of standard errors, and largest distance in m, by which the estimate of a touch at an end of the
 sensing range may lie outside."""
-RAISED_PITCH, RAISED_ODDS = 4.0, 5.0
-"""Rise of the pitch since the string was untouched, in thousandths, and what it adds to the log odds of a
-touch: 27 % of the touched windows in doubt have it, and 0.05 % of the untouched ones (20 builds)."""
-HIDDEN_PITCH, HIDDEN_PARTIALS = 1.2, 3.0
-"""Rises of the pitch and of the number of the lowest audible partial at which a window that sounds untouched
-is in doubt: a touch at a node of the partial that the drivers hold leaves that partial alone. Of untouched
-windows 0.03 % have both."""
-RISE_MEMORY: Seconds = 60.0
-"""How long the pitch of the untouched string counts. Then the string may have been tuned, and not touched."""
 UNUSABLE = ("gap", "silence", "samples that are not numbers")
 """Reasons that make a window unusable for a model. Clipped windows are usable: training includes them."""
 
@@ -68,12 +58,14 @@ class WindowReading(NamedTuple):
     """A model's reading of a window, before it states estimates.
 
     `state` is the state after the window. `outputs` are the heads' outputs; empty for an unusable window.
-    `reason` is the reason to abstain; empty for none.
+    `reason` is the reason to abstain; empty for none. `odds` (faults,) are the log odds of faults; None for a
+    model that reports none.
     """
 
     state: ModelState
     outputs: Mapping[str, Output]
     reason: str
+    odds: Floats | None = None
 
 
 def step_all(entries: Sequence[Entry]) -> list[tuple[ModelState, Estimates]]:
@@ -94,14 +86,12 @@ def read_all(entries: Sequence[Entry]) -> list[WindowReading]:
     usable = [entry for entry in entries if not entry.reason]
     if not usable:
         return [WindowReading(entry.state, {}, entry.reason) for entry in entries]
-    first = usable[0].stepper
-    rows = np.stack([entry.stepper.row(entry) for entry in usable])
-    known = np.stack([context_row(entry.state, first.context) for entry in usable])
-    outputs = iter(zip(first.network.outputs(rows, known), rows, known, strict=True))
+    states, rows = zip(*(entry.stepper.row(entry) for entry in usable), strict=True)
+    outputs = iter(zip(states, usable[0].stepper.network.outputs(np.stack(rows)), rows, strict=True))
     return [
         WindowReading(entry.state, {}, entry.reason)
         if entry.reason
-        else entry.stepper.reading(entry, *next(outputs))
+        else entry.stepper.reading(*next(outputs))
         for entry in entries
     ]
 
@@ -134,49 +124,42 @@ class Stepper:
             self.model.check_size(window.samples.shape[1])
             sound(window.samples, *self._shape)
         state = (state if window.start > state.start else ModelState())._replace(start=window.start)
-        reason, feature = self._unusable_reason(window), self._features[0]
+        reason, feature = self._unusable_reason(window), self._feature
         if reason or not isinstance(feature, SpectrumExtractor):
             return Entry(self, state, window, None, reason)
         analyser = feature.analyser
         own = analyser.analyse(window.samples) if spectrum is None else analyser.relisted(spectrum)
         return Entry(self, state, window, own, reason)
 
-    def row(self, entry: Entry) -> Audio:
-        """Return the features (columns,) of a window."""
-        return _row(self._features[0], entry)
+    def row(self, entry: Entry) -> tuple[ModelState, Audio]:
+        """Return the state after a window, and its features (columns,)."""
+        state, window, feature = entry.state, entry.window, self._feature
+        if entry.spectrum is None or not isinstance(feature, SpectrumExtractor):
+            return state, feature(window.samples[np.newaxis])[0]
+        if not isinstance(feature, RecurrentExtractor):
+            return state, feature.row(entry.spectrum)
+        before = feature.begin() if state.memory is None else state.memory
+        memory, row = feature.step(before, entry.spectrum, window.start / window.sample_rate)
+        return state._replace(memory=memory), row
 
-    def reading(self, entry: Entry, outputs: dict[str, Output], row: Audio, known: Audio) -> WindowReading:
-        """Return the reading of a usable window: its state, outputs with variables, and reason to abstain.
+    def reading(self, state: ModelState, outputs: dict[str, Output], row: Audio) -> WindowReading:
+        """Return the reading of a usable window: outputs with variables, and the reason to abstain.
 
-        `row` is the window's features, and `known` the reference.
+        `state` is the state after it, and `row` its features.
         """
         for name, (column, unit) in self._refined.items():
             outputs[name] = outputs[name]._replace(value=outputs[name].value + unit * float(row[column]))
         if self._variables:
-            columns = np.concatenate([row, known[:-1], np.zeros(1, np.float32)]).astype(np.float64)
+            columns = np.append(row, np.float32(0.0)).astype(np.float64)
             for name, (of, less) in self._variables.items():
                 values = tuple((columns[of] - columns[less]).tolist())
                 outputs[name] = outputs[name]._replace(variables=values)
-        trained, state, window = self._definition, entry.state, entry.window
-        time, reason = window.start / window.sample_rate, ""
-        gate, (pitch, partials) = outputs[self._gate], self._rise(row, known, time - state.accepted)
-        if pitch >= HIDDEN_PITCH and partials >= HIDDEN_PARTIALS:
-            gate = gate._replace(value=max(gate.value, 0.0))
-        contact = probability(gate, trained.heads[self._gate])
-        outputs[self._gate] = gate._replace(value=gate.value + RAISED_ODDS * (pitch >= RAISED_PITCH))
-        if trained.faults is not None:
-            values, lines = row[self._fault_columns].astype(np.float64), -len(faults.LINES)
-            odds = faults.log_odds(values[:lines], values[lines:])
-            state = state._replace(faults=faults.step(state.faults, odds, time, touched=contact > DECISION))
-            reason = fault_reason(state.faults.odds, self._fault_limits)
-        if trained.reference is not None:
-            # A faulty window is no untouched string, whatever the contact head says.
-            contact = 1.0 if reason else contact
-            own = self._features[1]
-            state = step(
-                state, trained.reference, time, contact, lambda: row if own is None else _row(own, entry)
-            )
-        return WindowReading(state, outputs, reason)
+        trained = self._definition
+        if trained.faults is None:
+            return WindowReading(state, outputs, "")
+        contact = probability(outputs[self._gate], trained.heads[self._gate])
+        odds = log_odds(row[self._fault_columns].astype(np.float64), touched=contact > DECISION)
+        return WindowReading(state, outputs, fault_reason(odds, self._fault_limits), odds)
 
     def estimates(self, reading: WindowReading) -> dict[str, Estimate]:
         """Return the estimates of a window.
@@ -206,13 +189,6 @@ class Stepper:
             name: each if name in kept else Estimate.abstain(each.unit, reason)
             for name, each in estimates.items()
         }
-
-    def _rise(self, row: Audio, known: Audio, age: Seconds) -> tuple[float, float]:
-        """Return by how much pitch and lowest partial are above those of the reference; 0 if it is old."""
-        if not self._partials or not known[-1] or age > RISE_MEMORY:
-            return 0.0, 0.0
-        pitch, partials = (row[self._partials] - known[self._partials]).tolist()
-        return pitch, partials
 
     def with_length_error(self, estimates: dict[str, Estimate]) -> dict[str, Estimate]:
         """Return estimates with positions on the string's own length, and its error in their standard error.
@@ -270,11 +246,6 @@ class Stepper:
         return self.model.network
 
     @cached_property
-    def context(self) -> int:
-        """Number of columns of the untouched reference with its mark."""
-        return self._definition.widths[1]
-
-    @cached_property
     def _definition(self) -> Definition:
         return self.model.definition
 
@@ -284,8 +255,8 @@ class Stepper:
         return self._definition.channels, self._definition.window
 
     @cached_property
-    def _features(self) -> tuple[Extractor, Extractor | None]:
-        return self.model.extractors
+    def _feature(self) -> Extractor:
+        return self.model.extractor
 
     @cached_property
     def _corrections(self) -> dict[str, Correction]:
@@ -342,25 +313,9 @@ class Stepper:
         return refined
 
     @cached_property
-    def _partials(self) -> list[int]:
-        """The columns of the pitch and of the lowest partial's number, in feature and reference alike."""
-        trained, names = self._definition, ("rest", "lowest number")
-        shared = (
-            trained.reference is not None and trained.reference.feature.columns == trained.feature.columns
-        )
-        columns = trained.feature.columns
-        return [columns.index(name) for name in names] if shared and {*names} <= {*columns} else []
-
-    @cached_property
     def _fault_limits(self) -> Floats:
         return np.array(self._definition.faults.limits if self._definition.faults else ())
 
     @cached_property
     def _fault_columns(self) -> Indices:
         return np.array(self._definition.fault_columns, np.int64)
-
-
-def _row(feature: Extractor, entry: Entry) -> Audio:
-    if entry.spectrum is not None and isinstance(feature, SpectrumExtractor):
-        return feature.row(entry.spectrum)
-    return feature(entry.window.samples[np.newaxis])[0]

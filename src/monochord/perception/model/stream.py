@@ -9,8 +9,8 @@ from monochord.core.units import Samples
 from monochord.dsp.microphones import Microphones
 from monochord.metrics import DECISION
 from monochord.perception.estimators.base import Condition, Watching
-from monochord.perception.model.context import ModelState
 from monochord.perception.model.faults import OF_REASON
+from monochord.perception.model.state import ModelState
 from monochord.perception.model.stepping import Entry, step_all
 from monochord.perception.spectrum import Spectrum
 from monochord.perception.tuning import Tuner, TunerState, Tuning
@@ -22,6 +22,8 @@ from monochord.physics.theory import open_frequency
 if TYPE_CHECKING:
     from monochord.perception.model.model import Model
 
+UNTOUCHED = 0.1
+"""Largest probability of contact at which the untouched string is heard."""
 EXPECTED_PITCH = "the pitch that this model expects"
 LASTING = {reason for reason, fault in OF_REASON.items() if not fault.brief}
 """Reasons of faults that do not end with a touch."""
@@ -87,7 +89,7 @@ class Followed(ModelStream, Watching):
         self._stepper, self._pitch = model.stepper, self._tuner.nominal
         self._state, self._tuned = ModelState(), TunerState()
         self._reason, self._may_state, self._jumps = "", Hearing(signal.sample_rate), PitchJumps()
-        self._gate, self._has_reference = model.definition.gate, model.definition.reference is not None
+        self._gate = model.definition.gate
 
     def _entry(self, window: Window) -> Entry:
         """Update the pitch from the window, and return its entry into the model for this pitch."""
@@ -112,8 +114,8 @@ class Followed(ModelStream, Watching):
         Under a touch they are abstentions, too, in a stream whose untouched string was not heard.
         """
         self._state = state
-        may_state = self._may_state(state.start, heard=state.median is not None or not self._has_reference)
         contact, reason = estimates[self._gate], self._reason
+        may_state = self._may_state(state.start, heard=contact.valid and contact.value < UNTOUCHED)
         if not reason and not may_state and contact.valid and contact.value >= DECISION:
             # One that lasts tells more: a silent driver may be why no untouched string is heard.
             faults = {each.reason for each in estimates.values() if each.reason in LASTING}
@@ -137,7 +139,7 @@ class Followed(ModelStream, Watching):
         """Read the windows to come by the model for a string."""
         start = self._state.start
         self._stepper, self._pitch, self._reason = model.stepper, open_frequency(string), ""
-        self._state = ModelState(start=start)  # the reference was relative to the string of before
+        self._state = ModelState(start=start)  # the memory was relative to the string of before
 
     def _follow(self, tuning: Tuning) -> None:
         """Change to the model for a tuning that lies too far off that in use."""

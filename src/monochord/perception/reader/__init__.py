@@ -1,6 +1,7 @@
 """Reads a window's spectrum: where along the string something touches, and what is odd."""
 
 from monochord.perception.reader.cells import CELLS, CHANNELS, spectrum_cells
+from monochord.perception.reader.memory import Memory, MemoryNetwork, no_memory
 from monochord.perception.reader.network import DILATIONS, FILE, KINDS, POSITIONS, STRIDES, Network
 from monochord.perception.reader.reader import Reader, Reading
 from monochord.perception.spectrum import SpectrumAnalyser
@@ -13,9 +14,12 @@ __all__ = [
     "KINDS",
     "POSITIONS",
     "STRIDES",
+    "Memory",
+    "MemoryNetwork",
     "Network",
     "Reader",
     "Reading",
     "SpectrumAnalyser",
+    "no_memory",
     "spectrum_cells",
 ]

@@ -49,9 +49,6 @@ def regressions(
     definition: Definition,
     scaler: Mapping[str, Audio],
     train: Examples,
-    *,
-    drop: float,
-    seed: int,
 ) -> Candidate:
     """Return all heads as ridge regression or extra trees learn them from the examples and their copies.
 
@@ -62,22 +59,16 @@ def regressions(
     definition
         The model, whose heads may have hidden layers; the result's have none.
     scaler
-        The arrays ``scaler.*`` and ``context.*`` of the model.
+        The arrays ``scaler.*`` of the model.
     train
         Examples to learn from.
-    drop
-        Share of the windows that are shown without a reference.
-    seed
-        Random seed of these.
     """
     inputs = inputs_of(definition, scaler, train)
-    shown = np.random.default_rng(seed).random(inputs.shape[:2]) >= drop
-    inputs[..., definition.widths[0] :] *= shown[..., np.newaxis]
     group = groups_of(train.session, train.touch)
     heads, weights = dict[str, HeadRecord](), dict[str, Audio]()
     for name, record in definition.heads.items():
         mask = train.masks[name]
-        rows = inputs[:, mask].take(definition.input_columns(name), axis=2)
+        rows = inputs[:, mask].take(definition.columns_of(name), axis=2)
         target = targets_of(definition, name, train)[:, mask]
         learned = fit_regression(
             method,
@@ -125,7 +116,7 @@ def _errors(candidate: Candidate, scaler: Mapping[str, Audio], examples: Example
     """Return the error of each head over all copies of examples; see `Choice`."""
     definition = candidate.definition
     network = Network.of(definition, {**scaler, **candidate.weights})
-    outputs = [network.outputs(*copy) for copy in zip(examples.base, examples.context, strict=True)]
+    outputs = [network.outputs(copy) for copy in examples.base]
     errors: dict[str, float] = {}
     for name, record in definition.heads.items():
         mask = examples.masks[name]

@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
-from typing import Any
 
 import numpy as np
 
@@ -15,8 +14,7 @@ from monochord.core.units import Metres
 from monochord.datasets.split import SPLIT_FILE, Split
 from monochord.datasets.store import Dataset
 from monochord.perception.heads.base import CONTACT, POSITION, REFINED_SCALE, Task
-from monochord.perception.model.context import ModelState, context_row, step
-from monochord.perception.model.definition import Definition, FeatureRecord, HeadRecord, Reference
+from monochord.perception.model.definition import Definition, FeatureRecord, HeadRecord
 from monochord.perception.model.network import Scaling, network_inputs
 from monochord.perception.model.probe import probed
 from monochord.perception.training.rows import Noise, Rows
@@ -37,7 +35,6 @@ class TrainingData:
     dataset: Dataset
     definition: Definition
     feature: Rows
-    reference: Rows | None
 
     @property
     def tasks(self) -> dict[str, Task]:
@@ -50,16 +47,14 @@ class Examples:
     """Windows of one part of a split: a clean copy, then augmented copies.
 
     `rows` (n,) are the windows' rows in the dataset. `session` (n,) and `touch` (n,) are the numbers of their
-    sessions and touches. `base` (copies, n, d) is the unscaled feature and `context` (copies, n, c) the
-    unscaled reference. `labels` (n,) holds each head's label, 0 where invalid. `masks` (n,) says which
-    windows count for each head.
+    sessions and touches. `base` (copies, n, d) is the unscaled feature. `labels` (n,) holds each head's
+    label, 0 where invalid. `masks` (n,) says which windows count for each head.
     """
 
     rows: Indices
     session: Indices
     touch: Indices
     base: Audio
-    context: Audio
     labels: Mapping[str, Floats]
     masks: Mapping[str, Flags]
 
@@ -99,16 +94,9 @@ def training_data(
     signal = Signal(sample_rate=manifest.sample_rate, channels=manifest.channels, string=string)
     folder = settings.cache or dataset.path / "features"
 
-    def rows_of(name: str, options: dict[str, Any]) -> tuple[Rows, FeatureRecord]:
-        rows = Rows.prepared(dataset, signal, name, options, folder, workers=workers, cluster=cluster)
-        return rows, FeatureRecord(name=name, options=options, columns=rows.extractor.columns)
-
-    feature, record = rows_of(*settings.feature_named())
-    rule = settings.context.rule() if settings.context.on else None
-    reference = None
-    if rule is not None:
-        reference, reference_record = rows_of(rule.feature.name, rule.feature.options)
-        rule = dataclasses.replace(rule, feature=reference_record)
+    name, options = settings.feature_named()
+    feature = Rows.prepared(dataset, signal, name, options, folder, workers=workers, cluster=cluster)
+    record = FeatureRecord(name=name, options=options, columns=feature.extractor.columns)
     used = np.unique(dataset.session[np.concatenate([split.train, split.validation])]).tolist()
     definition = Definition(
         title=settings.title,
@@ -117,7 +105,6 @@ def training_data(
         window=manifest.window,
         hop=manifest.hop,
         feature=record,
-        reference=rule,
         heads={name: HeadRecord(task=task) for name, task in settings.tasks().items()},
         string=string,
         sensing_range=_sensing_range(sensor.range, dataset, split),
@@ -127,7 +114,7 @@ def training_data(
         sessions={manifest.parts[number].name: manifest.parts[number].checksum for number in used},
         versions=_versions(),
     )
-    return TrainingData(dataset=dataset, definition=definition, feature=feature, reference=reference)
+    return TrainingData(dataset=dataset, definition=definition, feature=feature)
 
 
 def _versions() -> dict[str, str]:
@@ -206,7 +193,7 @@ def stream_of(dataset: Dataset, part: Indices) -> Indices:
 
 
 def labelled_contact(dataset: Dataset, rows: Indices) -> Floats:
-    """Return the probability of contact (n,) for the reference in training: the label; 1 if it is missing."""
+    """Return the label contact (n,); 1 if it is missing."""
     contact = dataset.label(CONTACT)[rows]
     return np.where(np.isfinite(contact), contact, 1.0)
 
@@ -222,45 +209,14 @@ def touches_of(dataset: Dataset) -> Indices:
     return np.cumsum(begins | (first & ~on)).astype(np.int64)
 
 
-def references(
-    dataset: Dataset, rows: Indices, contact: Floats, rule: Reference, features: Mapping[int, Audio]
-) -> Audio:
-    """Return the untouched reference (n, c) of each window.
-
-    Parameters
-    ----------
-    dataset
-        The dataset of the windows.
-    rows
-        All windows (n,) of a stream, in order; a new session starts without a reference.
-    contact
-        Probability of contact (n,).
-    rule
-        The rule that updates the reference.
-    features
-        The reference's feature (c - 1,) of each window that may enter it, by row in the dataset.
-    """
-    width = len(rule.feature.columns) + 1
-    result = np.zeros((len(rows), width), np.float32)
-    state, session, rate = ModelState(), -1, dataset.manifest.sample_rate
-    for number, row in enumerate(rows.tolist()):
-        if dataset.session[row] != session:
-            state, session = ModelState(), int(dataset.session[row])
-        result[number] = context_row(state, width)
-        time = int(dataset.start[row]) / rate
-        state = step(state, rule, time, float(contact[number]), lambda row=row: features[row])
-    return result
-
-
 def assembled(
     dataset: Dataset,
     rows: Indices,
     tasks: Mapping[str, Task],
     base: Sequence[Audio],
-    context: Sequence[Audio],
     scales: Mapping[str, Floats] | None = None,
 ) -> Examples:
-    """Return the examples of windows `rows` (n,) from the features and references of each copy.
+    """Return the examples of windows `rows` (n,) from the features of each copy.
 
     Labels in the units of `scales` are divided by these (windows of the dataset,), which convert positions
     (m) and forces (N) to the design's string.
@@ -276,7 +232,6 @@ def assembled(
         session=dataset.session[rows].astype(np.int64),
         touch=touches_of(dataset)[rows],
         base=np.stack(base),
-        context=np.stack(context),
         labels={name: np.where(masks[name][rows], label(task)[rows], 0.0) for name, task in tasks.items()},
         masks={name: masks[name][rows] for name in tasks},
     )
@@ -289,37 +244,19 @@ def examples_of(
     noises: tuple[Noise, ...] = (),
     progress: Progress = lambda *_: None,
 ) -> Examples:
-    """Return the examples of the part `name`: clean windows, then a copy for each of `noises`.
-
-    The reference of a noisy window comes from windows with the same noise.
-    """
-    dataset, rule = data.dataset, data.definition.reference
-    rows, stream = chosen(dataset, part, data.tasks, name), stream_of(dataset, part)
-    contact = labelled_contact(dataset, stream)
-    quiet = stream[contact == 0.0]
-    alike = rule is not None and rule.feature == data.definition.feature
-    base: list[Audio] = []
-    context: list[Audio] = []
-    for noise in (None, *noises):
-        base.append(data.feature.of(rows, noise, progress))
-        if rule is None or data.reference is None:
-            context.append(np.zeros((len(rows), 0), np.float32))
-            continue
-        features = dict(zip(rows.tolist(), base[-1], strict=True)) if alike else {}
-        absent = np.array([row for row in quiet.tolist() if row not in features], np.int64)
-        features |= zip(absent.tolist(), data.reference.of(absent, noise, progress), strict=True)
-        whole = references(dataset, stream, contact, rule, features)
-        context.append(whole[np.searchsorted(stream, rows)])
+    """Return the examples of the part `name`: clean windows, then a copy for each of `noises`."""
+    dataset = data.dataset
+    rows = chosen(dataset, part, data.tasks, name)
+    base = [data.feature.of(rows, noise, progress) for noise in (None, *noises)]
     design = data.definition.string
     scales = {"N": force_scales(dataset, design), "m": length_scales(dataset, design)} if design else None
-    return assembled(dataset, rows, data.tasks, base, context, scales)
+    return assembled(dataset, rows, data.tasks, base, scales)
 
 
 def inputs_of(definition: Definition, scaler: Mapping[str, Audio], examples: Examples) -> Audio:
     """Return the scaled inputs (copies, n, inputs) of all heads; see `network_inputs`."""
-    own = Scaling.of(definition, scaler)
-    pairs = zip(examples.base, examples.context, strict=True)
-    return np.stack([network_inputs(base, context, own, definition.clip) for base, context in pairs])
+    own = Scaling.of(scaler)
+    return np.stack([network_inputs(base, own, definition.clip) for base in examples.base])
 
 
 def targets_of(definition: Definition, name: str, examples: Examples) -> Floats:
@@ -333,21 +270,9 @@ def targets_of(definition: Definition, name: str, examples: Examples) -> Floats:
 
 
 def scaling(train: Examples) -> dict[str, Audio]:
-    """Return mean and standard deviation of each column, as the arrays of a model.
-
-    The reference's statistics use only windows with a reference. Its presence mark is not scaled.
-    """
+    """Return mean and standard deviation of each column, as the arrays of a model."""
     mean, scale = mean_and_scale(train.base.reshape(-1, train.base.shape[-1]))
-    result = {"scaler.mean": mean, "scaler.scale": scale}
-    if train.context.shape[-1]:
-        context = train.context.reshape(-1, train.context.shape[-1])
-        context = context[context[:, -1] > 0.0]
-        mean, scale = mean_and_scale(context) if len(context) else (np.zeros(1), np.ones(1))
-        zeros = np.zeros(train.context.shape[-1], np.float32)
-        context_mean, context_scale = zeros + mean.astype(np.float32), zeros + scale.astype(np.float32)
-        context_mean[-1], context_scale[-1] = 0.0, 1.0
-        result |= {"context.mean": context_mean, "context.scale": context_scale}
-    return result
+    return {"scaler.mean": mean, "scaler.scale": scale}
 
 
 def scaled_heads(definition: Definition, train: Examples) -> Definition:
@@ -376,11 +301,8 @@ def mean_and_scale(rows: Audio) -> tuple[Audio, Audio]:
 def probes(data: TrainingData) -> dict[str, Audio]:
     """Return the features of the probe windows, as the arrays of a model."""
     definition = data.definition
-    size = definition.channels, definition.window
-    arrays = {"scaler.probe": probed(data.feature.extractor, *size)}
-    if data.reference is not None:
-        arrays["context.probe"] = probed(data.reference.extractor, *size)
-    return arrays
+    values = probed(data.feature.extractor, definition.channels, definition.window)
+    return {"scaler.probe": values}
 
 
 def quietest(dataset: Dataset, rows: Indices) -> float:
