@@ -66,7 +66,7 @@ def test_memory_and_outputs_are_those_of_pytorch() -> None:
     for (memory, told), state, output in zip(after(rows, times), states, outputs, strict=True):
         assert memory.hidden == pytest.approx(state, abs=1e-4)
         own = np.concatenate((told.logits, told.kinds, told.outputs))
-        assert own == pytest.approx(output, abs=1e-3 * max(1.0, np.abs(output).max()))
+        assert own == pytest.approx(output, abs=1e-3 * max(1.0, float(np.abs(output).max())))
         assert told.kinds.size == len(KINDS)
         assert told.summary.size == SUMMARY
 
