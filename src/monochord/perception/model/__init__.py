@@ -5,7 +5,6 @@ from monochord.perception.model.definition import Definition
 from monochord.perception.model.files import folder_of, load
 from monochord.perception.model.model import Model
 from monochord.perception.model.network import quantity
-from monochord.perception.model.saving import save
 from monochord.perception.model.state import ModelState
 from monochord.perception.model.table import EstimateColumn, PredictionTable
 
@@ -19,5 +18,4 @@ __all__ = [
     "folder_of",
     "load",
     "quantity",
-    "save",
 ]

@@ -1,7 +1,6 @@
 """A model on one stream of windows, which follows the pitch; the live loop and `Model.predict` use it."""
 
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING
 
 from monochord.core.errors import InputError
 from monochord.core.types import UNHEARD, Estimate, Estimates, Signal, StringParams, Window
@@ -10,17 +9,15 @@ from monochord.dsp.microphones import Microphones
 from monochord.metrics import DECISION
 from monochord.perception.estimators.base import Condition, Watching
 from monochord.perception.model.faults import OF_REASON
+from monochord.perception.model.prepared import PreparedModel
 from monochord.perception.model.state import ModelState
-from monochord.perception.model.stepping import Entry, step_all
+from monochord.perception.model.stepping import Entry, entry_of, step_all
 from monochord.perception.spectrum import Spectrum
 from monochord.perception.tuning import Tuner, TunerState, Tuning
 from monochord.perception.tuning.sessions import HIGHEST, LOWEST
 from monochord.perception.tuning.tuner import detuned
 from monochord.perception.usable import Hearing, PitchJumps
 from monochord.physics.theory import open_frequency
-
-if TYPE_CHECKING:
-    from monochord.perception.model.model import Model
 
 UNTOUCHED = 0.1
 """Largest probability of contact at which the untouched string is heard."""
@@ -65,13 +62,13 @@ class ModelStream(ABC):
 class Fixed(ModelStream):
     """A model that does not follow the pitch."""
 
-    def __init__(self, model: "Model") -> None:
+    def __init__(self, model: PreparedModel) -> None:
         super().__init__()
-        self._stepper, self._state = model.stepper, ModelState()
+        self._model, self._state = model, ModelState()
 
     def _entry(self, window: Window) -> Entry:
         """Return the window's entry into the model."""
-        return self._stepper.entry(self._state, window)
+        return entry_of(self._model, self._state, window)
 
     def _estimates(self, state: ModelState, estimates: Estimates) -> Estimates:
         """Store the state, and return the estimates unchanged."""
@@ -82,31 +79,31 @@ class Fixed(ModelStream):
 class Followed(ModelStream, Watching):
     """A model that follows the pitch of untouched windows."""
 
-    def __init__(self, model: "Model", signal: Signal, size: Samples) -> None:
+    def __init__(self, model: PreparedModel, signal: Signal, size: Samples) -> None:
         super().__init__()
         self._tuner = Tuner.of(signal, size)
         self._trained, self._string = model, self._tuner.string
-        self._stepper, self._pitch = model.stepper, self._tuner.nominal
+        self._model, self._pitch = model, self._tuner.nominal
         self._state, self._tuned = ModelState(), TunerState()
         self._reason, self._may_state, self._jumps = "", Hearing(signal.sample_rate), PitchJumps()
-        self._gate = model.definition.gate
+        self._gate = model.gate
 
     def _entry(self, window: Window) -> Entry:
         """Update the pitch from the window, and return its entry into the model for this pitch."""
         if window.start <= self._state.start:
             self._use(self._trained, self._string)
-        entry = self._stepper.entry(self._state, window)
+        entry = entry_of(self._model, self._state, window)
         if entry.spectrum is not None and self._has_jumped(window, entry.spectrum):
             self._may_state.forget()
             self._tuned = TunerState()
             self._use(self._trained, self._string)
-            entry = self._stepper.entry(self._state, window)
+            entry = entry_of(self._model, self._state, window)
         before, self._tuned = self._tuned.tuning, self._tuner.step(self._tuned, window, entry.spectrum)
         tuning = self._tuned.tuning
         if tuning is before or tuning is None or LOWEST <= tuning.frequency / self._pitch - 1.0 <= HIGHEST:
             return entry
         self._follow(tuning)
-        return self._stepper.entry(self._state, window, entry.spectrum)
+        return entry_of(self._model, self._state, window, entry.spectrum)
 
     def _estimates(self, state: ModelState, estimates: Estimates) -> Estimates:
         """Store the state, and return the estimates; abstentions if the pitch cannot be followed.
@@ -135,10 +132,10 @@ class Followed(ModelStream, Watching):
         """Return whether the pitch of everything jumps, as where the sample rate changes."""
         return self._jumps(window.start, window.samples.shape[1], spectrum.frequency, spectrum.height)
 
-    def _use(self, model: "Model", string: StringParams) -> None:
+    def _use(self, model: PreparedModel, string: StringParams) -> None:
         """Read the windows to come by the model for a string."""
         start = self._state.start
-        self._stepper, self._pitch, self._reason = model.stepper, open_frequency(string), ""
+        self._model, self._pitch, self._reason = model, open_frequency(string), ""
         self._state = ModelState(start=start)  # the memory was relative to the string of before
 
     def _follow(self, tuning: Tuning) -> None:

@@ -29,9 +29,8 @@ from monochord.perception.model.faults import FAULTS
 from monochord.perception.model.files import INSIDE_A_RUN
 from monochord.perception.model.model import Model
 from monochord.perception.model.network import Output, probability, quantity
-from monochord.perception.model.saving import save
 from monochord.perception.model.state import ModelState
-from monochord.perception.model.stepping import read_all
+from monochord.perception.model.stepping import entry_of, read_all
 from monochord.perception.training._torch import torch_library
 from monochord.perception.training.calibrate import calibrate_probability, calibrate_quantity
 from monochord.perception.training.checkpoint import Checkpoint
@@ -177,7 +176,7 @@ def _trained(
     model = Model(definition=definition, weights={**scaler, **probes(data), **weights})
     rows = stream_of(dataset, split.validation)
     model, scores = calibrated(model, dataset, rows, progress, fault_share=settings.faults)
-    model = save(model, out / INSIDE_A_RUN)
+    model = model.save(out / INSIDE_A_RUN)
     write_metrics(
         out,
         {
@@ -334,7 +333,7 @@ def read_in_turn(
         if dataset.session[row] != session:
             state, session = ModelState(), int(dataset.session[row])
             own = model.tuned(strings[session]) if session in strings else model
-        (reading,) = read_all([own.stepper.entry(state, window_of(dataset, row))])
+        (reading,) = read_all([entry_of(own.prepared, state, window_of(dataset, row))])
         state = reading.state
         if reading.outputs:
             every[row] = reading.outputs
