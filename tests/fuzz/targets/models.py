@@ -14,7 +14,7 @@ from monochord.perception.heads import HEADS
 from monochord.perception.model import Definition, Model, ModelState, load
 from monochord.perception.model.definition import FeatureRecord, HeadRecord
 from monochord.perception.model.probe import probed
-from monochord.perception.model.saving import TEXT, WEIGHTS, save
+from monochord.perception.model.saving import TEXT, WEIGHTS
 
 RATE, SIZE = 16000, 400
 SIGNAL = Signal(sample_rate=RATE, channels=2)
@@ -36,7 +36,7 @@ def drawn_model(folder: Path, *, heads: tuple[str, ...]) -> None:
     }
     weights["scaler.scale"][:] = 5.0
     weights["scaler.probe"] = probed(extractor, 2, SIZE)
-    save(Model(definition=definition, weights=weights), folder)
+    Model(definition=definition, weights=weights).save(folder)
 
 
 class Fuzz(Target):

@@ -18,7 +18,7 @@ from monochord.perception.model.faults import (
     log_odds,
 )
 from monochord.perception.model.network import Output
-from monochord.perception.model.stepping import WindowReading
+from monochord.perception.model.stepping import WindowReading, estimates_in
 from monochord.perception.reader import KINDS
 
 COUNT = len(NAMES)
@@ -74,7 +74,7 @@ def test_contact_is_told_beside_faults_that_leave_it_right(
     drawn: Model, fault: str, contact: float, *, told: bool
 ) -> None:
     reading = WindowReading(ModelState(), outputs(contact), FAULTS[fault].reason)
-    estimates = drawn.estimates(reading)
+    estimates = estimates_in(drawn.prepared, reading)
     assert estimates["contact"].valid is told
     others = {each.reason for name, each in estimates.items() if name != "contact"}
     assert others == {FAULTS[fault].reason}
@@ -85,13 +85,13 @@ def test_outside_the_sensing_range_all_that_a_touch_tells_is_withheld(drawn: Mod
     at = drawn.definition.heads["position"]
     for place, reason in ((0.10, ""), (0.16, OUTSIDE_RANGE), (0.03, OUTSIDE_RANGE)):
         reading = WindowReading(ModelState(), outputs(9.0, (place - at.offset) / at.scale), "")
-        estimates = model.estimates(reading)
+        estimates = estimates_in(model.prepared, reading)
         assert {estimates[name].reason for name in ("slip", "position", "force")} == {reason}
         assert estimates["contact"].valid
     # One touch there may sound like two.
     two = FAULTS["two touches"].reason
     reading = WindowReading(ModelState(), outputs(9.0, (0.16 - at.offset) / at.scale), two)
-    assert model.estimates(reading)["position"].reason == OUTSIDE_RANGE
+    assert estimates_in(model.prepared, reading)["position"].reason == OUTSIDE_RANGE
 
 
 def test_force_is_withheld_with_a_position_that_is_not_certain(drawn: Model) -> None:
@@ -100,7 +100,9 @@ def test_force_is_withheld_with_a_position_that_is_not_certain(drawn: Model) -> 
     heads = {**drawn.definition.heads, "position": dataclasses.replace(record, task=task)}
     model = dataclasses.replace(drawn, definition=dataclasses.replace(drawn.definition, heads=heads))
     for certainty, reason in ((0.95, ""), (0.85, "two candidates")):
-        estimates = model.estimates(WindowReading(ModelState(), outputs(9.0, certainty=certainty), ""))
+        estimates = estimates_in(
+            model.prepared, WindowReading(ModelState(), outputs(9.0, certainty=certainty), "")
+        )
         assert {estimates[name].reason for name in ("position", "force")} == {reason}
         assert estimates["slip"].valid
 

@@ -251,7 +251,7 @@ def test_a_damaged_forest_is_refused_or_ends(lesson: dict[str, Any], tmp_path: P
     nodes = model.weights[name].copy()
     nodes[:, [0, 2]] = np.random.default_rng(0).normal(scale=1e6, size=(len(nodes), 2))
     broken = dataclasses.replace(model, weights={**model.weights, name: nodes})
-    assert broken.network.outputs(np.zeros((1, len(model.definition.feature.columns)), np.float32))
+    assert broken.prepared.network.outputs(np.zeros((1, len(model.definition.feature.columns)), np.float32))
     record = model.definition.heads["contact"]
     with pytest.raises(InputError, match="nodes"):
         dataclasses.replace(record, nodes=1 << 40)

@@ -211,7 +211,7 @@ def test_a_head_refines_a_position_and_knows_where_it_is_wrong(tmp_path: Path) -
     network = Network.of(setup.definition, {**SCALER, **weights})
     mask = judged.masks["force"]
     base = judged.base[0][mask]
-    outputs = [output["force"] for output in network.outputs(base, base[:, :0])]
+    outputs = [output["force"] for output in network.outputs(base)]
     certainty = np.array([output.certainty for output in outputs])
     wrong = judged.base[0][mask][:, 1] > 1.0
     assert certainty[~wrong].mean() > 0.9

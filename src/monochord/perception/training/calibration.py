@@ -113,6 +113,7 @@ def calibrated(
         strings = retuned_strings(dataset, trained.string).values() if trained.string else ()
         own = next((given.tuned(string) for string in strings), given)
         own = own.within(span) if span else own
+        scale = own.prepared.length_scale
         span = own.places and (own.places[0] * scale, own.places[1] * scale)
         dataset, outside = _within(dataset, span)
         if touches == 0:
