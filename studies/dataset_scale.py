@@ -1,8 +1,9 @@
-"""Time and memory of a dataset by its number of sessions: written, built with split and audit, opened.
+"""Time and memory of a dataset by its number of sessions: written, built, opened, and learned from.
 
-Sessions are made up: half a second of noise at 8 kHz with a touch. Each step runs in a process of its own,
-whose processor time and largest memory count. A thousand sessions take half a minute, and a hundred thousand
-an hour and 8 GB of disk: ``python -m studies.dataset_scale FOLDER 1000 10000 100000``.
+Sessions are made up: half a second of noise at 8 kHz with a touch. They are written, built with split and
+audit, opened, and ridge regression is trained on them: features, heads and calibration. Each step runs in a
+process of its own, whose processor time and largest memory count. A thousand sessions take half a minute, and
+a hundred thousand an hour and 10 GB of disk: ``python -m studies.dataset_scale FOLDER 1000 10000 100000``.
 """
 
 import json
@@ -20,9 +21,12 @@ from studies._command import lines_of, main, progress_bar
 
 import monochord as mc
 from monochord.core.errors import InputError
+from monochord.perception.training import TrainingSettings, train
 from monochord.sessions import SessionClock
 
 RATE, SECONDS = 8000, 0.5
+SENSOR = "long"
+"""A preset whose string is read at this rate."""
 A_FOLDER = 1000
 """Number of sessions in a folder."""
 KIB, MB = 1024, 1e6
@@ -38,7 +42,12 @@ def dataset_scale(folder: Path, counts: Sequence[int], numbers: Path | None) -> 
         raise InputError(f"folder '{folder}', which already exists", "a new folder")
     heads = ("sessions", "step", "CPU s", "ms a session", "memory MB")
     rows: list[tuple[str, ...]] = []
-    steps: dict[str, Callable[[Path, int], None]] = {"write": write, "build": build, "open": load}
+    steps: dict[str, Callable[[Path, int], None]] = {
+        "write": write,
+        "build": build,
+        "open": load,
+        "ridge": ridge,
+    }
     figures: list[dict[str, float | str]] = []
     with progress_bar("sessions") as report:
         for done, (count, (name, step)) in enumerate(product(counts, steps.items())):
@@ -103,6 +112,19 @@ def load(folder: Path, _count: int) -> None:
     dataset = mc.load_dataset(folder / "dataset").dataset
     for part in dataset.manifest.parts:
         dataset.window(part.first)
+
+
+def ridge(folder: Path, _count: int) -> None:
+    """Train ridge regression on the dataset, in one process."""
+    settings = TrainingSettings.read(
+        {
+            "dataset": str(folder / "dataset"),
+            "sensor": SENSOR,
+            "methods": ["ridge"],
+            "heads": {"contact": {}, "position": {}, "force": {}},
+        }
+    )
+    train(settings, folder / "run", workers=1)
 
 
 if __name__ == "__main__":

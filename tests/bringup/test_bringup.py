@@ -13,18 +13,31 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-from monochord.bringup import STEPS, BringUp, Live, Take, Virtual, examine, steps, write
+from monochord.bringup import (
+    STEPS,
+    BringUp,
+    Live,
+    Take,
+    Virtual,
+    examine,
+    record,
+    recordings,
+    steps,
+    write,
+)
 from monochord.bringup.drawing import LEFT, RIGHT, drawing
 from monochord.bringup.inputs import dropped_check, inputs_check, rate_check
 from monochord.bringup.noise import hum_checks
 from monochord.bringup.string import measure_pluck, tuner_turns
 from monochord.bringup.timing import drift_checks, latency_check
 from monochord.capture.sources.base import Source, Stream
+from monochord.capture.sources.session import SessionSource
 from monochord.cli import run
 from monochord.core.errors import InputError
 from monochord.core.types import Block, Signal
 from monochord.physics.sensors import load_sensor, retuned, sensor_names, sensor_tuning
 from monochord.physics.theory import inharmonicity, open_frequency
+from monochord.sessions import Description, SessionClock, SessionWriter
 
 RATE = 44100
 DESIGN = load_sensor("prototype")
@@ -92,6 +105,24 @@ def test_what_was_recorded_is_not_called_simulated(healthy: BringUp, tmp_path: P
     real = examine("prototype", DESIGN, takes)
     _, report = write(real, tmp_path / "mine.toml")
     assert "imulated" not in report.read_text(encoding="utf-8") + (real.toml() or "") + real.verdict
+
+
+@pytest.mark.parametrize("simulated", [True, False])
+def test_what_a_session_and_its_exported_sound_say_of_themselves_is_kept(
+    tmp_path: Path, *, simulated: bool
+) -> None:
+    session, folder = tmp_path / "pluck.mcap", tmp_path / "exported"
+    about = Description(name="pluck", sample_rate=RATE, simulated=simulated)
+    with SessionWriter(session, about, SessionClock(epoch_ns=10**18)) as writer:
+        writer.audio(Block(samples=np.full((2, RATE), 0.1, np.float32), start=0, adc_time=0.0))
+    played = record(SessionSource(path=session), math.inf, "pluck")
+    assert played.simulated is simulated
+    assert run(["sessions", "export", "wav_csv", str(session), "--out", str(folder)]) == 0
+    (sound,) = folder.rglob("*.wav")
+    sound.rename(tmp_path / "pluck.wav")
+    (take_of_it,) = recordings(tmp_path, STEPS).values()
+    assert take_of_it.simulated is simulated
+    assert np.array_equal(take_of_it.samples, played.samples)
 
 
 @pytest.mark.parametrize("name", sensor_names())

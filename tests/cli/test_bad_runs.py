@@ -91,13 +91,11 @@ def test_a_damaged_model_is_refused(
     assert not out.exists()
 
 
-@pytest.mark.parametrize(
-    ("command", "rate"), [(["live", "--source", "session"], 32000), (["evaluate", "--sessions"], 48000)]
-)
-def test_a_session_at_another_rate_is_refused_by_its_rate(
-    command: list[str], rate: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize("command", [["live", "--source", "session"], ["evaluate", "--sessions"]])
+def test_a_session_at_a_lower_rate_is_refused_by_its_rate(
+    command: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    session, string = tmp_path / "take.mcap", load_string("prototype").string
+    rate, session, string = 32000, tmp_path / "take.mcap", load_string("prototype").string
     about = Description(name="take", sample_rate=rate, simulated=True, string=string)
     with SessionWriter(session, about, SessionClock(epoch_ns=10**18, origin=0.0)) as writer:
         writer.audio(Block(samples=np.zeros((2, rate), np.float32), start=0, adc_time=0.0))

@@ -14,7 +14,8 @@ from monochord.cli import run
 from monochord.core.ownership import LOCK, part_folder
 from monochord.core.types import Block
 from monochord.datasets.store import open_dataset
-from monochord.sessions import Description, SessionClock, SessionWriter
+from monochord.sessions import Description, SessionClock, SessionWriter, read_session
+from monochord.sessions.resample import resample
 
 RATE = 8000
 
@@ -80,6 +81,20 @@ def test_json_is_one_object(sessions: Path, tmp_path: Path, capsys: pytest.Captu
 def test_a_single_session_is_split_by_time(sessions: Path, tmp_path: Path) -> None:
     assert run(["build", str(sessions / "take0.mcap"), "--out", str(tmp_path / "out")]) == 0
     assert json.loads((tmp_path / "out" / "split.json").read_text())["by"] == "time"
+
+
+def test_sessions_of_several_rates_are_resampled_to_the_lowest(
+    sessions: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    low = RATE // 2
+    resample(read_session(sessions / "take0.mcap"), sessions / "slow.mcap", low)
+    (sessions / "take0.mcap").unlink()
+    assert run(["build", str(sessions), "--out", str(tmp_path / "data")]) == 0
+    said = capsys.readouterr().err
+    for name in ("take1", "take2", "take3"):
+        assert f"resampled: session {name}, {RATE} to {low} Hz" in said
+    assert "slow" not in said
+    assert open_dataset(tmp_path / "data").manifest.sample_rate == low
 
 
 def test_a_leak_fails(sessions: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

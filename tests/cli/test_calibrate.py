@@ -1,6 +1,7 @@
-"""The command `calibrate` on sessions of another rate: the command that it names mends them."""
+"""Sessions of another rate than the model's: a higher one is resampled, a lower one by the named command."""
 
 import shlex
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -38,27 +39,60 @@ def touched() -> tuple[Audio, str]:
     return np.concatenate(parts, axis=1).T, table
 
 
-@pytest.mark.parametrize("rate", [22050, 48000, 96000])
-def test_another_rate_is_resampled_by_the_command_that_is_named(
-    rate: int,
-    touched: tuple[Audio, str],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+Imported = Callable[[int], None]
+
+
+@pytest.fixture
+def imported(touched: tuple[Audio, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Imported:
+    """Return what imports the touches at a rate in Hz, as ``my touches.mcap`` in the working folder."""
     monkeypatch.chdir(tmp_path)
     sound, table = touched
-    soundfile.write("take.wav", soxr.resample(sound, RATE, rate), rate, subtype="FLOAT")
     Path("touches.csv").write_text(table, encoding="ascii")
-    assert run(["sessions", "import", "take.wav", "touches.csv", "--out", "my touches.mcap"]) == 0
-    calibrate = ["calibrate", "demo", "--touches", "0", "--sessions"]
+
+    def write(rate: int) -> None:
+        soundfile.write("take.wav", soxr.resample(sound, RATE, rate), rate, subtype="FLOAT")
+        assert run(["sessions", "import", "take.wav", "touches.csv", "--out", "my touches.mcap"]) == 0
+
+    return write
+
+
+CALIBRATE = ["calibrate", "demo", "--touches", "0", "--sessions"]
+
+
+def test_a_lower_rate_is_resampled_by_the_command_that_is_named(
+    imported: Imported, capsys: pytest.CaptureFixture[str]
+) -> None:
+    imported(22050)
     capsys.readouterr()
-    assert run([*calibrate, "my touches.mcap"]) == 2
+    assert run([*CALIBRATE, "my touches.mcap"]) == 2
     line = capsys.readouterr().err
-    assert f"session my touches.mcap at {rate} Hz: expected 44100 Hz" in line
+    assert "session my touches.mcap at 22050 Hz: expected 44100 Hz or more" in line
     program, *words = shlex.split(line.partition("resample it: ")[2])
     assert program == "monochord"
     assert run(words) == 0
     made = words[words.index("--out") + 1]
     assert read_session(Path(made)).description.sample_rate == RATE
-    assert run([*calibrate, made]) == 0
+    assert run([*CALIBRATE, made]) == 0
+
+
+@pytest.mark.parametrize(
+    ("rate", "command"),
+    [
+        (48000, CALIBRATE),
+        (96000, CALIBRATE),
+        (48000, ["evaluate", "demo", "--no-baselines", "--sessions"]),
+    ],
+)
+def test_a_higher_rate_gives_what_a_resampled_copy_gives(
+    rate: int, command: list[str], imported: Imported, capsys: pytest.CaptureFixture[str]
+) -> None:
+    imported(rate)
+    Path("by_hand").mkdir()
+    assert run(["sessions", "resample", "my touches.mcap", "--out", "by_hand/my touches.mcap"]) == 0
+    capsys.readouterr()
+    said: list[str] = []
+    for folder in ("", "by_hand/"):
+        assert run([*command, f"{folder}my touches.mcap", "--json"]) == 0
+        said.append(capsys.readouterr().out.replace("by_hand/", ""))
+    assert len(said[0]) > 100
+    assert said[0] == said[1]

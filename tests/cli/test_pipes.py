@@ -23,7 +23,7 @@ DRAWING = {
     "doctor": ["doctor"],
     "help": ["live", "--help"],
 }
-"""Commands that draw: pictures that are renewed, progress bars, and click's help."""
+"""Commands that draw: pictures that are renewed, progress bars, and click's help. One of each is not slow."""
 FORCED = [{"FORCE_COLOR": "1"}, {"FORCE_COLOR": "3", "TTY_COMPATIBLE": "1", "CLICOLOR_FORCE": "1"}]
 SOURCES = Path(__file__).parents[2] / "src" / "monochord"
 
@@ -53,7 +53,13 @@ def on_a_terminal(words: list[str], folder: Path, **changed: str) -> bytes:
 @pytest.mark.parametrize(
     "forced", [pytest.param(FORCED[0], marks=pytest.mark.slow), FORCED[1]], ids=["FORCE_COLOR", "all"]
 )
-@pytest.mark.parametrize("words", DRAWING.values(), ids=[*DRAWING])
+@pytest.mark.parametrize(
+    "words",
+    [
+        pytest.param(words, id=name, marks=[pytest.mark.slow] * (name not in {"live", "collect", "help"}))
+        for name, words in DRAWING.items()
+    ],
+)
 def test_a_pipe_gets_plain_text(tmp_path: Path, words: list[str], forced: dict[str, str]) -> None:
     command = [sys.executable, "-m", "monochord", *words]
     run = subprocess.run(
@@ -76,7 +82,9 @@ def test_a_terminal_is_drawn_on_in_colours_unless_the_environment_refuses_them(t
     assert not COLOUR.search(plain)
 
 
-@pytest.mark.parametrize("name", ["live", "record", "collect"])
+@pytest.mark.parametrize(
+    "name", ["live", *(pytest.param(each, marks=pytest.mark.slow) for each in ("record", "collect"))]
+)
 def test_a_terminal_that_cannot_move_its_cursor_gets_lines(tmp_path: Path, name: str) -> None:
     shown = on_a_terminal(DRAWING[name], tmp_path, TERM="dumb", FORCE_COLOR="1")
     assert ESCAPE not in shown.removesuffix(COLORAMA)

@@ -1,7 +1,8 @@
 """Whatever a program passes to a public name is taken where its sense is clear, or refused in one line.
 
-Each name of ``mc.__all__``, and each public method of the objects that it gives, is called with every value
-of `ABSURD` for each of its arguments, all other arguments being usual ones. ``pytest -s`` prints the counts.
+Each name of ``mc.__all__``, and each public method of the objects that it gives, is called with the values of
+`FEW`, or as a slow test of `ABSURD`, for each of its arguments, all other arguments being usual ones.
+``pytest -s`` prints the counts.
 """
 
 import asyncio
@@ -10,7 +11,7 @@ import math
 import resource
 import signal
 import sys
-from collections.abc import Callable, Generator, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, is_dataclass
 from datetime import UTC, datetime
@@ -139,6 +140,15 @@ ABSURD: dict[str, Callable[[], Any]] = {
     "np record": lambda: np.zeros(2, [("a", "f8")]),
     "string": lambda: mc.StringParams(**STRING),
 }
+
+
+FEW = (
+    *("None", "True", "-1", "10**400", "nan", "inf", "1e300", "5e-324", "1j", "Decimal nan"),
+    *("no text", "text", "zero byte", "1e5 letters", "half a surrogate", "bytes", "device", "folder"),
+    *("no list", "list of None", "deep list", "endless", "generator", "deep table", "hostile", "class"),
+    *("np nan", "np text", "np empty", "np ints", "np cube", "string"),
+)
+"""One value or two of each kind; ``make test-all`` tries all of `ABSURD`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -618,13 +628,13 @@ NANS = {"nan", "np nan", "np 0-d nan", "Decimal nan"}
 COUNTS = dict.fromkeys(("calls", "taken", "refused", "raw"), 0)
 
 
-def refused_or_taken(door: Door, name: str) -> list[str]:
-    """Call a door with every absurd value for each argument, count, and return what is neither."""
+def refused_or_taken(door: Door, name: str, values: Iterable[str]) -> list[str]:
+    """Call a door with absurd values for each argument, count, and return what is neither."""
     raw: list[str] = []
     for argument in door.arguments():
-        for label, make in ABSURD.items():
+        for label in values:
             found = outcome(
-                partial(door.calls, argument, make()),
+                partial(door.calls, argument, ABSURD[label]()),
                 argument,
                 is_nan=label in NANS and argument not in door.nan,
                 documented=door.documented,
@@ -640,19 +650,31 @@ SLOW = {"build", "calibrate", "collect", "evaluate", "record", "split_dataset", 
 """Names whose usual call takes a while."""
 
 
+SOME_OR_ALL = pytest.mark.parametrize(
+    "values", [FEW, pytest.param(tuple(ABSURD), marks=pytest.mark.slow)], ids=["few", "all"]
+)
+
+
+@SOME_OR_ALL
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in DOORS]
 )
 def test_any_value_is_taken_or_refused_in_one_line(
-    name: str, world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, little_memory: None
+    name: str,
+    values: tuple[str, ...],
+    world: World,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    little_memory: None,
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    raw = refused_or_taken(DOORS[name](world), name)
+    raw = refused_or_taken(DOORS[name](world), name, values)
     assert not raw, "\n".join(raw)
 
 
+@SOME_OR_ALL
 @pytest.mark.parametrize("folder", registries())
-def test_options_of_plug_ins(folder: str, little_memory: None) -> None:
+def test_options_of_plug_ins(folder: str, values: tuple[str, ...], little_memory: None) -> None:
     registry, raw = registries()[folder], list[str]()
     for name in registry.names():
         kind = registry.load(name)
@@ -660,7 +682,7 @@ def test_options_of_plug_ins(folder: str, little_memory: None) -> None:
             each for each in inspect.signature(kind).parameters.values() if each.default is each.empty
         ]
         usual = {each.name: lambda: "run" for each in required}
-        raw += refused_or_taken(Door(call=lambda kind=kind: kind, usual=usual), f"{folder}.{name}")
+        raw += refused_or_taken(Door(call=lambda kind=kind: kind, usual=usual), f"{folder}.{name}", values)
     assert not raw, "\n".join(raw)
 
 

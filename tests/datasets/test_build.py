@@ -12,9 +12,11 @@ from tests.sessions.made import make as make_session
 
 from monochord.core.errors import InputError
 from monochord.datasets.build import BuildOptions, build_dataset, find_sessions
+from monochord.datasets.manifest import file_checksum
 from monochord.physics.sensors import SensorTuning, load_sensor, sensor_toml
 from monochord.physics.strings import load_string
 from monochord.sessions import TUNING, read_session
+from monochord.sessions.resample import resample
 
 RATE = 8000
 
@@ -124,6 +126,35 @@ def test_sessions_of_different_rates_are_refused(write: Write, tmp_path: Path) -
     mono = np.ones((1, RATE), np.float32)
     with pytest.raises(InputError, match=r"two.*1 channels"):
         build_dataset([write("one"), write("two", mono, channels=1)], tmp_path / "out")
+
+
+def test_a_session_of_a_higher_rate_is_read_as_its_resampled_copy(write: Write, tmp_path: Path) -> None:
+    file, copy = write("one", lost=(5000, 6500)), tmp_path / "by hand" / "one.mcap"
+    copy.parent.mkdir()
+    resample(read_session(file), copy, RATE // 2)
+    options = BuildOptions(sample_rate=RATE // 2)
+    one, other = (build_dataset([each], tmp_path / each.parent.name[:2], options) for each in (file, copy))
+    assert one.manifest.sample_rate == RATE // 2
+    assert one.has_gap.any()
+    own, by_hand = contents(one.path), contents(other.path)
+    assert {name: own[name] == by_hand[name] for name in own} == {
+        name: name != "manifest.json" for name in by_hand
+    }
+    assert one.manifest.parts[0].checksum == file_checksum(file)  # by which a model knows its training
+
+
+def test_a_damaged_session_of_a_higher_rate_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    make_session(path, seconds=1.0)
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+    options = BuildOptions(sample_rate=RATE)
+    assert read_session(path).description.sample_rate > RATE
+    with pytest.raises(InputError, match=r"a\.mcap .*damaged"):
+        build_dataset([path], tmp_path / "refused", options)
+    forced = build_dataset([path], tmp_path / "forced", replace(options, force=True))
+    assert forced.manifest.sample_rate == RATE
 
 
 def test_nothing_and_nowhere_are_refused(write: Write, tmp_path: Path) -> None:

@@ -59,6 +59,7 @@ def listener() -> Iterator["subprocess.Popen[str]"]:
         yield process
 
 
+@pytest.mark.real_time
 def test_rclpy_and_monochord_exchange_messages(listener: "subprocess.Popen[str]") -> None:
     poses = np.array([[0.01 * k, 0.0, 1e-3, *TURN] for k in range(100)])
     wrenches = np.tile([0.0, 0.1, 1.5, 0.0, 0.0, -0.2], (100, 1))
@@ -88,6 +89,7 @@ def test_rclpy_and_monochord_exchange_messages(listener: "subprocess.Popen[str]"
     assert np.all(np.diff(answers[:, 0]) == 1.0)
 
 
+@pytest.mark.real_time
 def test_rclpy_subscribes_to_a_live_sensor() -> None:
     """One newton at 80 mm of the simulated sensor, in real time; the messages are those of ROS 2."""
     touch = "{start = 0.5, position = 0.08, force = 1.0}"
@@ -118,6 +120,7 @@ def test_rclpy_subscribes_to_a_live_sensor() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.real_time
 def test_the_node_of_the_ros_package_publishes_below_its_name() -> None:
     """The node runs under rclpy and starts Monochord in the environment of this test."""
     touch = "source.script=[{start = 0.3, position = 0.08, force = 1.0}]"

@@ -1,6 +1,8 @@
 """What a prompt says of the objects that a program gets: three short lines at most, with units."""
 
 from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +23,7 @@ TOUCHED.press(0.08, 1.0, material="plastic")
 SOUND = TOUCHED.advance(0.5)[0]
 
 
+@cache
 def update() -> mc.Update:
     sensor = mc.VirtualSensor("prototype", seed=1)
     last = None
@@ -77,7 +80,9 @@ def test_an_object_says_what_it_is_in_three_lines(name: str) -> None:
 @pytest.fixture(scope="module")
 def data(tmp_path_factory: pytest.TempPathFactory) -> LabelledData:
     folder = tmp_path_factory.mktemp("sessions")
-    dataset = build_dataset([make(assignments(load_plan("quick"))[0], folder).path], folder / "dataset")
+    quick = load_plan("quick")
+    plan = replace(quick, groups=(replace(quick.groups[0], sessions=1, grid=(3, 2)),))
+    dataset = build_dataset([make(assignments(plan)[0], folder).path], folder / "dataset")
     split_dataset(dataset, by="time").write(dataset.path / "split.json")
     return mc.load_dataset(dataset.path)
 

@@ -2,6 +2,8 @@
 
 import json
 from collections import Counter
+from contextlib import redirect_stdout
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
@@ -46,21 +48,26 @@ def note(seconds: float = 1.0) -> Floats:
     return 0.1 * np.sum(partials, axis=0)
 
 
-def located(
-    path: Path, sound: Floats | Audio, capsys: pytest.CaptureFixture[str]
-) -> list[tuple[object, object]]:
+def located(path: Path, sound: Floats | Audio) -> list[tuple[object, object]]:
     soundfile.write(path, sound.T, RATE, subtype="PCM_24")
-    assert run(["locate", str(path), *STRING, "--json"]) == 0
-    lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    with redirect_stdout(StringIO()) as out:
+        assert run(["locate", str(path), *STRING, "--json"]) == 0
+    lines = [json.loads(line) for line in out.getvalue().splitlines()]
     return [(line["position"], line["why_not"]) for line in lines]
+
+
+@pytest.fixture(scope="module")
+def mono(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[object, object]]:
+    """What is located in the mono file of `note`."""
+    return located(tmp_path_factory.mktemp("mono") / "mono.wav", note()[None])
 
 
 @pytest.mark.parametrize("kind", ["noise", "louder noise", "hum", "zero", "copy", "inverted copy"])
 @pytest.mark.parametrize("channel", [0, 1])
 def test_a_guitar_beside_an_unused_input_is_read_as_the_mono_file(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], kind: str, channel: int
+    mono: list[tuple[object, object]], tmp_path: Path, kind: str, channel: int
 ) -> None:
-    one, noise = note(), np.random.default_rng(4).standard_normal(RATE)
+    alone, one, noise = mono, note(), np.random.default_rng(4).standard_normal(RATE)
     time = np.arange(RATE) / RATE
     other = {
         "noise": 3e-5 * noise,
@@ -70,9 +77,8 @@ def test_a_guitar_beside_an_unused_input_is_read_as_the_mono_file(
         "copy": 0.25 * one,
         "inverted copy": -one,
     }[kind]
-    alone = located(tmp_path / "mono.wav", one[None], capsys)
     assert sum(position is not None for position, _ in alone) > 0.9 * len(alone)
-    both = located(tmp_path / "both.wav", np.stack((one, other) if channel == 0 else (other, one)), capsys)
+    both = located(tmp_path / "both.wav", np.stack((one, other) if channel == 0 else (other, one)))
     if "copy" in kind:  # believed after three looks
         both, alone = both[21:], alone[21:]
     assert [reason for _, reason in both] == [reason for _, reason in alone]

@@ -49,3 +49,11 @@ def test_gross_errors_are_rare_under_interference(name: str) -> None:
     result = far_form.outcome(cases, Protocol(hop=0.2), interferer, seed=1)
     assert far_form.beyond(result, 5.0) <= 0.15
     assert far_form.right(result) >= far_form.plain_right(result)
+
+
+@real
+def test_music_as_loud_as_a_bowed_bass_hardly_moves_it_by_an_octave() -> None:
+    music = far_form.loud_half(interference_recordings()["Kevin_MacLeod_Vibe_Ace"])
+    result = far_form.outcome(far_form.bowed_cases(), Protocol(), Interferer(sound=music, ratio=0.0), seed=0)
+    assert far_form.gross(result) <= 0.01
+    assert far_form.right(result) >= far_form.plain_right(result)

@@ -82,7 +82,7 @@ def record(source: Source, seconds: float, name: str, *, on_audio: OnAudio = ign
             frames += block.samples.shape[1]
             if frames + dropped >= wanted:
                 break
-        paced, simulated = stream.paced, stream.controls is not None
+        paced, simulated = stream.paced, stream.simulated
     if not blocks:
         raise InputError(f"{name} without sound", "1 s or more")
     samples = np.concatenate(blocks, axis=1)

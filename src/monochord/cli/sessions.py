@@ -240,9 +240,10 @@ def import_(what: Path, labels: Path | None, *, out: Path, as_json: bool, **said
 def resample(file: Path, *, rate: int, out: Path, as_json: bool) -> None:
     """Copy a session at another sample rate.
 
-    Everything but the sound stays the same. Datasets need sound at one sample rate, and a model's training
-    sets it; live and locate resample by themselves. Sound that was recorded at a lower rate lacks the highest
-    frequencies, which a model may take for another sensor: record at the model's rate or above.
+    Everything but the sound stays the same. A model reads sound at the rate of its training: live, locate,
+    calibrate and evaluate resample to it, and build to the lowest rate of its sessions. Sound that was
+    recorded at a lower rate lacks the highest frequencies, which a model may take for another sensor: record
+    at the model's rate or above.
 
     \b
     monochord sessions resample session.mcap --out slow.mcap --rate 22050

@@ -33,7 +33,7 @@ def load_toml(path: Path) -> Tree:
     """Read a TOML file; raises `InputError` if it is missing or not TOML."""
     refuse_endless(path)
     try:
-        return _flat_enough(tomllib.loads(_text(path)))
+        return flat_enough(tomllib.loads(_text(path)))
     except OSError as error:
         raise InputError(f"configuration {path} ({error.strerror})", "a readable TOML file") from error
     except (ValueError, RecursionError) as error:  # TOML's own, bad UTF-8, a number of thousands of digits
@@ -44,7 +44,7 @@ def load_json(path: Path, remedy: str = "") -> Any:
     """Read a JSON file; raises `InputError`, ending with `remedy`, if it is missing or not JSON."""
     refuse_endless(path)
     try:
-        return _flat_enough(json.loads(_text(path)))
+        return flat_enough(json.loads(_text(path)))
     except OSError as error:
         raise InputError(f"{path} ({error.strerror})", "a readable file", remedy) from error
     except (ValueError, RecursionError) as error:
@@ -173,7 +173,7 @@ def settings_of(cls: type, where: str = "") -> list[Setting]:
     return settings
 
 
-def _flat_enough(tree: Any) -> Any:
+def flat_enough(tree: Any) -> Any:
     """Return a tree of plain values; raises `ValueError` where it is nested deeper than `MAX_NESTING`."""
     level: list[Any] = [tree]
     for _ in range(MAX_NESTING):

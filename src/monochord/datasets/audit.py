@@ -4,7 +4,6 @@ An audit checks a dataset and its split for every way in which training data may
 validation part, whoever made the split.
 """
 
-from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -249,18 +248,21 @@ def _named(part: Part, what: Kind) -> str:
 
 def _same_checksum(dataset: Dataset, masks: Indices) -> list[tuple[int, int]]:
     """Return the pairs of sessions in different parts with the same file or the same samples."""
-    alike: defaultdict[str, list[int]] = defaultdict(list)
-    for number, part in enumerate(dataset.manifest.parts):
-        for checksum in (part.checksum, part.audio_checksum):
-            alike[checksum].append(number)
-    pairs = {
-        (one, other)
-        for numbers in alike.values()
-        for at, one in enumerate(numbers)
-        for other in numbers[at + 1 : at + 1 + COMPARED]
-    }
-    rows = np.array(sorted(pairs), np.int64).reshape(-1, 2)
-    return [(one, other) for one, other in rows[crossing(masks, *rows.T)].tolist()]
+    parts = dataset.manifest.parts
+    keys = np.array([(hash(part.checksum), hash(part.audio_checksum)) for part in parts], np.int64)
+    order = np.argsort(keys.ravel(), kind="stable")
+    sums, sessions = keys.ravel()[order], order // 2
+    pairs: set[tuple[int, int]] = set()
+    for apart in range(1, COMPARED + 1):
+        at = np.flatnonzero((sums[:-apart] == sums[apart:]) & (sessions[:-apart] < sessions[apart:]))
+        one, other = sessions[at], sessions[at + apart]
+        crosses = crossing(masks, one, other)
+        pairs |= set(zip(one[crosses].tolist(), other[crosses].tolist(), strict=True))
+    return sorted(pair for pair in pairs if _sums(parts, pair[0]) & _sums(parts, pair[1]))
+
+
+def _sums(parts: Sequence[Part], session: int) -> set[str]:
+    return {parts[session].checksum, parts[session].audio_checksum}
 
 
 def _between_taps(dataset: Dataset, session: int) -> Audio:

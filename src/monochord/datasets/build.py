@@ -8,10 +8,13 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from glob import glob
 from importlib.metadata import version
+from itertools import chain
 from math import inf
 from pathlib import Path
-from typing import Annotated, Literal, TypeAlias
+from tempfile import TemporaryFile
+from typing import IO, Annotated, Literal, TypeAlias
 
+import msgspec
 import numpy as np
 from msgspec import Meta
 
@@ -19,7 +22,7 @@ from monochord.core import labels as label_rules
 from monochord.core.errors import InputError
 from monochord.core.labels import LabelColumns, Rules, window_labels
 from monochord.core.ownership import part_folder
-from monochord.core.ranges import Checked
+from monochord.core.ranges import Checked, SampleRate
 from monochord.core.types import Audio, Progress, StringParams
 from monochord.core.units import Metres, Newtons, Samples, Seconds
 from monochord.core.workers import run_all
@@ -27,7 +30,9 @@ from monochord.datasets.checksums import FileSums, file_sums
 from monochord.datasets.kinds import counts_of, kinds_of
 from monochord.datasets.manifest import Manifest, Part, audio_name, file_checksum
 from monochord.datasets.measured import Thresholds
+from monochord.datasets.records import Files, Records
 from monochord.datasets.store import (
+    TABLES,
     Dataset,
     Flags,
     Indices,
@@ -41,6 +46,7 @@ from monochord.datasets.truth import SessionTruth, truth_of
 from monochord.physics.sensors import load_sensor, same_wire
 from monochord.sessions import TUNING, AudioTrack, Description, SessionReader, read_session
 from monochord.sessions.alignment import AUDIO
+from monochord.sessions.resample import resample
 
 MANY = 16
 """Number of sessions from which starting several processes pays off."""
@@ -76,6 +82,9 @@ class BuildOptions(Checked):
         Thresholds of contact and sliding, for measured labels.
     sensor
         The tuned sensor (a preset, or a file from ``monochord tune``) of sessions recorded without a tuning.
+    sample_rate
+        Rate of the dataset, in Hz: a session of a higher rate is resampled to it, as ``sessions resample``
+        does. None keeps each session's rate, and refuses unequal ones.
     """
 
     window: Annotated[Seconds, Meta(ge=1e-3, le=60.0)] = 0.1
@@ -86,6 +95,7 @@ class BuildOptions(Checked):
     rules: Rules = field(default_factory=Rules)
     thresholds: Thresholds = field(default_factory=Thresholds)
     sensor: str = ""
+    sample_rate: SampleRate | None = None
 
     def __post_init__(self) -> None:
         Checked.__post_init__(self)
@@ -175,10 +185,10 @@ def build_dataset(
 ) -> Dataset:
     """Build a dataset from sessions in the new folder `out`, and return it; see `store` for the format.
 
-    Samples are copied as recorded: lost frames are zeros, clipped and non-finite samples stay, and windows
-    with any of these are flagged. A process holds one session in memory at a time. Equal sessions and options
-    give equal bytes, for any number of processes. The folder gets its name once it is complete; remains of a
-    killed run are removed.
+    Samples are copied as recorded, or resampled to `options.sample_rate`: lost frames are zeros, clipped and
+    non-finite samples stay, and windows with any of these are flagged. A process holds one session in memory
+    at a time. Equal sessions and options give equal bytes, for any number of processes. The folder gets its
+    name once it is complete; remains of a killed run are removed.
 
     Parameters
     ----------
@@ -222,15 +232,16 @@ def build_dataset(
             Job(name=name, number=number, path=path, folder=part, options=options, listen=listen)
             for number, (name, path) in enumerate(files.items())
         ]
-        taken: dict[str, Taken] = {}
         progress(names[0], 0, len(files))
         form: tuple[int, int] | None = None
-        for job, each in run_all(jobs, take, workers=workers, cluster=cluster):
-            if not options.skip:
-                form = _form_of(job.name, each, form)
-            taken[job.name] = each
-            progress(names[len(taken)], len(taken), len(files))
-        _write(part, options, [(job, taken[job.name]) for job in jobs])
+        with TemporaryFile(dir=part) as file:
+            places = np.zeros((len(jobs), 2), np.int64)
+            for done, (job, each) in enumerate(run_all(jobs, take, workers=workers, cluster=cluster), 1):
+                if not options.skip:
+                    form = _form_of(job.name, each, form)
+                places[job.number] = file.tell(), file.write(msgspec.msgpack.encode(each))
+                progress(names[done], done, len(files))
+            _write(part, options, ((job, _contribution(file, *places[job.number])) for job in jobs))
         part.rename(out)
     return open_dataset(out)
 
@@ -265,12 +276,13 @@ def take(job: Job) -> Taken:
     """
     options = job.options
     try:
-        session = read_session(job.path)
+        recorded = read_session(job.path)
         if not options.force:
-            _refuse_damaged(session)
+            _refuse_damaged(recorded)
+        session = _at_rate(recorded, job)
         truth = truth_of(session, options.labels, options.thresholds, force=options.force)
         if not options.force:
-            _refuse_damaged(session)  # and what was malformed in what has been read
+            _refuse_damaged(recorded)  # and what was malformed in what has been read
         tension, tuned, length, measured = _string_of(session, job.listen, options.sensor)
     except InputError as error:
         if not options.skip:
@@ -304,7 +316,7 @@ def take(job: Job) -> Taken:
         day=description.day,
         build=description.build,
         music=description.more.get("music"),
-        complete=session.complete,
+        complete=recorded.complete,
         late=late.offsets[0].value if late and late.offsets[0].is_determined else None,
         flags=truth.alignment.flags,
         tension=tension,
@@ -321,9 +333,30 @@ def take(job: Job) -> Taken:
     )
 
 
-def _write(folder: Path, options: BuildOptions, taken: Sequence[tuple[Job, Taken]]) -> None:
+def _at_rate(session: SessionReader, job: Job) -> SessionReader:
+    """Return a session, or where its rate is above the dataset's, its resampled copy."""
+    rate = job.options.sample_rate
+    if rate is None or session.description.sample_rate <= rate:
+        return session
+    path = job.folder / f"resampled-{job.number}.mcap"
+    try:
+        resample(session, path, rate)
+        copy = read_session(path)  # is read after its file's name is gone
+    finally:
+        path.unlink(missing_ok=True)
+    copy.path = session.path
+    return copy
+
+
+def _contribution(file: IO[bytes], place: int, size: int) -> Taken:
+    """Return a session's contribution from the file in which all of them wait."""
+    file.seek(place)
+    return msgspec.msgpack.decode(file.read(size), type=Taken)
+
+
+def _write(folder: Path, options: BuildOptions, taken: Iterable[tuple[Job, Taken]]) -> None:
     """Combine the sessions in order, and write everything except their sound."""
-    parts, files, refused = list[Part](), dict[str, FileSums](), dict[str, str]()
+    parts, sums, refused = Records(Part), Records(FileSums), dict[str, str]()
     rows, labels, counts = list[Path](), dict[str, None](), Counter[str]()
     form: tuple[int, int] | None = None
     windows = 0
@@ -340,7 +373,7 @@ def _write(folder: Path, options: BuildOptions, taken: Sequence[tuple[Job, Taken
             continue
         file = audio_name(len(parts))
         job.audio.rename(folder / file)
-        files[file] = each.sums
+        sums.append(each.sums)
         rows.append(job.rows)
         labels |= dict.fromkeys(each.columns)
         counts.update(each.counts)
@@ -351,10 +384,11 @@ def _write(folder: Path, options: BuildOptions, taken: Sequence[tuple[Job, Taken
     write_table(folder, rows, windows, tuple(labels))
     for each in rows:
         each.unlink()
-    for path in sorted(folder.glob("*/*.npy")):
-        name = path.relative_to(folder).as_posix()
-        if name not in files:
-            files[name] = file_sums(path)
+    tables = (path for name in TABLES for path in (folder / name).glob("*.npy"))
+    files = chain(
+        ((part.audio, sums[number]) for number, part in enumerate(parts)),
+        ((path.relative_to(folder).as_posix(), file_sums(path)) for path in tables),
+    )
     rate, channels = form
     Manifest(
         sample_rate=rate,
@@ -365,8 +399,8 @@ def _write(folder: Path, options: BuildOptions, taken: Sequence[tuple[Job, Taken
         columns=tuple(labels),
         rules=options.rules,
         labelling=label_rules.__doc__ or "",
-        parts=tuple(parts),
-        files=files,
+        parts=parts,
+        files=Files(files),
         counts=dict(counts),
         refused=refused,
         thresholds=options.thresholds,

@@ -38,8 +38,8 @@ COMPARED = 16
 of a session are found in linear time, if not each of their half a million pairs."""
 BUCKETS = 64
 """Number of buckets of runs: one's share of the memory for all runs."""
-IN_MEMORY = 1 << 20
-"""Size up to which a bucket stays in memory, in bytes."""
+IN_MEMORY = 1 << 16
+"""Size up to which a bucket stays in memory, in bytes: all of them are 4 MB."""
 RUN_TYPE = np.dtype([("key", np.uint64), ("frame", np.int64), ("session", np.int32)])
 
 Track = Callable[[int], Audio]

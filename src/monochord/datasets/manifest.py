@@ -2,21 +2,24 @@
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections import deque
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import accumulate
 from pathlib import Path, PurePath
-from typing import Any, TypeAlias
+from typing import Any, TextIO, TypeAlias
 
 import numpy as np
 
-from monochord.core.config import from_tree, load_json, to_tree
+from monochord.core.config import Tree, from_tree, to_tree
 from monochord.core.errors import InputError
 from monochord.core.files import replacing
+from monochord.core.json_stream import json_members
 from monochord.core.labels import Rules
 from monochord.core.units import Metres, Newtons, Samples, Seconds
 from monochord.datasets.checksums import BLOCK, REMEDY, FileSums
 from monochord.datasets.measured import Thresholds
+from monochord.datasets.records import Files, Records
 
 FORMAT = 2
 """Version of the on-disk format; from 2 on, all files have checksums."""
@@ -94,6 +97,9 @@ class Manifest:
     `files` holds the checksums of all arrays, by file name below the dataset's folder. `columns` names the
     labels, `counts` the number of windows of each kind, `refused` the sessions left out and why. `rules` and
     the text `labelling` define the label of a window; `versions` are those of the programs used.
+
+    `parts` and `files` of a dataset on disk are packed, and each is unpacked as it is read: objects of them
+    all take five times the memory.
     """
 
     format: int = FORMAT
@@ -105,8 +111,8 @@ class Manifest:
     columns: tuple[str, ...]
     rules: Rules
     labelling: str
-    parts: tuple[Part, ...]
-    files: dict[str, FileSums]
+    parts: Sequence[Part]
+    files: Mapping[str, FileSums]
     counts: dict[str, int] = field(default_factory=dict[str, int])
     refused: dict[str, str] = field(default_factory=dict[str, str])
     thresholds: Thresholds = field(default_factory=Thresholds)
@@ -118,21 +124,28 @@ class Manifest:
         """Whether any of its sound is simulated."""
         return any(part.simulated for part in self.parts)
 
-    def arrays(self) -> Mapping[str, Layout]:
-        """Return the contents of each file of the dataset, by file name below the folder."""
+    def arrays(self) -> Iterator[tuple[str, Layout]]:
+        """Yield the name of each file of the dataset, below the folder, and its contents."""
         rows = (self.windows,)
-        return {
-            **{part.audio: (np.float32, (self.channels, part.frames)) for part in self.parts},
-            **{f"windows/{name}.npy": (kind, rows) for name, kind in TABLE.items()},
-            **{f"labels/{name}.npy": (np.float64, rows) for name in self.columns},
-            **{f"valid/{name}.npy": (np.bool_, rows) for name in self.columns},
-        }
+        yield from ((part.audio, (np.float32, (self.channels, part.frames))) for part in self.parts)
+        yield from ((f"windows/{name}.npy", (kind, rows)) for name, kind in TABLE.items())
+        yield from ((f"labels/{name}.npy", (np.float64, rows)) for name in self.columns)
+        yield from ((f"valid/{name}.npy", (np.bool_, rows)) for name in self.columns)
 
     def write(self, folder: Path) -> None:
         """Write the manifest into a folder, keys sorted, so that equal datasets have equal bytes."""
+        tree = to_tree(replace(self, parts=(), files={}))
         with replacing(folder / FILE) as part, part.open("w", encoding="utf-8") as stream:
-            json.dump(to_tree(self), stream, indent=1, sort_keys=True, ensure_ascii=False)
-            stream.write("\n")
+            for number, name in enumerate(sorted(tree)):
+                stream.write(f"{',' if number else '{'}\n {json.dumps(name)}: ")
+                if name == "parts":
+                    _put(stream, "[]", (("", each) for each in self.parts))
+                elif name == "files":
+                    files = self.files if isinstance(self.files, Files) else Files(self.files.items())
+                    _put(stream, "{}", ((f"{_text(file)}: ", sums) for file, sums in files.items()))
+                else:
+                    stream.write(_text(tree[name], 1))
+            stream.write("\n}\n")
 
     @classmethod
     def read(cls, folder: Path) -> "Manifest":
@@ -145,14 +158,52 @@ class Manifest:
         """
         if not (folder / FILE).exists():
             raise InputError(f"dataset {folder} (no {FILE} in it)", "a folder from monochord build")
-        tree = load_json(folder / FILE, REMEDY)
-        if not isinstance(tree, dict) or tree.get("format") != FORMAT:
+        tree: Tree = {}
+        wrong: InputError | None = None
+        for name, value in json_members(folder / FILE, ("parts", "files"), REMEDY):
+            try:
+                tree[name] = _packed(name, value)
+            except InputError as error:  # of less weight than another format
+                wrong = wrong or error
+                deque(value, 0)
+        if tree.get("format") != FORMAT:
             given = f"dataset {folder} of another format"
             raise InputError(given, f"format {FORMAT}, with checksums of all files", REMEDY)
-        manifest = from_tree(cls, tree, FILE)
-        for wrong in _contradictions(manifest):
-            raise InputError(f"{folder / FILE} ({wrong})", "the unchanged output of monochord build", REMEDY)
+        if wrong is not None:
+            raise wrong
+        packed = {name: value for name, value in tree.items() if isinstance(value, (Records, Files))}
+        nothing = {name: () if name == "parts" else {} for name in packed}
+        manifest = replace(from_tree(cls, {**tree, **nothing}, FILE), **packed)
+        for contradiction in _contradictions(manifest):
+            raise InputError(
+                f"{folder / FILE} ({contradiction})", "the unchanged output of monochord build", REMEDY
+            )
         return manifest
+
+
+def _packed(name: str, value: Any) -> Any:
+    """Return a member of the manifest, its parts and checksums checked and packed one by one."""
+    if name == "parts" and isinstance(value, Iterator):
+        return Records(
+            Part, (from_tree(Part, each, f"{FILE}.parts[{number}]") for number, each in enumerate(value))
+        )
+    if name == "files" and isinstance(value, Iterator):
+        return Files((file, from_tree(FileSums, sums, f"{FILE}.files.{file}")) for file, sums in value)
+    return value
+
+
+def _put(stream: TextIO, brackets: str, entries: Iterable[tuple[str, Part | FileSums]]) -> None:
+    """Write entries as `json.dump` does with an indent of 1, one in memory at a time."""
+    opened = False
+    for name, each in entries:
+        stream.write(f"{',' if opened else brackets[0]}\n  {name}{_text(to_tree(each), 2)}")
+        opened = True
+    stream.write(f"\n {brackets[1]}" if opened else brackets)
+
+
+def _text(value: Any, indent: int = 0) -> str:
+    text = json.dumps(value, indent=1, sort_keys=True, ensure_ascii=False)
+    return text.replace("\n", "\n" + indent * " ")  # which no text in it has
 
 
 def audio_name(number: int) -> str:
@@ -190,7 +241,8 @@ def _contradictions(manifest: Manifest) -> Iterator[str]:
         yield f"{manifest.windows} windows, unlike the sum of its parts"
     if len(set(manifest.columns)) < len(manifest.columns) or not all(map(is_column_name, manifest.columns)):
         yield f"columns {', '.join(map(repr, manifest.columns))}"
-    if set(manifest.files) != set(manifest.arrays()):
+    names = [name in manifest.files for name, _ in manifest.arrays()]
+    if not all(names) or len(names) != len(manifest.files):
         yield "checksums that do not match its files"
     for name, sums in manifest.files.items():
         if len(sums.blocks) != -(-sums.bytes // BLOCK):

@@ -13,10 +13,11 @@ read, so that a smaller hop needs no extra space.
 """
 
 from collections import OrderedDict
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from io import BytesIO
+from itertools import compress
 from pathlib import Path
 from stat import S_ISREG
 from typing import Any
@@ -34,6 +35,8 @@ from monochord.datasets.manifest import FILE, TABLE, Layout, Manifest, file_chec
 
 MAX_OPEN_FILES = 256
 """Most audio files mapped at once: each holds one of the process's file descriptors."""
+TABLES = ("windows", "labels", "valid")
+"""Folders of the arrays (windows,)."""
 SAMPLED_BLOCKS = 128
 """Number of 1 MiB audio blocks compared with their checksums when a dataset is opened."""
 
@@ -124,9 +127,7 @@ class Dataset:
 
     def verify(self) -> None:
         """Compare every byte with its checksum; raises `InputError` naming the first file that is damaged."""
-        files = self.manifest.files
-        every = ((name, number) for name, sums in files.items() for number in range(len(sums.blocks)))
-        check_blocks(self.path, files, every)
+        check_blocks(self.path, self.manifest.files, _blocks(self.manifest))
 
     def window(self, index: int) -> Audio:
         """Return a window's samples (2, frames): a read-only view of the file."""
@@ -170,19 +171,18 @@ def open_dataset(path: Path, *, sampled: int = SAMPLED_BLOCKS, seed: int | None 
     """
     path = Path(path).absolute()
     manifest = Manifest.read(path)
-    audio, arrays = {part.audio for part in manifest.parts}, dict[str, Any]()
-    for name, layout in manifest.arrays().items():
-        if name in audio:  # mapped when it is read: a process may open some hundreds of files at once
+    arrays = dict[str, Any]()
+    for name, layout in manifest.arrays():
+        if _is_audio(name):  # mapped when it is read: a process may open some hundreds of files at once
             _check_header(path, name, layout)
         else:
             arrays[name] = _mapped(path, name, layout)
-    blocks = [(name, number) for name, sums in manifest.files.items() for number in range(len(sums.blocks))]
-    check_blocks(path, manifest.files, (block for block in blocks if block[0] not in audio))
+    check_blocks(path, manifest.files, (block for block in _blocks(manifest) if not _is_audio(block[0])))
     if sampled:
-        spoken = [block for block in blocks if block[0] in audio]
-        draw = np.random.default_rng(seed)
-        some = draw.choice(len(spoken), size=min(sampled, len(spoken)), replace=False)
-        check_blocks(path, manifest.files, (spoken[each] for each in np.sort(some).tolist()))
+        count = sum(len(sums.blocks) for name, sums in manifest.files.items() if _is_audio(name))
+        some = np.random.default_rng(seed).choice(count, size=min(sampled, count), replace=False)
+        spoken = (block for block in _blocks(manifest) if _is_audio(block[0]))
+        check_blocks(path, manifest.files, compress(spoken, np.isin(np.arange(count), some)))
     dataset = Dataset(
         path=path,
         manifest=manifest,
@@ -198,6 +198,16 @@ def open_dataset(path: Path, *, sampled: int = SAMPLED_BLOCKS, seed: int | None 
     return dataset
 
 
+def _is_audio(name: str) -> bool:
+    return name.partition("/")[0] not in TABLES
+
+
+def _blocks(manifest: Manifest) -> Iterator[tuple[str, int]]:
+    """Yield the file name and number of each block that has a checksum."""
+    for name, sums in manifest.files.items():
+        yield from ((name, number) for number in range(len(sums.blocks)))
+
+
 def _reopened(path: Path) -> Dataset:
     """Return a dataset that another process has already opened and checked."""
     return open_dataset(path, sampled=0)
@@ -206,9 +216,9 @@ def _reopened(path: Path) -> Dataset:
 def _refuse_outside(dataset: Dataset) -> None:
     """Refuse a table with windows outside of their sessions' sound."""
     parts = dataset.manifest.parts
-    counts, frames = ([getattr(part, what) for part in parts] for what in ("windows", "frames"))
-    session = np.repeat(np.arange(len(parts)), counts)
-    ends = np.array(frames, np.int64)[session] - dataset.manifest.window
+    counts, frames = np.array([(part.windows, part.frames) for part in parts], np.int64).reshape(-1, 2).T
+    session = np.repeat(np.arange(len(parts), dtype=np.int32), counts)
+    ends = frames[session] - dataset.manifest.window
     if not (
         np.array_equal(dataset.session, session) and np.all((dataset.start >= 0) & (dataset.start <= ends))
     ):
@@ -255,7 +265,7 @@ def write_table(folder: Path, sessions: Sequence[Path], windows: Samples, labels
     kinds |= {f"labels/{name}": np.float64 for name in labels} | {
         f"valid/{name}": np.bool_ for name in labels
     }
-    for name in ("windows", "labels", "valid"):
+    for name in TABLES:
         (folder / name).mkdir(exist_ok=True)
     with ExitStack() as stack:
         write = {

@@ -27,10 +27,14 @@ RESOLVED = 3.5
 """Least f0 of a relative outside the comb's range, relative to the resolution: denser lines fit any sound."""
 SAME_GUESS = 0.004
 """Guesses whose f0 differ relatively by less than this are the same."""
-CAPTURE = 1.2
-"""Initial search range of a peak around its partial, relative to the resolution."""
-MATCH = 0.15
-"""Standard deviation of a peak about its partial in the comparison, relative to the resolution."""
+CAPTURE = 0.6
+"""Initial search range of a peak around its partial, relative to the resolution. Farther off, another
+source's line beside a low partial bends the whole series."""
+MATCH, BROADER = 0.15, 0.05
+"""Standard deviation of a peak about its partial in the comparison, relative to the resolution; its relative
+growth with each partial."""
+CLAIM = 4.0
+"""Distance within which a partial explains a peak, in those standard deviations."""
 ROBUST = 0.08
 """Distance at which a peak has a quarter of its weight in the fit, relative to the resolution.
 """
@@ -47,6 +51,8 @@ HIDDEN = -1.0
 """Salience of bins in which a line of another source, such as mains hum, hides whether there is a partial."""
 LEAST_RESIDUAL = 1.0e-4
 """Least residual power, as a share of that of all lines."""
+MOST_CHANCE = 0.99
+"""Largest share of the band that the partials of a series count as covering."""
 DISTINCT = 0.0012
 """Series whose f0 differ relatively by less than this are the same."""
 COLUMNS = ("frequency", "frequency_std", "inharmonicity", "inharmonicity_std", "evidence")
@@ -174,13 +180,14 @@ def series_evidence(f0: Hertz, inharmonicity: float, peaks: Peaks, view: View) -
     """Return the log evidence for a series over clutter alone, in nats.
 
     It has three parts. (1) Each partial either shows a peak, normally distributed about its frequency, or
-    does not; clutter scatters peaks uniformly, and strong clutter is rare: the density of clutter peaks as
-    strong as the k-th strongest is k over the band. (2) A partial far weaker than its neighbours on both
+    does not. Clutter scatters peaks evenly over octaves, as music does, and strong clutter is rare: there are
+    k clutter peaks as strong as the k-th strongest. (2) A partial far weaker than its neighbours on both
     sides counts as missing: on a string this is rare except at the nodes of its pluck, but it holds for all
-    odd partials of an octave-too-low guess. (3) The explained power: `residual_weight` ln(total / residual
-    power), which is small for a guess that leaves the strongest peak unexplained; the weight is half the
-    effective number of independent residuals. Where another source's line hides a partial, the partial is
-    absent, but does not count as missing.
+    odd partials of an octave-too-low guess. (3) The explained power, `residual_weight` ln((1 - c) total /
+    residual power), where c is the share that an equally dense series explains by chance. It is small for a
+    guess that leaves the strongest peak unexplained; the weight is half the effective number of independent
+    residuals. Where another source's line hides a partial, the partial is absent, but does not count as
+    missing.
     """
     guesses, _, peaks, view = _checked(np.array([[f0, inharmonicity]]), (f0, 0.0, 1.0), peaks, view)
     return float(_rated(guesses, peaks, view)[0])
@@ -205,9 +212,10 @@ def _evidence(
     for j in range(claimed.size):
         claimed[j] = 0.0
     evidence, k = 0.0, 0
+    octaves = np.log(view.top / view.bottom)
     for i in range(count):
         expected = _partial(f0, inharmonicity, i + 1.0)
-        spread = MATCH * view.resolution * (1.05 + 0.05 * i)
+        spread = MATCH * view.resolution * (1.0 + BROADER * (i + 1.0))
         place = min(int(expected / view.spacing), view.salience.size - 2)
         height[i] = max(view.salience[place], view.salience[place + 1])
         k = _nearest(peaks.frequency, expected, k)
@@ -215,23 +223,37 @@ def _evidence(
         shown = min(0.1 + 0.6 * np.exp(-i / 12.0), 0.9)
         gain[i] = np.log(1.0 - shown)
         if abs(off) < 8.0:
-            ratio = np.exp(-0.5 * off * off) / (np.sqrt(2.0 * np.pi) * spread) * (view.top / peaks.rank[k])
+            apart = min(expected * octaves, view.top) / peaks.rank[k]
+            ratio = np.exp(-0.5 * off * off) / (np.sqrt(2.0 * np.pi) * spread) * apart
             gain[i] = np.log(1.0 - shown + shown * ratio)
-        if abs(off) < 4.0:
+        if abs(off) < CLAIM:
             height[i] = max(height[i], peaks.salience[k])
         evidence += gain[i]
         for j in range(max(k - 1, 0), min(k + 2, claimed.size)):
-            if abs(peaks.frequency[j] - expected) < 4.0 * spread and peaks.frequency[j] > view.bottom:
+            if abs(peaks.frequency[j] - expected) < CLAIM * spread and peaks.frequency[j] > view.bottom:
                 claimed[j] = peaks.power[j]
     evidence -= _missing_cost(height, gain, count)
-    total = explained = 0.0
+    return evidence + _power_evidence(f0, count, claimed, peaks, view)
+
+
+@part()
+def _power_evidence(f0: Hertz, count: int, claimed: Floats, peaks: Peaks, view: View) -> float:
+    """Return the evidence of the claimed power, less what an equally dense series claims by chance."""
+    total = explained = chance = 0.0
     for j in range(claimed.size):
+        if peaks.frequency[j] <= view.bottom:
+            continue
         explained += claimed[j]
-        total += peaks.power[j] if peaks.frequency[j] > view.bottom else 0.0
-    if total > 0.0:
-        least = LEAST_RESIDUAL * (total + view.others)
-        evidence += view.residual_weight * np.log((total + least) / (total - explained + least))
-    return evidence
+        total += peaks.power[j]
+        number = peaks.frequency[j] / f0
+        if number < count + 0.5:
+            reach = CLAIM * MATCH * view.resolution * (1.0 + BROADER * number)
+            chance += peaks.power[j] * min(2.0 * reach / f0, MOST_CHANCE)
+    if total == 0.0:
+        return 0.0
+    least = LEAST_RESIDUAL * (total + view.others)
+    share = (1.0 - chance / total) * (total + least) / (total - explained + least)
+    return view.residual_weight * np.log(share)
 
 
 @part()

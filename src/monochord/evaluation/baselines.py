@@ -34,7 +34,7 @@ from monochord.perception.heads.base import Task
 from monochord.perception.model.definition import CLIP, Method
 from monochord.perception.model.network import MAX_LOGIT, Scaling, network_inputs
 from monochord.perception.training.examples import mean_and_scale, touches_of
-from monochord.perception.training.regression import Regression, fit_regression, groups_of
+from monochord.perception.training.regression import Regression, Windows, fit_regression, groups_of
 from monochord.perception.tuning.sessions import (
     at_length_of,
     force_scale,
@@ -190,7 +190,7 @@ def fit_baselines(
     step = -(-len(training.rows) // MAX_TRAINING_WINDOWS)
     rows = training.rows[::step]
     features = training_features(training, rows, feature, workers=workers, cluster=cluster)
-    mean, scale = mean_and_scale(features)
+    mean, scale = mean_and_scale([features])
     nothing = np.zeros(0, np.float32)
     own = Scaling(mean, scale, nothing, nothing, nothing.astype(np.int64))
     fitted = _fitted(training, rows, _inputs(features, own), names)
@@ -306,7 +306,9 @@ def _fitted(
             continue
         task = Task(label=name, loss="logistic" if name in PROBABILITIES else "square")
         for baseline, models in fitted.items():
-            models[name] = fit_regression(baseline, task, inputs[counts], label[counts], group[counts])
+            models[name] = fit_regression(
+                baseline, task, Windows.of(inputs[counts], label[counts], group[counts])
+            )
     return fitted
 
 

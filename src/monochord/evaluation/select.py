@@ -330,7 +330,8 @@ def _dataset_of_sessions(
     window = hop = 0.1
     if definition is not None:
         window, hop = (size / definition.sample_rate for size in (definition.window, definition.hop))
-    options = BuildOptions(window=window, hop=hop)
+    rate = definition.sample_rate if definition else None
+    options = BuildOptions(window=window, hop=hop, sample_rate=rate)
     listen = tension_estimator(definition.string if definition else None)
     dataset = build_dataset(
         files, scratch / "dataset", options, progress, listen, workers=workers, cluster=cluster

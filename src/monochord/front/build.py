@@ -4,7 +4,8 @@ import logging
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import TypeAlias
+from sys import intern
+from typing import NamedTuple, TypeAlias
 
 from monochord.core.errors import InputError
 from monochord.core.progress import progress_bar
@@ -30,7 +31,7 @@ from monochord.datasets.split import (
 from monochord.lab.offline import CollectedSession
 from monochord.perception.data import LabelledData
 from monochord.perception.tuning.sessions import estimate_tension
-from monochord.sessions import Description, read_session
+from monochord.sessions import read_session
 
 Sessions: TypeAlias = str | Path | CollectedSession | Iterable[str | Path | CollectedSession]
 """Session files, folders (searched recursively), patterns, or the result of `collect`; one or several."""
@@ -58,7 +59,8 @@ def build(
     """Build a dataset from sessions: windows with labels, split, and audited for leaks.
 
     Equal sessions and options give equal bytes, for any number of processes. The string's tuning comes from
-    the session, else from `sensor`, else from the untouched beginning of the recording.
+    the session, else from `sensor`, else from the untouched beginning of the recording. Sessions of several
+    sample rates are resampled to the lowest of them.
 
     Parameters
     ----------
@@ -147,7 +149,9 @@ def built(
     progress: Progress | None = None,
     note: Callable[[str], None] = lambda line: _log.warning("monochord: %s", line),
 ) -> LabelledData:
-    """Return the dataset of `build` with its audit, even with leaks; `note` receives skipped sessions.
+    """Return the dataset of `build` with its audit, even with leaks.
+
+    `note` receives a line for each session that is left out or resampled.
 
     Raises
     ------
@@ -157,9 +161,20 @@ def built(
     refuse_both(workers, cluster)
     folder, files = Path(out), find_sessions(session_names(sessions))
     held_out = tuple(held_out)
-    _refuse_split(split or _default_split(len(files)), files, held_out)
+    overview = _overview(files)
+    _refuse_split(split or _default_split(len(files)), overview, held_out)
+    rate = min(overview.rates, default=None)
+    for name, own in zip(overview.names, overview.rates, strict=True):
+        if own != rate:
+            note(f"resampled: session {name}, {own} to {rate} Hz, the lowest rate of all")
     options = BuildOptions(
-        window=window, hop=hop, labels=labels or "", force=force, skip=skip, sensor=str(sensor or "")
+        window=window,
+        hop=hop,
+        labels=labels or "",
+        force=force,
+        skip=skip,
+        sensor=str(sensor or ""),
+        sample_rate=rate,
     )
     with progress_bar(progress=progress) as report:
         dataset = build_dataset(
@@ -194,15 +209,30 @@ def _default_split(count: int) -> str:
     return "session" if count >= len(PARTS) else "time"
 
 
-def _refuse_split(by: str, files: Sequence[Path], held_out: Sequence[str]) -> None:
-    """Raise `InputError` for an impossible split before anything is built."""
-    refuse_impossible(by, held_out=held_out)
-    descriptions: dict[str, Description] = {}
+class _Overview(NamedTuple):
+    """Of each session that can be read its name, object, day, build and sample rate in Hz."""
+
+    names: list[str]
+    objects: list[str]
+    days: list[int | None]
+    builds: list[int | None]
+    rates: list[int]
+
+
+def _overview(files: Sequence[Path]) -> _Overview:
+    """Return what the split and the sample rate depend on, in little memory."""
+    overview = _Overview([], [], [], [], [])
     for name, file in named_sessions(files).items():
         with suppress(InputError):  # refused when it is built
-            descriptions[name] = read_session(file).description
-    if descriptions:
-        objects = [one.material or one.object for one in descriptions.values()]
-        days = [one.day for one in descriptions.values()]
-        builds = [one.build for one in descriptions.values()]
-        refuse_too_few(by, objects, days, held_out, list(descriptions), builds)
+            about = read_session(file).description
+            row = name, intern(about.material or about.object), about.day, about.build, about.sample_rate
+            for column, value in zip(overview, row, strict=True):
+                column.append(value)
+    return overview
+
+
+def _refuse_split(by: str, overview: _Overview, held_out: Sequence[str]) -> None:
+    """Raise `InputError` for an impossible split before anything is built."""
+    refuse_impossible(by, held_out=held_out)
+    if overview.names:
+        refuse_too_few(by, overview.objects, overview.days, held_out, overview.names, overview.builds)

@@ -66,9 +66,11 @@ class TrainedModel(Model):
         definition = self.definition
         kind = ", simulated" if definition.simulated else ""
         tasks = {name: record.task for name, record in definition.heads.items()}
+        noises = next((", ".join(choice.noises) for choice in self.choices.values()), "")
+        in_noise = f", in quiet and in noise ({noises})" if noises else ""
         return [
             f"{self.run}{kind}: feature {definition.feature.name}, {self.epochs} epochs",
-            "the method with the smallest error on the validation part:",
+            f"the method with the smallest error on the validation part{in_noise}:",
             *choice_lines(self.choices, tasks),
             "on the validation part, which chose the method of each head and its calibration:",
             *score_lines(self.scores, tasks),
@@ -89,7 +91,8 @@ def train(
     """Train a model on a dataset, or go on where a run of the same settings was interrupted.
 
     Each head is learned by a network, by ridge regression and by extra trees, and keeps the method with the
-    smallest error on the validation part. Without PyTorch, the network is left out.
+    smallest error on the validation part, in quiet and in each kind of noise of the training. Without
+    PyTorch, the network is left out.
 
     The folder of the run holds its settings, its history, also drawn where matplotlib is installed, the model
     and its scores on the validation part.

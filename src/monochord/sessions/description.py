@@ -30,6 +30,8 @@ TUNING = "tuning"
 """Key in `more` of the sensor's measured tuning, where it was recorded tuned."""
 ESTIMATES = "estimates"
 """Stream name of the estimates that a live run records beside its sound."""
+SIMULATED_COMMENT = "Simulated by Monochord"
+"""Comment in the sound file of an exported session whose sound is simulated."""
 RESERVED_STREAMS = ("audio", "events", "clocks", "description")
 """Reserved names that a stream of readings cannot have."""
 

@@ -1,4 +1,4 @@
-"""Resample a session: datasets, and models calibrated or evaluated on sessions, need one sample rate."""
+"""Resample a session: a dataset has one sample rate, and a model reads sound at that of its training."""
 
 from collections.abc import Iterator
 from dataclasses import replace

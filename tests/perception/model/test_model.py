@@ -159,7 +159,8 @@ def test_training_sees_what_the_model_sees(drawn: Model) -> None:
     heads = heads_module(definition, 0)
     for tensor in heads["force"].parameters():
         tensor.data = torch.from_numpy(rng.normal(size=tuple(tensor.shape)).astype(np.float32))
-    output, _ = TrainingTensors(definition, drawn.weights, examples).whole_copy("force", heads, 0)
+    tensors = TrainingTensors(definition, drawn.weights, examples)
+    output = next(output for name, output, _, _ in tensors.outputs(heads) if name == "force")
     arrays = {**drawn.weights, **{name: tensor.numpy() for name, tensor in heads.state_dict().items()}}
     for number, result in enumerate(Network.of(definition, arrays).outputs(examples.base[0])):
         assert result["force"].value == pytest.approx(float(output[number, 0]), rel=1e-4, abs=1e-4)

@@ -1,6 +1,7 @@
 """From settings and a dataset to examples: labels, masks and scaling."""
 
 import dataclasses
+import errno
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +20,11 @@ from monochord.perception.training.examples import (
     quietest,
     read_split,
     scaling,
+    targets_of,
     touches_of,
     training_data,
 )
+from monochord.perception.training.scratch import Scratch, empty
 from monochord.perception.training.settings import TrainingSettings
 
 pytest.importorskip("torch")
@@ -88,6 +91,37 @@ def test_columns_are_scaled_by_training_windows(lesson: dict[str, Any]) -> None:
     np.testing.assert_allclose(rows.mean(axis=0), 0.0, atol=1e-3)
     np.testing.assert_allclose(rows.std(axis=0), 1.0, atol=1e-3)
     assert {name: array.shape for name, array in arrays.items()}.items() <= source.definition.shapes().items()
+
+
+def test_examples_in_files_are_those_in_memory(
+    lesson: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    settings, source, part = made(lesson, noise={"copies": 1})
+    noises = noises_of(settings, 16000)
+    memory = examples_of(source, part, "train", noises)
+    monkeypatch.setattr("monochord.perception.training.examples.BLOCK", 7)
+    filed = examples_of(dataclasses.replace(source, scratch=tmp_path), part, "train", noises)
+    assert isinstance(filed.base, Scratch)
+    assert not list(tmp_path.iterdir())
+    for name in ("base", "rows", "touch"):
+        np.testing.assert_array_equal(getattr(filed, name), getattr(memory, name))
+    one, two = scaling(filed), scaling(memory)
+    for name, array in one.items():
+        np.testing.assert_allclose(array, two[name], rtol=1e-6, atol=1e-7)
+    for name in source.tasks:
+        own, other = (targets_of(source.definition, name, each) for each in (filed, memory))
+        np.testing.assert_array_equal(own, other)
+
+
+def test_a_full_disk_is_an_error_before_anything_is_put_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("os.posix_fallocate", full)
+    with pytest.raises(OSError, match=f"No space left on device: '{tmp_path}'"):
+        empty(tmp_path, (2, 3))
 
 
 def test_far_below_all_training_windows_is_silence(lesson: dict[str, Any]) -> None:

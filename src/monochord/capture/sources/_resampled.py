@@ -65,6 +65,10 @@ class _ResampledStream(Stream):
     def controls(self) -> Controls | None:
         return self._stream.controls
 
+    @property
+    def simulated(self) -> bool:
+        return self._stream.simulated
+
     def truth(self, start: Samples, stop: Samples) -> Truth:
         old, new = self._rates
         return self._stream.truth(round(start * old / new), round(stop * old / new))

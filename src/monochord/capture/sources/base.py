@@ -126,6 +126,11 @@ class Stream(ABC):
         """Controls of a simulated string; None where there are none."""
         return None
 
+    @property
+    def simulated(self) -> bool:
+        """Whether the source says that its sound is simulated; what a device plays says nothing of it."""
+        return self.controls is not None
+
     def truth(self, start: Samples, stop: Samples) -> Truth:  # noqa: ARG002
         """Return the true labels over [start, stop); empty on real hardware."""
         return {}

@@ -77,7 +77,7 @@ class _SessionStream(PacedStream):
             signal = replace(signal, length_std=RULER_STD)
         end = track.samples.shape[1]
         super().__init__(signal, block=options.block, speed=options.speed, end=end)
-        self._samples = track.samples
+        self._samples, self._simulated = track.samples, about.simulated
         self._gaps_after = dict(track.gaps)
         self._gap_starts = np.array([*(first for first, _ in track.gaps), end])
         labels = session.labels
@@ -86,6 +86,10 @@ class _SessionStream(PacedStream):
         self._calibrating = calibration_spans(session, self._alignment)
         time = np.maximum.accumulate(labels.time) if len(labels.time) else labels.time
         self._line, self._labels = track.line, LabelTrack(time=time, columns=labels.columns)
+
+    @property
+    def simulated(self) -> bool:
+        return self._simulated
 
     def truth(self, start: Samples, stop: Samples) -> Truth:
         """Return the labels of the window of frames [start, stop), by the rules of `monochord.core.labels`.

@@ -16,6 +16,7 @@ from monochord.core.errors import InputError
 from monochord.core.ranges import Count, NonNegative, Whole
 from monochord.core.types import Audio, Signal
 from monochord.core.units import Samples
+from monochord.sessions.description import SIMULATED_COMMENT
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,6 +67,10 @@ class _FileStream(PacedStream):
         super().__init__(signal, block=options.block, speed=options.speed, end=end)
         self._file, self._options = file, options
         self._round = 1
+
+    @property
+    def simulated(self) -> bool:
+        return self._file.comment == SIMULATED_COMMENT
 
     def _leave(self) -> None:
         self._file.close()

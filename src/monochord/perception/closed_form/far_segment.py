@@ -195,10 +195,9 @@ class FarReader:
         best = int(inside.argmax())
         near = inside & (np.abs(ratio - ratio[best]) < SAME_POSITION)
         share = float(probability[near].sum())
-        if share < LEAST_PROBABILITY:
-            return abstain(self._reason(notes, inside))
         if share * steadiness.probability < LEAST_PROBABILITY:
-            return abstain("the pitch moves as a voice's does")
+            moves = steadiness.probability < min(share, LEAST_PROBABILITY)
+            return abstain("the pitch moves as a voice's does" if moves else self._reason(notes, inside))
         spread = float(probability[near] @ (ratio[near] - ratio[best]) ** 2) / share
         return self._located(notes, best, spread)
 

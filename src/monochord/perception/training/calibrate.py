@@ -77,8 +77,13 @@ def spread_factor(error: Floats, std: Floats, touch: Indices | None = None) -> f
     return factor if factor >= 1.0 else factor ** (count / (count + PRIOR_TOUCHES))
 
 
-def calibrate_probability(reference: NDArray[np.bool_], logit: Floats, session: Indices) -> Calibration:
-    """Return the calibration of a probability, with the calibration error on held-out sessions."""
+def calibrate_probability(
+    reference: NDArray[np.bool_], logit: Floats, session: Indices, *, windows: int | None = None
+) -> Calibration:
+    """Return the calibration of a probability, with the calibration error on held-out sessions.
+
+    `windows` is the number of windows where some of the labels and logits (n,) are of noisy copies.
+    """
 
     def probabilities(factor: Floats) -> Floats:
         return 1.0 / (1.0 + np.exp(-np.clip(logit / factor, -700.0, 700.0)))
@@ -87,7 +92,7 @@ def calibrate_probability(reference: NDArray[np.bool_], logit: Floats, session: 
     after, before = probabilities(factor), probabilities(np.ones(len(logit)))
     return Calibration(
         factor=temperature(reference, logit),
-        windows=len(logit),
+        windows=len(logit) if windows is None else windows,
         sessions=len(np.unique(session)),
         measured={
             "calibration_error": calibration_error(reference, after),

@@ -92,9 +92,11 @@ def calibrated(
         raise InputError(f"folder {out} (exists)", "a new folder", "choose another name with --out")
     trained = given.definition
     rate = trained.sample_rate
-    options = BuildOptions(window=trained.window / rate, hop=trained.hop / rate, labels=labels, force=force)
+    options = BuildOptions(
+        window=trained.window / rate, hop=trained.hop / rate, labels=labels, force=force, sample_rate=rate
+    )
     files = find_sessions(sessions)
-    _refuse_other_rates(files, rate)
+    _refuse_lower_rates(files, rate)
     sensors = {read_session(file).description.identity: None for file in files}
     for each in sensors:
         if said := calibrated_elsewhere(trained.calibrated_on, each):
@@ -139,13 +141,13 @@ def _as_live(dataset: Dataset) -> Dataset:
     return dataclasses.replace(dataset, manifest=dataclasses.replace(dataset.manifest, parts=parts))
 
 
-def _refuse_other_rates(sessions: Sequence[Path], sample_rate: int) -> None:
-    """Raise `InputError` for a session of another rate than the model's; the message has the remedy."""
+def _refuse_lower_rates(sessions: Sequence[Path], sample_rate: int) -> None:
+    """Raise `InputError` for a session of a lower rate than the model's; the message has the remedy."""
     for path in sessions:
-        if (rate := read_session(path).description.sample_rate) != sample_rate:
+        if (rate := read_session(path).description.sample_rate) < sample_rate:
             out = path.with_name(f"{path.stem}_{sample_rate}.mcap")
             words = shlex.join([str(path), "--rate", str(sample_rate), "--out", str(out)])
-            allowed = f"{sample_rate} Hz, as the model was trained"
+            allowed = f"{sample_rate} Hz or more, as the model was trained"
             remedy = f"resample it: monochord sessions resample {words}"
             raise InputError(f"session {path} at {rate} Hz", allowed, remedy)
 

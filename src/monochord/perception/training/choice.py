@@ -5,19 +5,18 @@ them have the same inputs, and state and calibrate their uncertainty in the same
 """
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from itertools import compress
 
 import numpy as np
 
-from monochord.core.types import Audio, Floats
+from monochord.core.types import Audio, Floats, Indices
 from monochord.perception.heads.base import RIGHT_WITHIN
 from monochord.perception.model.definition import Definition, HeadRecord, Method
-from monochord.perception.model.network import Network, Output
+from monochord.perception.model.network import Network
 from monochord.perception.training.calibrate import temperature
 from monochord.perception.training.examples import Examples, inputs_of, targets_of
-from monochord.perception.training.regression import fit_regression, groups_of
+from monochord.perception.training.regression import Windows, fit_regression, groups_of
 
 MARGIN = 0.05
 """Share by which a method's error must be below that of an earlier one to be chosen instead."""
@@ -25,15 +24,16 @@ MARGIN = 0.05
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Choice:
-    """The chosen method of a head, and the error of each method on the validation part and its noisy copies.
+    """The chosen method of a head, and each method's mean error on the validation part and its noisy copies.
 
     The error of a quantity is its mean absolute error in the label's unit. Where the head refines a position,
     a window without an answer counts as 5 mm: a wrong answer costs more than none. The error of a probability
-    is its log loss at its best temperature.
+    is its log loss at its best temperature. `noises` names the noise of each copy.
     """
 
     method: Method
     errors: Mapping[Method, float]
+    noises: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,20 +63,9 @@ def regressions(
     train
         Examples to learn from.
     """
-    inputs = inputs_of(definition, scaler, train)
-    group = groups_of(train.session, train.touch)
     heads, weights = dict[str, HeadRecord](), dict[str, Audio]()
     for name, record in definition.heads.items():
-        mask = train.masks[name]
-        rows = inputs[:, mask].take(definition.columns_of(name), axis=2)
-        target = targets_of(definition, name, train)[:, mask]
-        learned = fit_regression(
-            method,
-            record.task,
-            rows.reshape(-1, rows.shape[2]),
-            target.ravel(),
-            np.tile(group[mask], len(inputs)),
-        )
+        learned = fit_regression(method, record.task, _windows_of(definition, name, scaler, train))
         task = dataclasses.replace(record.task, hidden=())
         heads[name] = dataclasses.replace(record, task=task, method=method, nodes=len(learned.forest))
         weights |= {f"{name}.0.weight": learned.weight, f"{name}.0.bias": learned.bias}
@@ -85,12 +74,33 @@ def regressions(
     return Candidate(definition=dataclasses.replace(definition, heads=heads), weights=weights)
 
 
+def _windows_of(definition: Definition, name: str, scaler: Mapping[str, Audio], train: Examples) -> Windows:
+    """Return the windows that count for a head, in all copies."""
+    mask, count = train.masks[name], len(train.base)
+    place, total = np.cumsum(mask) - 1, int(mask.sum())
+
+    def blocks() -> Iterator[tuple[Indices, Audio]]:
+        for at, block in train.blocks():
+            inputs = inputs_of(definition, scaler, block)
+            numbers = np.arange(count)[:, np.newaxis] * total + place[at][mask[at]]
+            rows = inputs[:, mask[at]].take(definition.columns_of(name), axis=2)
+            yield numbers.ravel(), rows.reshape(-1, rows.shape[2])
+
+    target = targets_of(definition, name, train)[:, mask].ravel()
+    group = groups_of(train.session, train.touch)[mask]
+    return Windows(blocks=blocks, target=target, group=np.tile(group, count))
+
+
 def choose(
-    candidates: Mapping[Method, Candidate], scaler: Mapping[str, Audio], validation: Examples
+    candidates: Mapping[Method, Candidate],
+    scaler: Mapping[str, Audio],
+    validation: Examples,
+    noises: tuple[str, ...] = (),
 ) -> tuple[Candidate, dict[str, Choice]]:
     """Return each head by the method with the smallest error on validation, and the choices.
 
-    A method is chosen over an earlier one if its error is smaller by `MARGIN`.
+    A method is chosen over an earlier one if its error is smaller by `MARGIN`. `noises` names the noise of
+    each copy in `validation`.
     """
     errors = dict[Method, dict[str, float]]()
     for method, candidate in candidates.items():
@@ -104,7 +114,7 @@ def choose(
         for method in others:
             if own[method] < (1.0 - MARGIN) * own[best]:
                 best = method
-        choices[name] = Choice(method=best, errors=own)
+        choices[name] = Choice(method=best, errors=own, noises=noises)
         heads[name] = candidates[best].definition.heads[name]
         weights |= {
             key: array for key, array in candidates[best].weights.items() if key.partition(".")[0] == name
@@ -114,26 +124,50 @@ def choose(
 
 def _errors(candidate: Candidate, scaler: Mapping[str, Audio], examples: Examples) -> dict[str, float]:
     """Return the error of each head over all copies of examples; see `Choice`."""
-    definition = candidate.definition
-    network = Network.of(definition, {**scaler, **candidate.weights})
-    outputs = [network.outputs(copy) for copy in examples.base]
+    definition, outputs = candidate.definition, _outputs(candidate, scaler, examples)
     errors: dict[str, float] = {}
     for name, record in definition.heads.items():
         mask = examples.masks[name]
-        own = [each[name] for copy in outputs for each in compress(copy, mask.tolist())]
-        errors[name] = head_error(record, own, targets_of(definition, name, examples)[:, mask].ravel())
+        value, certainty = outputs[name][:, :, mask].reshape(2, -1)
+        target = targets_of(definition, name, examples)[:, mask].ravel()
+        errors[name] = head_error(record, value, certainty, target)
     return errors
 
 
-def head_error(record: HeadRecord, outputs: list[Output], target: Floats) -> float:
-    """Return the error of a head's outputs for targets (n,) in its scale; see `Choice`."""
-    value = np.array([each.value for each in outputs])
+def _outputs(candidate: Candidate, scaler: Mapping[str, Audio], examples: Examples) -> dict[str, Floats]:
+    """Return value and certainty (2, copies, n) of each head for all copies of examples."""
+    network = Network.of(candidate.definition, {**scaler, **candidate.weights})
+    outputs = {name: np.empty((2, *examples.base.shape[:2])) for name in candidate.definition.heads}
+    for at, block in examples.blocks():
+        for copy, rows in enumerate(np.asarray(block.base)):
+            own = network.outputs(rows)
+            for name, values in outputs.items():
+                values[:, copy, at] = np.array([(row[name].value, row[name].certainty) for row in own]).T
+    return outputs
+
+
+def noisy_logits(
+    candidate: Candidate, scaler: Mapping[str, Audio], examples: Examples
+) -> dict[str, tuple[Floats, Floats, Indices]]:
+    """Return labels, logits and sessions (n,) of each probability on all noisy copies of examples."""
+    outputs, copies = _outputs(candidate, scaler, examples), len(examples.base) - 1
+    result: dict[str, tuple[Floats, Floats, Indices]] = {}
+    for name, record in candidate.definition.heads.items():
+        mask = examples.masks[name]
+        if record.task.is_probability:
+            label, session = examples.labels[name][mask], examples.session[mask]
+            logit = outputs[name][0, 1:, mask].T.ravel()
+            result[name] = np.tile(label, copies), logit, np.tile(session, copies)
+    return result
+
+
+def head_error(record: HeadRecord, value: Floats, certainty: Floats, target: Floats) -> float:
+    """Return the error of a head's values and certainties for targets (n,) in its scale; see `Choice`."""
     if record.task.is_probability:
         bound = np.log(len(value) + 1.0)  # as after calibration
         logit = np.clip(value / temperature(target == 1.0, value), -bound, bound)
         return float(np.logaddexp(0.0, np.where(target == 1.0, -logit, logit)).mean())
     error = record.scale * np.abs(value - target)
     if record.task.refines:
-        certain = np.array([each.certainty for each in outputs]) >= record.task.certain
-        error = np.where(certain, error, RIGHT_WITHIN)
+        error = np.where(certainty >= record.task.certain, error, RIGHT_WITHIN)
     return float(error.mean())

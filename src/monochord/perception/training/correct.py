@@ -1,7 +1,9 @@
 """Corrections of a model: the prior from sessions outside the training, and the update from known touches."""
 
 import dataclasses
-from collections.abc import Mapping
+from array import array
+from bisect import bisect_left
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
@@ -23,6 +25,44 @@ FORCE_STDS = (0.05, 0.2, 0.1)
 NONE_KEPT: Audio = np.zeros((TOUCHES_KEPT, 2), np.float32)
 Outputs = Mapping[int, Mapping[str, Output]]
 """The outputs of every head for the windows of a dataset, by row."""
+
+
+class PackedOutputs(Outputs):
+    """Outputs of windows in rising order of their rows, as numbers without objects around them.
+
+    >>> outputs = PackedOutputs()
+    >>> outputs.append(3, {"force": Output(0.5, variables=(2.0,))})
+    >>> list(outputs), outputs[3]["force"].variables
+    ([3], (2.0,))
+    """
+
+    def __init__(self) -> None:
+        self._rows, self._values = array("q"), array("d")
+        self._sizes: dict[str, int] = {}
+
+    def append(self, row: int, outputs: Mapping[str, Output]) -> None:
+        """Add a window's outputs, of the same heads as before."""
+        self._sizes = {name: 3 + len(output.variables) for name, output in outputs.items()}
+        self._rows.append(row)
+        for value, log_spread, certainty, variables in outputs.values():
+            self._values.extend((value, log_spread, certainty, *variables))
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(self._rows)
+
+    def __getitem__(self, row: int) -> Mapping[str, Output]:
+        number = bisect_left(self._rows, row)
+        if number == len(self._rows) or self._rows[number] != row:
+            raise KeyError(row)
+        first, outputs = number * sum(self._sizes.values()), dict[str, Output]()
+        for name, size in self._sizes.items():
+            value, log_spread, certainty, *variables = self._values[first : first + size]
+            outputs[name] = Output(value, log_spread, certainty, tuple(variables))
+            first += size
+        return outputs
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,16 +1,18 @@
 """The inputs of the training loop from settings and a dataset: definition, examples and scaling."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 
 import numpy as np
 
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Flags, Floats, Indices, Progress, Signal
 from monochord.core.units import Metres
+from monochord.datasets.augment import RECORDED
 from monochord.datasets.split import SPLIT_FILE, Split
 from monochord.datasets.store import Dataset
 from monochord.perception.heads.base import CONTACT, POSITION, REFINED_SCALE, Task
@@ -18,10 +20,13 @@ from monochord.perception.model.definition import Definition, FeatureRecord, Hea
 from monochord.perception.model.network import Scaling, network_inputs
 from monochord.perception.model.probe import probed
 from monochord.perception.training.rows import Noise, Rows
+from monochord.perception.training.scratch import empty, release
 from monochord.perception.training.settings import TrainingSettings
 from monochord.perception.tuning.sessions import force_scales, length_scales
 from monochord.physics.sensors import load_sensor
 
+BLOCK = 2048
+"""Number of windows, with all their copies, that are in memory at a time."""
 MIN_DEVIATION = 1e-6
 """Columns with a smaller standard deviation are not scaled."""
 TOUCH_SPACING: Metres = 2e-3
@@ -30,11 +35,15 @@ TOUCH_SPACING: Metres = 2e-3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrainingData:
-    """A dataset, its features, and the definition of the model to train."""
+    """A dataset, its features, and the definition of the model to train.
+
+    `scratch` is the folder of the files in which examples are kept, block by block; None: in memory.
+    """
 
     dataset: Dataset
     definition: Definition
     feature: Rows
+    scratch: Path | None = None
 
     @property
     def tasks(self) -> dict[str, Task]:
@@ -57,6 +66,29 @@ class Examples:
     base: Audio
     labels: Mapping[str, Floats]
     masks: Mapping[str, Flags]
+
+    def blocks(self) -> Iterator[tuple[slice, "Examples"]]:
+        """Yield `BLOCK` windows at a time, with their place; the memory of features in files is let go."""
+        for first in range(0, len(self.rows), BLOCK):
+            at = slice(first, first + BLOCK)
+            yield at, self._of(at, self.base[:, at])
+            release(self.base)
+
+    def at(self, copies: Indices, numbers: Indices) -> "Examples":
+        """Return some windows (n,), each in one of its copies."""
+        some = self._of(numbers, self.base[copies, numbers][np.newaxis])
+        release(self.base)
+        return some
+
+    def _of(self, at: slice | Indices, base: Audio) -> "Examples":
+        return Examples(
+            rows=self.rows[at],
+            session=self.session[at],
+            touch=self.touch[at],
+            base=base,
+            labels={name: values[at] for name, values in self.labels.items()},
+            masks={name: mask[at] for name, mask in self.masks.items()},
+        )
 
 
 def read_split(settings: TrainingSettings, dataset: Dataset) -> Split:
@@ -213,10 +245,10 @@ def assembled(
     dataset: Dataset,
     rows: Indices,
     tasks: Mapping[str, Task],
-    base: Sequence[Audio],
+    base: Audio,
     scales: Mapping[str, Floats] | None = None,
 ) -> Examples:
-    """Return the examples of windows `rows` (n,) from the features of each copy.
+    """Return the examples of windows `rows` (n,) from features (copies, n, d).
 
     Labels in the units of `scales` are divided by these (windows of the dataset,), which convert positions
     (m) and forces (N) to the design's string.
@@ -231,7 +263,7 @@ def assembled(
         rows=rows,
         session=dataset.session[rows].astype(np.int64),
         touch=touches_of(dataset)[rows],
-        base=np.stack(base),
+        base=base,
         labels={name: np.where(masks[name][rows], label(task)[rows], 0.0) for name, task in tasks.items()},
         masks={name: masks[name][rows] for name in tasks},
     )
@@ -247,7 +279,9 @@ def examples_of(
     """Return the examples of the part `name`: clean windows, then a copy for each of `noises`."""
     dataset = data.dataset
     rows = chosen(dataset, part, data.tasks, name)
-    base = [data.feature.of(rows, noise, progress) for noise in (None, *noises)]
+    base = empty(data.scratch, (1 + len(noises), len(rows), len(data.definition.feature.columns)))
+    for copy, noise in enumerate((None, *noises)):
+        data.feature.of(rows, noise, progress, out=base[copy])
     design = data.definition.string
     scales = {"N": force_scales(dataset, design), "m": length_scales(dataset, design)} if design else None
     return assembled(dataset, rows, data.tasks, base, scales)
@@ -256,23 +290,29 @@ def examples_of(
 def inputs_of(definition: Definition, scaler: Mapping[str, Audio], examples: Examples) -> Audio:
     """Return the scaled inputs (copies, n, inputs) of all heads; see `network_inputs`."""
     own = Scaling.of(scaler)
-    return np.stack([network_inputs(base, own, definition.clip) for base in examples.base])
+    return np.stack([network_inputs(base, own, definition.clip) for base in np.asarray(examples.base)])
 
 
 def targets_of(definition: Definition, name: str, examples: Examples) -> Floats:
     """Return what a head's first output should be (copies, n): 0 or 1, or the quantity in its scale."""
-    record, shape = definition.heads[name], examples.base.shape[:2]
-    target = np.broadcast_to(examples.labels[name] - record.offset, shape)
-    refined = definition.refined(name)
-    if refined is not None and definition.string is not None:
-        target = target - examples.base[..., refined].astype(np.float64) * definition.string.length
+    record = definition.heads[name]
+    refined, string = definition.refined(name), definition.string
+    target = np.empty(examples.base.shape[:2])
+    for at, block in examples.blocks():
+        target[:, at] = block.labels[name] - record.offset
+        if refined is not None and string is not None:
+            target[:, at] -= block.base[..., refined].astype(np.float64) * string.length
     return target / record.scale
 
 
 def scaling(train: Examples) -> dict[str, Audio]:
     """Return mean and standard deviation of each column, as the arrays of a model."""
-    mean, scale = mean_and_scale(train.base.reshape(-1, train.base.shape[-1]))
+    mean, scale = mean_and_scale(_flat(block.base) for _, block in train.blocks())
     return {"scaler.mean": mean, "scaler.scale": scale}
+
+
+def _flat(copies: Audio) -> Audio:
+    return copies.reshape(-1, copies.shape[-1])
 
 
 def scaled_heads(definition: Definition, train: Examples) -> Definition:
@@ -291,10 +331,26 @@ def scaled_heads(definition: Definition, train: Examples) -> Definition:
     return dataclasses.replace(definition, heads=heads)
 
 
-def mean_and_scale(rows: Audio) -> tuple[Audio, Audio]:
-    """Return mean and standard deviation of each column of rows (n, d); 1 for a constant column."""
-    mean = rows.mean(axis=0, dtype=np.float64)
-    deviation = rows.std(axis=0, dtype=np.float64)
+def mean_and_scale(blocks: Iterable[Audio]) -> tuple[Audio, Audio]:
+    """Return mean and standard deviation of each column of blocks of rows (n, d); 1 for a constant column.
+
+    Blocks are merged as in Chan, Golub and LeVeque, Updating formulae and a pairwise algorithm for computing
+    sample variances (1979). Without a row the mean is 0.
+
+    >>> mean_and_scale([np.array([[1.0, 2.0]], np.float32), np.array([[3.0, 2.0]], np.float32)])
+    (array([2., 2.], dtype=float32), array([1., 1.], dtype=float32))
+    """
+    count, mean, squares = 0, np.zeros(0), np.zeros(0)
+    for rows in blocks:
+        if not count:
+            mean, squares = np.zeros(rows.shape[1]), np.zeros(rows.shape[1])
+        if len(rows):
+            own, share = rows.mean(axis=0, dtype=np.float64), len(rows) / (count + len(rows))
+            squares += len(rows) * rows.var(axis=0, dtype=np.float64)
+            squares += count * share * (own - mean) ** 2
+            mean = mean + share * (own - mean)
+            count += len(rows)
+    deviation = np.sqrt(squares / max(count, 1))
     return mean.astype(np.float32), np.where(deviation > MIN_DEVIATION, deviation, 1.0).astype(np.float32)
 
 
@@ -307,9 +363,8 @@ def probes(data: TrainingData) -> dict[str, Audio]:
 
 def quietest(dataset: Dataset, rows: Indices) -> float:
     """Return half of the 0.1 % quantile of the windows' root mean squares, in full scale."""
-    levels = [
-        float(np.sqrt(np.mean(np.square(dataset.window(row), dtype=np.float64)))) for row in rows.tolist()
-    ]
+    squares = (np.mean(np.square(dataset.window(row), dtype=np.float64)) for row in map(int, rows))
+    levels = np.sqrt(np.fromiter(squares, np.float64, len(rows)))
     return 0.5 * float(np.quantile(levels, 0.001))
 
 
@@ -319,3 +374,17 @@ def noises_of(settings: TrainingSettings, sample_rate: int) -> tuple[Noise, ...]
         return ()
     first = Noise(augmentation=settings.noise, copy=1, seed=settings.seed, sample_rate=sample_rate)
     return tuple(dataclasses.replace(first, copy=copy) for copy in range(1, settings.noise.copies + 1))
+
+
+def each_noise(settings: TrainingSettings, sample_rate: int) -> dict[str, Noise]:
+    """Return a noise of each kind alone, by kind; a mixture hides the kind in which a method fails."""
+    if not settings.noise.copies:
+        return {}
+    first, *_ = noises_of(settings, sample_rate)
+    alone = {
+        kind: dataclasses.replace(settings.noise, kinds=(kind,), recordings=())
+        for kind in settings.noise.kinds
+    }
+    if settings.noise.recordings:
+        alone[RECORDED] = dataclasses.replace(settings.noise, kinds=())
+    return {kind: dataclasses.replace(first, augmentation=each) for kind, each in alone.items()}

@@ -197,16 +197,12 @@ def _scores(definition: Definition, examples: TrainingTensors, heads: Any) -> di
 
     Of a head that refines a position, it is the loss: a wrong position says little of the error of others.
     """
-    scores: dict[str, float] = {}
-    for name, record in definition.heads.items():
-        errors: list[float] = []
-        for copy in range(examples.copies):
-            output, target = examples.whole_copy(name, heads, copy)
-            mask = examples.masks[name]
-            if record.task.is_probability or record.task.refines:
-                errors.append(float(head_loss(record.task, output, target, mask)))
-            else:
-                miss = (output[:, 0] - target).abs() * record.scale
-                errors.append(float((miss * mask).sum() / mask.sum()))
-        scores[name] = float(np.mean(errors))
-    return scores
+    sums, counts = dict.fromkeys(definition.heads, 0.0), dict.fromkeys(definition.heads, 0.0)
+    for name, output, target, mask in examples.outputs(heads):
+        record, count = definition.heads[name], float(mask.sum())
+        if record.task.is_probability or record.task.refines:
+            sums[name] += count * float(head_loss(record.task, output, target, mask))
+        else:
+            sums[name] += record.scale * float(((output[:, 0] - target).abs() * mask).sum())
+        counts[name] += count
+    return {name: sums[name] / counts[name] for name in definition.heads}

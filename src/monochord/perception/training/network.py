@@ -1,6 +1,6 @@
 """The trainable part in PyTorch: examples as tensors, the heads' layers, and the joint loss."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from itertools import pairwise
 from typing import Any
 
@@ -20,13 +20,13 @@ SPREAD_POWER = 0.5
 
 
 class TrainingTensors:
-    """Examples as scaled tensors: `copies` copies of `count` windows."""
+    """Examples as scaled tensors, made batch by batch: `copies` copies of `count` windows."""
 
     def __init__(self, definition: Definition, scaler: Mapping[str, Audio], examples: Examples) -> None:
         torch = torch_library()
         self.copies, self.count = examples.base.shape[:2]
         self.tasks = {name: record.task for name, record in definition.heads.items()}
-        self._inputs = torch.from_numpy(inputs_of(definition, scaler, examples))
+        self._examples, self._definition, self._scaler = examples, definition, scaler
         self._columns = {name: torch.tensor(definition.columns_of(name)) for name in self.tasks}
         self._targets: dict[str, Any] = {}
         self.masks: dict[str, Any] = {}
@@ -40,7 +40,8 @@ class TrainingTensors:
 
         It is lambda_c L_c + 1[c=1] (lambda_s L_s + lambda_x L_x + lambda_F L_F), with the tasks' weights.
         """
-        rows = self._inputs[copies, batch]
+        some = self._examples.at(copies.numpy(), batch.numpy())
+        rows = torch_library().from_numpy(inputs_of(self._definition, self._scaler, some)[0])
         return sum(
             task.weight
             * head_loss(
@@ -52,11 +53,19 @@ class TrainingTensors:
             for name, task in self.tasks.items()
         )
 
-    def whole_copy(self, name: str, heads: Any, copy: int) -> tuple[Any, Any]:
-        """Return a head's outputs (n, k) and targets (n,) for all windows of a copy, without gradients."""
-        with torch_library().no_grad():
-            rows = self._inputs[copy][:, self._columns[name]]
-            return forward(self.tasks[name], heads[name], rows), self._targets[name][copy]
+    def outputs(self, heads: Any) -> Iterator[tuple[str, Any, Any, Any]]:
+        """Yield each head with its outputs (n, k), targets (n,) and mask (n,), for all windows of all copies.
+
+        Windows come block by block, copy by copy, without gradients.
+        """
+        torch = torch_library()
+        for at, block in self._examples.blocks():
+            for copy, inputs in enumerate(inputs_of(self._definition, self._scaler, block)):
+                rows = torch.from_numpy(inputs)
+                for name, task in self.tasks.items():
+                    with torch.no_grad():
+                        output = forward(task, heads[name], rows[:, self._columns[name]])
+                    yield name, output, self._targets[name][copy, at], self.masks[name][at]
 
 
 def heads_module(definition: Definition, seed: int) -> Any:

@@ -7,21 +7,27 @@ A learned standard error, the second output, is linear in the inputs: ridge regr
 errors on left-out windows (Harvey, Estimating regression models with multiplicative heteroscedasticity,
 Econometrica, 1976). Windows are left out by whole sessions where there are several, else by whole touches,
 since the windows of one touch are nearly equal.
+
+Ridge regression needs the sums of products of its inputs and its target alone, so windows are read block by
+block, and any number of them takes the same memory. A logistic regression and trees learn from a draw.
 """
 
 import warnings
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from monochord.core.types import Audio, Flags, Floats, Indices
 from monochord.perception.heads.base import REFINED_SCALE, RIGHT_WITHIN, Task
 from monochord.perception.model.definition import Method
 from monochord.perception.model.forest import NO_FOREST, forest_of, forest_sums
 
-MAX_WINDOWS: Mapping[Method, int] = {"ridge": 40_000, "extra_trees": 10_000}
-"""Most windows that each method learns from, spread evenly: half a minute of computing."""
+MAX_TREES, MAX_LOGISTIC = 10_000, 40_000
+"""Most windows that trees and a logistic regression learn from, spread evenly: half a minute of computing."""
+BLOCK = 2048
+"""Number of windows of an array in a block."""
 FOLDS = 5
 """Number of parts that are left out in turn."""
 STRENGTHS: Floats = np.logspace(-3.0, 5.0, 9)
@@ -52,7 +58,55 @@ class Regression:
         return rows @ self.weight[0].astype(np.float64) + float(self.bias[0]) + forest_sums(rows, self.forest)
 
 
-def fit_regression(method: Method, task: Task, inputs: Audio, target: Floats, group: Indices) -> Regression:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Windows:
+    """Windows to learn from, in memory block by block.
+
+    `blocks` returns an iterator over the numbers (m,) of some windows and their scaled inputs (m, k).
+    `target` (n,) holds the labels: 0 or 1, or the quantity in units of the head's scale. `group` (n,) is the
+    number of the part to which each window belongs; windows are left out by whole parts.
+    """
+
+    blocks: Callable[[], Iterable[tuple[Indices, Audio | Floats]]]
+    target: Floats
+    group: Indices
+
+    @classmethod
+    def of(cls, inputs: Audio | Floats, target: Floats, group: Indices) -> "Windows":
+        """Return windows whose inputs (n, k) are in memory."""
+
+        def blocks() -> Iterator[tuple[Indices, Audio | Floats]]:
+            for first in range(0, len(target), BLOCK):
+                some = inputs[first : first + BLOCK]
+                yield np.arange(first, first + len(some)), some
+
+        return cls(blocks=blocks, target=target.astype(np.float64), group=group)
+
+    def only(self, chosen: Flags) -> "Windows":
+        """Return some of the windows."""
+        if chosen.all():
+            return self
+        place = np.cumsum(chosen) - 1
+
+        def blocks() -> Iterator[tuple[Indices, Audio | Floats]]:
+            for numbers, inputs in self.blocks():
+                some = chosen[numbers]
+                yield place[numbers[some]], inputs[some]
+
+        return Windows(blocks=blocks, target=self.target[chosen], group=self.group[chosen])
+
+    def drawn(self, most: int) -> tuple[Floats, "Windows"]:
+        """Return the inputs (m, k) of at most `most` windows, spread evenly, and these windows in memory."""
+        chosen = np.zeros(len(self.target), bool)
+        chosen[:: max(1, -(-len(chosen) // most))] = True
+        some, rows = self.only(chosen), np.zeros((0, 0))
+        for numbers, inputs in some.blocks():
+            rows = rows if rows.size else np.empty((len(some.target), inputs.shape[1]))
+            rows[numbers] = inputs
+        return rows, Windows.of(rows, some.target, some.group)
+
+
+def fit_regression(method: Method, task: Task, windows: Windows) -> Regression:
     """Return what ridge regression or extra trees learn of a head's task.
 
     Parameters
@@ -61,42 +115,40 @@ def fit_regression(method: Method, task: Task, inputs: Audio, target: Floats, gr
         "ridge" or "extra_trees".
     task
         The head's task, of which loss and `refines` give the outputs.
-    inputs
-        Scaled inputs (n, k) of the windows that count for the head.
-    target
-        Labels (n,): 0 or 1, or the quantity in units of the head's scale.
-    group
-        Number (n,) of the part to which each window belongs; windows are left out by whole parts.
+    windows
+        The windows that count for the head.
 
     Examples
     --------
     >>> rng = np.random.default_rng(0)
     >>> inputs = rng.normal(size=(200, 2)).astype(np.float32)
     >>> task = Task(label="force", unit="N", loss="laplace")
-    >>> learned = fit_regression("ridge", task, inputs, 3.0 * inputs[:, 0], np.arange(200))
+    >>> learned = fit_regression("ridge", task, Windows.of(inputs, 3.0 * inputs[:, 0], np.arange(200)))
     >>> learned.weight.shape, round(float(learned.weight[0, 0]), 1)
     ((2, 2), 3.0)
     """
-    step = max(1, -(-len(target) // MAX_WINDOWS[method]))
-    rows, target, group = inputs[::step].astype(np.float64), target[::step].astype(np.float64), group[::step]
-    if task.is_probability:
-        if method == "extra_trees":
-            return _trees(rows, SURE * (2.0 * target - 1.0), 1)
-        weight, bias = _logistic(rows, target)
-        return _linear(weight, bias)
-    right = np.abs(target) < RIGHT_WITHIN / REFINED_SCALE if task.refines else np.ones(len(target), bool)
-    known = right if right.any() else ~right
-    own, wanted, part = rows[known], target[known], group[known]
     if method == "extra_trees":
-        result = _trees(own, wanted, task.outputs)
-        estimate = _left_out(own, wanted, part) if task.outputs > 1 else wanted
+        windows = windows.drawn(MAX_TREES)[1]
+    if task.is_probability:
+        rows, some = windows.drawn(MAX_LOGISTIC)
+        if method == "extra_trees":
+            return _trees(rows, SURE * (2.0 * some.target - 1.0), 1)
+        return _linear(*_logistic(rows, some.target))
+    right = np.abs(windows.target) < RIGHT_WITHIN / REFINED_SCALE
+    right = right if task.refines else np.ones(len(right), bool)
+    known = windows.only(right if right.any() else ~right)
+    if method == "extra_trees":
+        own, _ = known.drawn(MAX_TREES)
+        result = _trees(own, known.target, task.outputs)
+        estimate = _left_out(own, known.target, known.group) if task.outputs > 1 else known.target
     else:
-        weight, bias, estimate = _ridge(own, wanted, part)
-        result = _linear(weight, bias, task.outputs)
+        ridge = _Ridge.of(known)
+        result = _linear(*ridge.layer, task.outputs)
+        estimate = ridge.left_out(known) if task.outputs > 1 else known.target
     if task.outputs > 1:
-        result.weight[1], result.bias[1] = _log_spread(task, own, np.abs(estimate - wanted), part)
+        result.weight[1], result.bias[1] = _log_spread(task, known, np.abs(estimate - known.target))
     if task.refines:
-        result.weight[2], result.bias[2] = _certainty(rows, right)
+        result.weight[2], result.bias[2] = _certainty(windows, right)
     return result
 
 
@@ -130,58 +182,98 @@ def _logistic(rows: Floats, target: Floats) -> tuple[Floats, float]:
     return fitted.coef_[0], float(fitted.intercept_[0])
 
 
-def _certainty(rows: Floats, right: Flags) -> tuple[Floats, float]:
-    """Return weights and bias of the log odds that a position is right."""
-    if right.all() or not right.any():
+def _certainty(windows: Windows, right: Flags) -> tuple[Floats, float]:
+    """Return weights and bias of the log odds that a position is right, (n,) for each window."""
+    rows, some = replace(windows, target=right.astype(np.float64)).drawn(MAX_LOGISTIC)
+    if some.target.all() or not some.target.any():
         return np.zeros(rows.shape[1]), LIKELY_RIGHT
-    return _logistic(rows, right.astype(np.float64))
+    return _logistic(rows, some.target)
 
 
-def _ridge(rows: Floats, target: Floats, group: Indices) -> tuple[Floats, float, Floats]:
-    """Return weights and bias of penalised least squares, and the estimates (n,) of windows by the others.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Ridge:
+    """Penalised least squares: its layer, those without each part, and the part (n,) of each window.
 
     The penalty is that of the smallest squared error on left-out windows (Hoerl and Kennard, Ridge
     regression: biased estimation for nonorthogonal problems, Technometrics, 1970).
     """
-    estimates = np.full((len(target), len(STRENGTHS)), target.mean())
-    for out in _folds(group):
-        weights, biases = _paths(rows[~out], target[~out])
-        estimates[out] = rows[out] @ weights + biases
-    best = int(np.square(estimates - target[:, np.newaxis]).sum(axis=0).argmin())
-    weights, biases = _paths(rows, target)
-    return weights[:, best], float(biases[best]), estimates[:, best]
+
+    layer: tuple[Floats, float]
+    others: list[tuple[Floats, float]]
+    part: NDArray[np.int8]
+
+    @classmethod
+    def of(cls, windows: Windows) -> "_Ridge":
+        """Return what is learned of the windows, from the sums of products in each part."""
+        part, count = _parts(windows.group)
+        sums: Floats = np.zeros((count, 1, 1))
+        for numbers, inputs in windows.blocks():
+            rows = np.column_stack([inputs, windows.target[numbers], np.ones(len(inputs))]).astype(np.float64)
+            if sums.shape[1] != rows.shape[1]:
+                sums = np.zeros((count, rows.shape[1], rows.shape[1]))
+            for number in range(count):
+                own = rows[part[numbers] == number]
+                sums[number] += own.T @ own
+        whole = sums.sum(axis=0)
+        paths = [_paths(whole - own) for own in sums] if count > 1 else []
+        errors = np.zeros(len(STRENGTHS))
+        for own, (weights, biases) in zip(sums, paths, strict=False):
+            residual = np.vstack([weights, np.full(len(STRENGTHS), -1.0), biases])
+            errors += np.einsum("is,ij,js->s", residual, own, residual, optimize=True)
+        best = int(errors.argmin())
+        layers = [(weights[:, best], float(biases[best])) for weights, biases in (*paths, _paths(whole))]
+        return cls(layer=layers[-1], others=layers[:-1], part=part)
+
+    def left_out(self, windows: Windows) -> Floats:
+        """Return the estimates (n,) of windows by those of the other parts; with one part, the mean."""
+        estimate = np.full(len(windows.target), windows.target.mean())
+        for numbers, inputs in windows.blocks() if self.others else ():
+            for number, (weight, bias) in enumerate(self.others):
+                own = self.part[numbers] == number
+                estimate[numbers[own]] = inputs[own].astype(np.float64) @ weight + bias
+        return estimate
 
 
-def _paths(rows: Floats, target: Floats) -> tuple[Floats, Floats]:
-    """Return the weights (k, strengths) and biases (strengths,) for each penalty."""
-    centre, mean = rows.mean(axis=0), target.mean()
-    off = rows - centre
-    powers, axes = np.linalg.eigh(off.T @ off)
-    along = axes.T @ (off.T @ (target - mean))
+def _paths(sums: Floats) -> tuple[Floats, Floats]:
+    """Return the weights (k, strengths) and biases (strengths,) for each penalty.
+
+    `sums` (k + 2, k + 2) are the sums of products of the inputs, the target and 1 over all windows.
+    """
+    centre = sums[-1, :-1] / sums[-1, -1]
+    about = sums[:-1, :-1] - sums[-1, -1] * np.outer(centre, centre)
+    powers, axes = np.linalg.eigh(about[:-1, :-1])
+    along = axes.T @ about[:-1, -1]
     weights = axes @ (along[:, np.newaxis] / (np.maximum(powers, 0.0)[:, np.newaxis] + STRENGTHS))
-    return weights, mean - centre @ weights
+    return weights, centre[-1] - centre[:-1] @ weights
 
 
-def _folds(group: Indices, count: int = FOLDS) -> list[Flags]:
-    """Return the windows (n,) of each part that is left out: whole groups, or single windows of one."""
+def _parts(group: Indices, count: int = FOLDS) -> tuple[NDArray[np.int8], int]:
+    """Return the part (n,) in which each window is left out, and the number of parts.
+
+    Parts are of whole groups, or of single windows of one group. With a single window there is one part.
+    """
     names = np.unique(group)
     number = np.searchsorted(names, group) * count // len(names) if len(names) > 1 else np.arange(len(group))
-    parts = [number % count == at for at in range(count)]
-    return [part for part in parts if part.any() and not part.all()]
+    present, part = np.unique(number % count, return_inverse=True)
+    return part.astype(np.int8), len(present)
 
 
 def _left_out(rows: Floats, target: Floats, group: Indices) -> Floats:
     """Return what trees estimate of windows (n,) from the other half."""
     estimate = np.full(len(target), target.mean())
-    for out in _folds(group, 2):
+    part, count = _parts(group, 2)
+    for number in range(count if count > 1 else 0):
+        out = part == number
         estimate[out] = forest_sums(rows[out], forest_of(rows[~out], target[~out]))
     return estimate
 
 
-def _log_spread(task: Task, rows: Floats, error: Floats, group: Indices) -> tuple[Floats, float]:
+def _log_spread(task: Task, windows: Windows, error: Floats) -> tuple[Floats, float]:
     """Return weights and bias of the logarithm of the spread of errors (n,), for the task's distribution."""
     logs = np.log(np.maximum(error, MIN_ERROR))
-    weight, bias, _ = _ridge(rows, logs, group)
-    ratio = np.exp(logs - rows @ weight - bias)
-    mean = ratio.mean() if task.loss == "laplace" else np.sqrt(np.square(ratio).mean())
-    return weight, bias + float(np.log(mean))
+    weight, bias = _Ridge.of(replace(windows, target=logs)).layer
+    power, total = 1.0 if task.loss == "laplace" else 2.0, 0.0
+    for numbers, inputs in windows.blocks():
+        ratio = logs[numbers] - inputs.astype(np.float64) @ weight - bias
+        total += float(np.exp(power * ratio).sum())
+    return weight, bias + float(np.log(total / len(logs))) / power

@@ -31,6 +31,7 @@ from monochord.datasets.store import Dataset
 from monochord.perception.features import FEATURES
 from monochord.perception.features.base import Extractor, RecurrentExtractor
 from monochord.perception.model.probe import probed
+from monochord.perception.training.scratch import release
 from monochord.perception.tuning.sessions import at_length_of, retuned_strings
 
 CHUNK = 2048
@@ -129,8 +130,17 @@ class Rows:
             cluster=cluster,
         )
 
-    def of(self, rows: Indices, noise: Noise | None = None, progress: Progress = lambda *_: None) -> Audio:
+    def of(
+        self,
+        rows: Indices,
+        noise: Noise | None = None,
+        progress: Progress = lambda *_: None,
+        out: Audio | None = None,
+    ) -> Audio:
         """Return the features (k, columns) float32 of k windows; cached rows are read from disk.
+
+        With `out` (k, columns), such as from `scratch.empty`, they are put there, one file in memory at a
+        time.
 
         Raises
         ------
@@ -151,8 +161,11 @@ class Rows:
         for (_, some), _ in run_all(absent, work, workers=workers, cluster=self.cluster):
             done += len(some)
             progress(what, done, len(rows))
-        parts = [self._chunk(file, some, noise) for file, some in chunks.items()]
-        return np.concatenate([np.zeros((0, len(self.extractor.columns)), np.float32), *parts])
+        result = np.empty((len(rows), len(self.extractor.columns)), np.float32) if out is None else out
+        for first, (file, some) in zip(range(0, len(rows), CHUNK), chunks.items(), strict=True):
+            result[first : first + CHUNK] = self._chunk(file, some, noise)
+            release(result)
+        return result
 
     def _chunk(self, file: Path, rows: Indices, noise: Noise | None) -> Audio:
         shape = (len(rows), len(self.extractor.columns))

@@ -34,11 +34,24 @@ from monochord.perception.model.stepping import entry_of, read_all
 from monochord.perception.training._torch import torch_library
 from monochord.perception.training.calibrate import calibrate_probability, calibrate_quantity
 from monochord.perception.training.checkpoint import Checkpoint
-from monochord.perception.training.choice import Candidate, Choice, choose, regressions
-from monochord.perception.training.correct import Replayed, counting, with_prior, with_variables
+from monochord.perception.training.choice import (
+    Candidate,
+    Choice,
+    choose,
+    noisy_logits,
+    regressions,
+)
+from monochord.perception.training.correct import (
+    PackedOutputs,
+    Replayed,
+    counting,
+    with_prior,
+    with_variables,
+)
 from monochord.perception.training.examples import (
     TrainingData,
     chosen,
+    each_noise,
     examples_of,
     noises_of,
     probes,
@@ -126,6 +139,7 @@ def train(
         chosen(dataset, split.parts[name], data.tasks, name)  # refuses before anything is written
     claim(out, settings.resolved())
     with sole_use(out, anywhere=True):
+        data = dataclasses.replace(data, scratch=out)
         result = _trained(settings, methods, out, dataset, split, data, progress)
     return dataclasses.replace(result, left_out=left_out)
 
@@ -142,7 +156,8 @@ def _trained(
     """Train by these methods in a claimed folder."""
     noises = noises_of(settings, dataset.manifest.sample_rate)
     learned = examples_of(data, split.train, "train", noises, progress)
-    copies = examples_of(data, split.validation, "validation", noises, progress)
+    kinds = each_noise(settings, dataset.manifest.sample_rate)
+    copies = examples_of(data, split.validation, "validation", tuple(kinds.values()), progress)
     judged = dataclasses.replace(copies, base=copies.base[:1])
     definition, scaler = scaled_heads(data.definition, learned), scaling(learned)
     definition = dataclasses.replace(definition, quietest=quietest(dataset, learned.rows))
@@ -169,13 +184,14 @@ def _trained(
             state, weights = fit(setup, scaler, learned, judged, out / CHECKPOINT, report)
             report(state)  # a kill between a checkpoint and its report would leave out its epoch
         candidates[method] = Candidate(definition=definition, weights=weights)
-    chosen_heads, choices = choose(candidates, scaler, copies)
+    chosen_heads, choices = choose(candidates, scaler, copies, tuple(kinds))
     definition, weights = chosen_heads.definition, chosen_heads.weights
     if settings.faults:
         definition = dataclasses.replace(definition, faults=FaultRecord(limits=(NEVER,) * len(FAULTS)))
     model = Model(definition=definition, weights={**scaler, **probes(data), **weights})
     rows = stream_of(dataset, split.validation)
-    model, scores = calibrated(model, dataset, rows, progress, fault_share=settings.faults)
+    noisy = noisy_logits(chosen_heads, scaler, copies)
+    model, scores = calibrated(model, dataset, rows, progress, fault_share=settings.faults, noisy=noisy)
     model = model.save(out / INSIDE_A_RUN)
     write_metrics(
         out,
@@ -214,10 +230,12 @@ def calibrated(
     progress: Progress = lambda *_: None,
     *,
     fault_share: float = 0.0,
+    noisy: Mapping[str, tuple[Floats, Floats, Indices]] | None = None,
 ) -> tuple[Model, dict[str, HeadScores]]:
     """Return a model with its uncertainty calibrated on a stream of windows (n,), and its scores on them.
 
-    The share `fault_share` of these windows, all ordinary, may be reported as faults.
+    The share `fault_share` of these windows, all ordinary, may be reported as faults. `noisy` has labels,
+    logits and sessions of further, noisy windows, which the certainty of each probability covers as well.
 
     The model reads the windows one by one, as in the live loop. Forces are scaled to the design's tension.
     Contact is calibrated first, because some faults count in touched windows alone. The prior of a correction
@@ -226,7 +244,7 @@ def calibrated(
     gate = model.definition.gate
     dataset, touch = with_design_forces(model, dataset), touches_of(dataset)
     outputs = read_in_turn(model, dataset, rows, progress).outputs
-    model = _with(model, gate, _calibration(model.definition, gate, dataset, outputs, touch))
+    model = _with(model, gate, _calibration(model.definition, gate, dataset, outputs, touch, noisy))
     if fault_share:
         odds = np.stack(list(read_in_turn(model, dataset, rows, progress).odds.values()))
         highest = np.quantile(odds, 1.0 - fault_share / odds.shape[1], axis=0, method="higher")
@@ -239,7 +257,7 @@ def calibrated(
     scores: dict[str, HeadScores] = {}
     for name in model.definition.heads:
         if name != gate:
-            model = _with(model, name, _calibration(model.definition, name, dataset, outputs, touch))
+            model = _with(model, name, _calibration(model.definition, name, dataset, outputs, touch, noisy))
         if model.definition.heads[name].correction:
             model = with_prior(model, name, dataset, outputs, touch)
         scores[name] = _score(model, name, dataset, outputs)
@@ -327,16 +345,16 @@ def read_in_turn(
     design = model.definition.string
     strings = retuned_strings(dataset, design) if design is not None else {}
     own, state, session = model, ModelState(), -1
-    every: dict[int, Mapping[str, Output]] = {}
+    every = PackedOutputs()
     odds: dict[int, Floats] = {}
-    for done, row in enumerate(rows.tolist(), start=1):
+    for done, row in enumerate(map(int, rows), start=1):
         if dataset.session[row] != session:
             state, session = ModelState(), int(dataset.session[row])
             own = model.tuned(strings[session]) if session in strings else model
         (reading,) = read_all([entry_of(own.prepared, state, window_of(dataset, row))])
         state = reading.state
         if reading.outputs:
-            every[row] = reading.outputs
+            every.append(row, reading.outputs)
             if reading.odds is not None:
                 odds[row] = reading.odds
         if done % 256 == 0 or done == len(rows):
@@ -356,12 +374,17 @@ def _calibration(
     dataset: Dataset,
     outputs: Mapping[int, Mapping[str, Output]],
     touch: Indices,
+    noisy: Mapping[str, tuple[Floats, Floats, Indices]] | None,
 ) -> Calibration:
     record, rows = definition.heads[name], counting(definition, name, dataset, outputs)
     reference, session = dataset.label(record.task.label)[rows], dataset.session[rows].astype(np.int64)
     if record.task.is_probability:
         logit = np.array([outputs[row][name].value for row in rows.tolist()])
-        return calibrate_probability(reference == 1.0, logit, session)
+        if noisy and name in noisy:
+            labels, logits, sessions = noisy[name]
+            reference, logit = np.concatenate((reference, labels)), np.concatenate((logit, logits))
+            session = np.concatenate((session, sessions))
+        return calibrate_probability(reference == 1.0, logit, session, windows=len(rows))
     if not len(rows):  # no position is certain
         return Calibration()
     value, std = _quantities(definition, name, rows, outputs)

@@ -16,6 +16,7 @@ from monochord.core.files import refuse_endless, similar_name, sound_written, wi
 from monochord.core.types import Audio
 from monochord.core.units import Samples
 from monochord.sessions import SessionReader
+from monochord.sessions.description import SIMULATED_COMMENT
 from monochord.sessions.exports._contents import (
     ABOUT,
     MAX_STRETCH,
@@ -91,6 +92,8 @@ def _write_sound(session: SessionReader, folder: Path) -> Path:
     form = "RF64" if size > MAX_WAV else "WAV"
     shape = (description.sample_rate, description.channels)
     with sound_written(path), soundfile.SoundFile(path, "w", *shape, "FLOAT", format=form) as sound:
+        if description.simulated:
+            sound.comment = SIMULATED_COMMENT
         for stretch in stretches(session):
             while stretch.start > sound.tell():
                 lost = min(stretch.start - sound.tell(), MAX_STRETCH)
