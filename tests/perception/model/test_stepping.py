@@ -87,3 +87,14 @@ def test_a_spectrum_lists_the_lines_above_the_pitch_of_another_string() -> None:
     listed, expected = high.relisted(low.analyse(window)), high.analyse(window)
     assert [each.tolist() for each in listed] == [each.tolist() for each in expected]
     assert listed.frequency.tolist() != low.analyse(window).frequency.tolist()
+
+
+def test_a_copy_of_a_stream_goes_on_by_itself() -> None:
+    stream, sound = load("demo").stream(SIGNAL, SIZE), windows(1.03, 8)
+    for window in sound[:4]:
+        stream(window)
+    copy, silenced = stream.copy(), stream.copy()
+    for window in sound[4:]:  # what one of them hears is nothing to the others
+        silenced(replace(window, samples=np.zeros_like(window.samples)))
+    expected = [repr(stream(window)) for window in sound[4:]]
+    assert [repr(copy(window)) for window in sound[4:]] == expected

@@ -1,6 +1,8 @@
 """A model on one stream of windows, which follows the pitch; the live loop and `Model.predict` use it."""
 
 from abc import ABC, abstractmethod
+from copy import deepcopy
+from typing import Self
 
 from monochord.core.errors import InputError
 from monochord.core.types import UNHEARD, Estimate, Estimates, Signal, StringParams, Window
@@ -39,6 +41,18 @@ class ModelStream(ABC):
         """Return the estimates of the next window."""
         return self.after(*step_all([self.before(window)])[0])
 
+    def copy(self) -> Self:
+        """Return a stream that goes on from here by itself; the model is shared.
+
+        A simulator resets with it: the copy of a stream that knows the untouched string knows it, too.
+        """
+        return deepcopy(self, {id(each): each for each in self._shared})
+
+    @property
+    @abstractmethod
+    def _shared(self) -> tuple[object, ...]:
+        """What never changes, which copies share."""
+
     def before(self, window: Window) -> Entry:
         """Return the entry of a window into the model that is applied to it."""
         entry, inputs = self._entry(window), self._microphones(window)
@@ -66,6 +80,10 @@ class Fixed(ModelStream):
         super().__init__()
         self._model, self._state = model, ModelState()
 
+    @property
+    def _shared(self) -> tuple[object, ...]:
+        return (self._model,)
+
     def _entry(self, window: Window) -> Entry:
         """Return the window's entry into the model."""
         return entry_of(self._model, self._state, window)
@@ -87,6 +105,10 @@ class Followed(ModelStream, Watching):
         self._state, self._tuned = ModelState(), TunerState()
         self._reason, self._may_state, self._jumps = "", Hearing(signal.sample_rate), PitchJumps()
         self._gate = model.gate
+
+    @property
+    def _shared(self) -> tuple[object, ...]:
+        return self._model, self._trained, self._tuner
 
     def _entry(self, window: Window) -> Entry:
         """Update the pitch from the window, and return its entry into the model for this pitch."""
