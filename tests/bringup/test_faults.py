@@ -4,9 +4,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cache
 
+import numpy as np
 import pytest
 
+import monochord as mc
 from monochord.bringup import STEPS, BringUp, Virtual, examine
+from monochord.bringup.check import Take
+from monochord.bringup.inputs import inputs_check
 from monochord.lab.deviation import Deviation
 from monochord.physics.sensors import load_sensor
 from monochord.physics.twin import End, Sensor, sensor_of
@@ -135,3 +139,12 @@ def test_a_driver_that_goes_over_to_a_louder_partial_is_not_weak() -> None:
 
 def test_two_microphones_on_one_block_are_not_told_apart() -> None:
     assert "crosstalk" in result(1004, "crosstalk").faults
+
+
+def test_two_microphones_are_told_whatever_length_a_step_has() -> None:
+    """A live step ends at any frame: what is left of its last tenth of a second tells nothing."""
+    sensor = mc.VirtualSensor("prototype", seed=1)
+    sound = sensor.advance(1.1)[0].astype(np.float32)
+    for rest in (1, 64, 800, 4409):
+        take = Take(samples=sound[:, : 39690 + rest], sample_rate=44100)
+        assert inputs_check({"both": take}).passed

@@ -246,6 +246,7 @@ def test_the_meter_shows_what_is_heard_between_the_steps() -> None:
         while not run.meter.get("levels"):
             run.read()
         assert run.meter["levels"] == [pytest.approx([-23.0, -20.0], abs=0.1)] * 2
+        assert run.meter["clips"] == [False, False]
 
 
 @pytest.mark.parametrize(

@@ -125,7 +125,7 @@ def test_a_run_is_evaluated_on_sessions_that_it_was_not_trained_on(
     assert_live_gives_the_same(folder, learnable, tmp_path / "out" / "results.npz")
     assert run(["evaluate", str(folder), "--no-baselines", "--part", "validation"]) == 0
     trained_on, other = (
-        open_dataset(learnable).manifest.parts[open_dataset(learnable).session[part[0]]].name
+        open_dataset(learnable).manifest.parts[int(open_dataset(learnable).session[part[0]])].name
         for part in (split.train, split.test)
     )
     session = str(learnable.parent / f"{other}.mcap")

@@ -25,7 +25,7 @@ QUICK = (
     "import monochord.perception.estimators, monochord.figures",
     "assert monochord.cli.run(['--help']) == 0",
 )
-VOCABULARY = re.compile(r"monochord\.core\.(types|units|errors|config|windows)|monochord\..*\.base")
+VOCABULARY = re.compile(r"monochord\.core\.(types|units|errors|config|windows|reasons)|monochord\..*\.base")
 """Modules that are public as a whole: the vocabulary, and the base classes of plug-ins."""
 
 

@@ -14,7 +14,8 @@ from tests.e2e.browser import Page, chromium, opened
 from tests.e2e.test_web import READY, String, choose, demonstration
 from tests.live.web.test_server import SIGNAL, Keep, update
 
-from monochord.core.types import OUTSIDE_RANGE, Estimate, Signal, Tracked
+from monochord.core.reasons import Reason
+from monochord.core.types import Estimate, Signal, Tracked
 from monochord.live.health import Note
 from monochord.live.sinks.base import Update
 from monochord.live.web.server import Server
@@ -34,7 +35,7 @@ LONG = {
 }
 TRUTH = {"contact": 1.0, "slip": 1.0, "position": 1.23456, "force": 12.345}
 SLIP = Estimate(value=0.99, std=0.01, unit="")
-REASONS = (OUTSIDE_RANGE, "the string's tension does not tell force", "something very soft seems to touch")
+REASONS = (Reason.OUTSIDE_RANGE, Reason.CONSTANT_TENSION, Reason.SOFT_TOUCH)
 NOTES = tuple(
     Note(
         key=f"{level}{k}",

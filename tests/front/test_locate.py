@@ -98,9 +98,12 @@ def test_frets_and_notes_stand_beside_millimetres(write: Write, capsys: Capture)
         assert (float(cells[4]), cells[5][:2]) == (fret, note)
         assert float(cells[6]) == pytest.approx(1e3 * LENGTH * (1.0 - 2.0 ** (-fret / 12.0)), abs=2.0)
     lines = records(capsys, "locate", path, "--length", LENGTH, "--open", "A2", "--frets")
-    told = [line["fret"] for line in lines if line["valid"]]
-    near = [min(abs(fret - each) for each in frets) < 0.15 for fret in told]
-    assert sum(near) >= len(near) - 3  # a window that holds two notes may be between them
+    for line in (line for line in lines if line["valid"]):
+        off = [line["position"] - LENGTH * (1.0 - 2.0 ** (-fret / 12.0)) for fret in frets]
+        assert min(map(abs, off)) < 3.0 * line["position_std"]
+        if line["time"] % 0.8 < 0.39:  # a window that holds the end of a note may be beside it
+            assert min(abs(line["fret"] - fret) for fret in frets) < 0.15
+    assert sum(line["valid"] for line in lines) > 120
     assert all((line["note"] is not None) == line["valid"] for line in lines)
 
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from monochord.core.errors import InputError
-from monochord.core.types import OUTSIDE_RANGE, Estimate, Estimates, Floats, Prediction
+from monochord.core.reasons import Reason
+from monochord.core.types import Estimate, Estimates, Floats, Prediction
 from monochord.live.average import AverageSettings
 from monochord.live.filter import FilterSettings, FilterState, Tracked, step
 from monochord.live.switches import SwitchSettings
@@ -23,7 +24,7 @@ def estimates(**values: float | tuple[float, float] | None) -> Estimates:
     result = dict[str, Estimate]()
     for name, value in values.items():
         if value is None:
-            result[name] = Estimate.abstain(UNITS[name], "too uncertain")
+            result[name] = Estimate.abstain(UNITS[name], Reason.UNCERTAIN)
         else:
             number, std = value if isinstance(value, tuple) else (value, 0.1)
             result[name] = Estimate(value=number, std=std, unit=UNITS[name])
@@ -105,7 +106,7 @@ def test_nothing_is_decided_while_nothing_is_known() -> None:
     steps = follow([touch()] * 20 + [BLIND] * 100 + [touch()] * 20)
     assert steps[30][1].decided["contact"]  # a short gap changes nothing
     assert steps[100][1].decided == {}
-    assert steps[100][1].estimates["contact"].reason == "too uncertain"
+    assert steps[100][1].estimates["contact"].reason is Reason.UNCERTAIN
     assert steps[-1][1].decided["contact"]
 
 
@@ -149,7 +150,7 @@ def test_a_gap_is_bridged_with_growing_uncertainty_and_then_left() -> None:
     assert all(each.value == pytest.approx(0.08) for each in place[30:49])
     assert bridged[-1] == pytest.approx(2.0 * 3e-4, rel=0.1)
     assert [each.valid for each in place[49:52]] == [True, False, False]
-    assert place[-1].reason == "too uncertain"
+    assert place[-1].reason is Reason.UNCERTAIN
 
 
 def test_a_single_estimate_is_not_held() -> None:
@@ -158,12 +159,14 @@ def test_a_single_estimate_is_not_held() -> None:
 
 
 def test_what_leaves_the_sensing_range_has_no_place_at_once() -> None:
-    left = {name: Estimate.abstain(UNITS[name], OUTSIDE_RANGE) for name in ("slip", "position", "force")}
+    left = {
+        name: Estimate.abstain(UNITS[name], Reason.OUTSIDE_RANGE) for name in ("slip", "position", "force")
+    }
     series = [touch(0.051)] * 30 + [{**touch(), **left}] * 5
     for name in ("position", "force"):
         said = tracked(series, name)
         assert said[29].valid
-        assert [each.reason for each in said[30:]] == [OUTSIDE_RANGE] * 5
+        assert [each.reason for each in said[30:]] == [Reason.OUTSIDE_RANGE] * 5
 
 
 def test_a_slide_is_followed_with_little_lag() -> None:

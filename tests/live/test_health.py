@@ -7,13 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 import soundfile
+import soxr
 
 import monochord as mc
 from monochord.capture.sources import SOURCES
+from monochord.core import reasons
+from monochord.core.inputs import Inputs
+from monochord.core.reasons import ABSTAINING, Finding, Reason
 from monochord.core.types import Audio, Estimate, Estimates, StreamHealth, Window
 from monochord.live import LiveRun, health
 from monochord.live.filter import FilterState
-from monochord.live.health import REASONS, HealthSettings, HealthState, Note
+from monochord.live.health import HealthSettings, HealthState, Note
 from monochord.live.loop import opened
 from monochord.live.sinks.base import Update
 from monochord.perception.estimators.base import Condition
@@ -23,6 +27,8 @@ from monochord.perception.model.faults import FAULTS
 RATE, SIZE, HOP = 44100, 4410, 441
 TIME = np.arange(4 * RATE) / RATE
 GOOD = Estimate(value=0.9, std=0.1, unit="")
+OWN = {each: each.finding for each in Reason if each.finding and each.finding is not ABSTAINING}
+"""The reasons with a finding of their own."""
 
 
 def wave(frequency: float, level: float) -> Audio:
@@ -86,6 +92,21 @@ def test_what_levels_show_is_said_and_ends_with_its_cause(sound: Audio, key: str
     assert not notes[-1]
 
 
+@pytest.mark.parametrize("limit", [1.0, 0.985])
+@pytest.mark.parametrize("rate", [RATE, 48000])
+def test_clipping_is_said_at_any_rate_and_where_a_converter_limits_below_full_scale(
+    rate: int, limit: float
+) -> None:
+    """Of a top that is cut off at another rate, no two samples are equal."""
+    loud = soxr.resample(8.0 * STRING.T, RATE, rate)
+    sound = soxr.resample(np.clip(loud, -limit, limit), rate, RATE).T.astype(np.float32)
+    assert keys(watched(sound)[-1]) == ["clipping"]
+    assert not any(watched((4.7 * STRING).astype(np.float32)))  # its peaks are 0.958
+    single = STRING.copy()
+    single[:, ::2205] = 1.0
+    assert not any(watched(single))
+
+
 def test_a_sound_string_has_no_notes_even_after_a_moment_of_trouble() -> None:
     assert not any(watched(STRING))
     sound = STRING.copy()
@@ -94,27 +115,28 @@ def test_a_sound_string_has_no_notes_even_after_a_moment_of_trouble() -> None:
     assert not any(watched(STRING[:1]))  # of one microphone
 
 
-@pytest.mark.parametrize("why_not", [*REASONS])
-def test_reasons_to_abstain_are_said_with_what_to_do(why_not: str) -> None:
-    key, finding = REASONS[why_not]
-    notes = watched(STRING, why_not)[-1]
-    assert [(note.key, note.since) for note in notes] == [(key, 0.0)]
+@pytest.mark.parametrize("reason", OWN)
+def test_reasons_to_abstain_are_said_with_what_to_do(reason: Reason) -> None:
+    finding = OWN[reason]
+    notes = watched(STRING, reason)[-1]
+    assert [(note.key, note.since) for note in notes] == [(finding.key, 0.0)]
     assert notes[0].sentence == finding.sentence
     assert notes[0].remedy
-    assert watched(STRING, why_not, contact=GOOD)[-1] == notes  # contact may be estimated all the same
+    assert watched(STRING, reason, contact=GOOD)[-1] == notes  # contact may be estimated all the same
+    assert watched(STRING, str(reason))[-1] == notes  # an estimator of another package says it as text
 
 
-def test_every_fault_has_a_note() -> None:
-    assert {fault.reason for fault in FAULTS.values()} <= REASONS.keys()
+def test_every_fault_and_every_state_of_the_inputs_has_a_note() -> None:
+    assert {fault.reason for fault in FAULTS.values()} <= OWN.keys()
+    assert {each.reason for each in Inputs if each.reason} <= OWN.keys()
 
 
 def test_keys_are_documented() -> None:
     page = (Path(__file__).parents[2] / "docs/how-to/sinks.md").read_text(encoding="utf-8")
     table = page[page.index("| key | level |") :].partition("\n\n")[0]
     documented = {key for row in table.splitlines() for key in re.findall(r"`(\w+)`", row.split("|")[1])}
-    others = "silence abstaining detuned settling no_sound sound_lost xruns reconnected clock_set"
-    others += " windows_skipped SINK_closed"
-    assert documented == {key for key, _ in REASONS.values()} | {*others.split()}
+    alone = [each for each in vars(reasons).values() if isinstance(each, Finding)]
+    assert documented == {each.key for each in (*OWN.values(), *alone)} | {"SINK_closed"}
 
 
 def test_a_reason_that_is_not_known_here_is_said_as_it_is() -> None:
@@ -123,9 +145,9 @@ def test_a_reason_that_is_not_known_here_is_said_as_it_is() -> None:
     assert "a moth on the string" in note.sentence
 
 
-@pytest.mark.parametrize("why_not", ["no contact", "too uncertain", "gap"])
-def test_an_answer_is_no_trouble(why_not: str) -> None:
-    assert not any(watched(STRING, why_not))
+@pytest.mark.parametrize("reason", [Reason.NO_CONTACT, Reason.UNCERTAIN, Reason.GAP, "no contact"])
+def test_an_answer_is_no_trouble(reason: str) -> None:
+    assert not any(watched(STRING, reason))
 
 
 def test_a_detuned_string_is_said_with_by_how_much() -> None:
@@ -139,7 +161,7 @@ def test_a_detuned_string_is_said_with_by_how_much() -> None:
 
 
 def test_a_string_that_is_followed_hides_no_other_trouble() -> None:
-    notes = watched(STRING, "no harmonic structure", Condition(deviation=0.0142, follows=True))[-1]
+    notes = watched(STRING, Reason.NO_STRUCTURE, Condition(deviation=0.0142, follows=True))[-1]
     assert {*keys(notes)} == {"abstaining", "detuned"}
 
 

@@ -17,6 +17,7 @@ from monochord.benchmarks._take import write_take
 from monochord.benchmarks.base import Benchmark, Row, row
 from monochord.core.config import Tree
 from monochord.core.ranges import NonNegative, Positive
+from monochord.core.reasons import Reason
 from monochord.core.timing import Histogram
 from monochord.core.types import Estimate, Estimates, Prediction
 from monochord.core.units import FINITE, Seconds
@@ -199,7 +200,7 @@ def _touch(*, touched: bool, slides: bool) -> Estimates:
     if not touched:
         contact = Estimate(value=0.01, std=0.1, unit="")
         return {"contact": contact} | {
-            name: Estimate.abstain(unit, "no contact")
+            name: Estimate.abstain(unit, Reason.NO_CONTACT)
             for name, unit in (("slip", ""), ("position", "m"), ("force", "N"))
         }
     return {

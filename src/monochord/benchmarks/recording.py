@@ -91,7 +91,7 @@ class Recording(Benchmark):
                 view.show(now, notices)
 
             summary = record(job, show)
-        if summary.stopped == "stopped by request":
+        if summary.interrupted:
             raise KeyboardInterrupt  # part of a run is no measurement
         return meter, summary
 

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from monochord.core.reasons import Reason
 from monochord.core.types import Audio
 from monochord.core.units import Hertz, Seconds
 
@@ -30,7 +31,8 @@ class Check:
     """The result of one check.
 
     `value` is in `unit`, None where nothing could be measured. `passed` is None where the check was left out.
-    `advice` says what to change, or why it was left out. `fault` names the diagnosis of a check that failed.
+    `advice` says what to change, or why it was left out. `fault` names the diagnosis of a check that failed,
+    and `microphone` the one that it is about, 0 for none.
     """
 
     step: str
@@ -39,7 +41,8 @@ class Check:
     unit: str = ""
     passed: bool | None = True
     advice: str = ""
-    fault: str = ""
+    fault: str = Reason.NONE
+    microphone: int = 0
 
 
 def left_out(step: str, name: str, reason: str) -> Check:

@@ -7,6 +7,7 @@ import numpy as np
 
 from monochord.bringup.check import MICROPHONES, Check, Take, left_out
 from monochord.bringup.inputs import decibels, line_level, rms, steady, strongest_line
+from monochord.core.reasons import Reason
 from monochord.core.types import Floats
 from monochord.core.units import Hertz, Seconds
 
@@ -130,7 +131,7 @@ def driver_checks(step: str, lock: Lock | None, pitch: Hertz, decay: float | Non
                 unit="dBFS",
                 passed=False,
                 advice=advice,
-                fault=f"{which} dead",
+                fault=Reason.DRIVER_DEAD.with_detail(which),
             )
         ]
     number = lock.frequency / pitch
@@ -150,7 +151,7 @@ def driver_checks(step: str, lock: Lock | None, pitch: Hertz, decay: float | Non
         if slow
         else ""
     )
-    fault = f"{which} weak" if slow else ""
+    fault = Reason.DRIVER_WEAK.with_detail(which) if slow else Reason.NONE
     return [
         *checks,
         Check(step=step, name=name, value=time, unit="s", passed=not slow, advice=advice, fault=fault),
@@ -170,7 +171,9 @@ def feed_checks(damped: Take, driven: Take, quiet: Take | None) -> list[Check]:
     for number, level, full in zip(MICROPHONES, ends, ringing, strict=True):
         name, share = f"feed-through into microphone {number}", float(level / max(full, 1e-9))
         if share <= FEED_THROUGH or decibels(float(level)) < MIN_FEED:
-            checks.append(Check(step="damped", name=name, value=decibels(share), unit="dB"))
+            checks.append(
+                Check(step="damped", name=name, value=decibels(share), unit="dB", microphone=number)
+            )
             continue
         advice = (
             "the microphone hears a coil without the string (or the string still rings: damp it all "
@@ -185,7 +188,8 @@ def feed_checks(damped: Take, driven: Take, quiet: Take | None) -> list[Check]:
                 unit="dB",
                 passed=False,
                 advice=advice,
-                fault=f"feed-through into microphone {number}",
+                fault=Reason.FEED_THROUGH.with_detail(number),
+                microphone=number,
             )
         )
     return checks

@@ -21,6 +21,7 @@ from monochord.bringup.noise import hum_checks, mains_rate_check, noise_checks
 from monochord.bringup.string import decay_check, decay_of, measure_pluck, pitch_check, wire_check
 from monochord.bringup.timing import drift_checks, latency_check
 from monochord.core.errors import InputError
+from monochord.core.reasons import Reason
 from monochord.core.units import Hertz
 from monochord.physics.sensors import MAX_RETUNING, SensorTuning, retuned, sensor_toml
 from monochord.physics.theory import open_frequency
@@ -69,13 +70,13 @@ class BringUp:
         Levels, gains and swapped inputs stand in comments: a sensor file has no place for them.
         """
         pluck, design = self.pluck, self.sensor.string
-        if pluck is None or "wrong rate" in self.faults:
+        if pluck is None or Reason.WRONG_RATE in self.faults:
             return None
         if abs(pluck.frequency / open_frequency(design) - 1.0) > MAX_RETUNING:
             return None
         take = self.takes["pluck"]
         tension = retuned(design, pluck.frequency).tension
-        dead = {number for number in MICROPHONES if f"microphone {number} dead" in self.faults}
+        dead = {number for number in MICROPHONES if Reason.MICROPHONE_DEAD.with_detail(number) in self.faults}
         tuning = SensorTuning(
             open_frequency=pluck.frequency,
             open_frequency_std=pluck.frequency_std,
@@ -173,7 +174,7 @@ def examine(design: str, sensor: Sensor, takes: Mapping[str, Take], *, time: str
     string_checks = (
         _string(pluck_take, pluck, sensor, is_wrong=is_wrong, is_silent=not hears) if pluck_take else []
     )
-    is_loose = any(check.fault == "loose end" for check in string_checks)
+    is_loose = any(Reason.of(check.fault) is Reason.LOOSE_END for check in string_checks)
     decay = pluck.decay if pluck and not is_loose else None
     drivers, locks = _drivers(takes, sensor, pitch, decay, hears=hears)
     if is_loose:
@@ -185,11 +186,10 @@ def examine(design: str, sensor: Sensor, takes: Mapping[str, Take], *, time: str
     if not is_driven:
         reason = "a driver does not work: mend it first"
         levels = [
-            left_out(each.step, each.name, reason) if each.fault.endswith("low") else each for each in levels
+            left_out(each.step, each.name, reason) if Reason.of(each.fault) is Reason.LOW else each
+            for each in levels
         ]
-    unset = {
-        number for number in MICROPHONES for each in levels if each.fault.startswith(f"microphone {number}")
-    }
+    unset = {each.microphone for each in levels if each.fault}
     feed: list[Check] = []
     if "damped" in takes and both and "both" in locks:
         feed = _both_alive(feed_checks(takes["damped"], both, quiet), dead | unset)
@@ -248,7 +248,7 @@ def _both_alive(checks: list[Check], dead: set[int]) -> list[Check]:
     """Return the checks, those of microphones that are dead or not set yet left out."""
     return [
         left_out(check.step, check.name, "the microphone is dead, or its gain is to be set first")
-        if any(check.name.endswith(f"microphone {number}") for number in dead)
+        if check.microphone in dead
         else check
         for check in checks
     ]

@@ -7,26 +7,24 @@ import numpy as np
 from monochord.bringup.check import MICROPHONES, Check, Take, left_out
 from monochord.bringup.steps import TAP_PLACE
 from monochord.bringup.string import LOWEST, onset
+from monochord.core.clipping import LOUD, LOUD_SHARE
 from monochord.core.inputs import Inputs
+from monochord.core.reasons import Reason
 from monochord.core.types import Audio, Floats
 from monochord.core.units import Hertz, Seconds
 from monochord.dsp.microphones import LOOK, inputs_of
 
-INPUT_FAULTS: Mapping[Inputs, tuple[str, str]] = {
-    Inputs.SAME: ("one microphone", "choose both inputs, and turn off mono in the mixer or the interface"),
-    Inputs.FIRST: ("microphone 2 dead", "check its plug, cable, phantom power or battery, and gain"),
-    Inputs.SECOND: ("microphone 1 dead", "check its plug, cable, phantom power or battery, and gain"),
-    Inputs.APART: ("unlike inputs", "record both as two channels of one interface, at one rate"),
+INPUT_FAULTS: Mapping[Inputs, str] = {
+    Inputs.SAME: Reason.INPUT_COPIED,
+    Inputs.FIRST: Reason.MICROPHONE_DEAD.with_detail(2),
+    Inputs.SECOND: Reason.MICROPHONE_DEAD.with_detail(1),
+    Inputs.APART: Reason.INPUTS_UNLIKE,
 }
-"""Fault and advice for what two channels carry."""
+"""Fault for what two channels carry."""
 TARGET_PEAK = 0.3
 """Peak in full scale that the gain is set to: a hard press is some 8 dB louder than the untouched string."""
 MIN_PEAK = 0.03
 """Smallest peak of the driven string in full scale: healthy simulated builds reach 0.1 or more."""
-CLIPPED = 0.985
-"""Share of full scale from which a sample counts as clipped."""
-MAX_CLIPPED = 1e-3
-"""Share of clipped samples that is accepted: single shocks clip."""
 DEAD_RATIO = 5.0
 """Level of a pluck's loudest line over the noise there, below which a microphone is dead: healthy ones reach
 100."""
@@ -80,7 +78,7 @@ def silence_checks(pluck: Take, quiet: Take | None) -> list[Check]:
         name, ratio = f"microphone {number} over its noise", level / max(floor, 1e-9)
         value = decibels(ratio)
         if ratio >= DEAD_RATIO and level > 1e-6:
-            checks.append(Check(step="pluck", name=name, value=value, unit="dB"))
+            checks.append(Check(step="pluck", name=name, value=value, unit="dB", microphone=number))
             continue
         checks.append(
             Check(
@@ -89,7 +87,8 @@ def silence_checks(pluck: Take, quiet: Take | None) -> list[Check]:
                 value=value,
                 unit="dB",
                 passed=False,
-                fault=f"microphone {number} dead",
+                fault=Reason.MICROPHONE_DEAD.with_detail(number),
+                microphone=number,
                 advice=f"input {number} does not pick up the string: check plug, cable, phantom power "
                 f"or battery, gain, "
                 "and that its piezo is glued on",
@@ -101,16 +100,19 @@ def silence_checks(pluck: Take, quiet: Take | None) -> list[Check]:
 def inputs_check(takes: Mapping[str, Take]) -> Check:
     """Return whether the inputs are two microphones: neither a copy of the other, nor unused, nor unlike."""
     name, step = "two microphones", next(iter(takes))
+    rate = takes[step].sample_rate
+    size = round(LOOK * rate)
     pieces = [
-        take.samples[:, start : start + round(LOOK * take.sample_rate)]
+        take.samples[:, start : start + size]
         for take in takes.values()
-        for start in range(0, take.samples.shape[1], round(LOOK * take.sample_rate))
+        for start in range(0, take.samples.shape[1] - size + 1, size)
     ]
-    reason = inputs_of(pieces, takes[step].sample_rate)
-    if not reason.reason:
+    inputs = inputs_of(pieces, rate)
+    if not inputs.reason:
         return Check(step=step, name=name)
-    fault, advice = INPUT_FAULTS[reason]
-    return Check(step=step, name=name, passed=False, fault=fault, advice=f"{reason.reason}: {advice}")
+    fault = INPUT_FAULTS[inputs]
+    advice = f"{inputs.reason}: {Reason.of(fault).remedy}"
+    return Check(step=step, name=name, passed=False, fault=fault, advice=advice)
 
 
 def level_checks(takes: Sequence[Take]) -> list[Check]:
@@ -122,23 +124,33 @@ def level_checks(takes: Sequence[Take]) -> list[Check]:
     checks: list[Check] = []
     for channel, number in enumerate(MICROPHONES):
         peak = max(float(np.abs(end[channel]).max()) for end in ends)
-        clipped = max(float((np.abs(end[channel]) >= CLIPPED).mean()) for end in ends)
+        clipped = max(float((np.abs(end[channel]) >= LOUD).mean()) for end in ends)
         value, gain = decibels(peak), decibels(TARGET_PEAK / max(peak, 1e-9))
         name = f"level of microphone {number}"
-        if clipped > MAX_CLIPPED:
+        if clipped >= LOUD_SHARE:
             fault, advice = (
-                "clipped",
+                Reason.TOO_LOUD,
                 f"{100.0 * clipped:.1f} % of samples clip: turn its gain down by 15 dB, run it again",
             )
         elif peak < MIN_PEAK:
-            fault, advice = "low", f"turn its gain up by {gain:.0f} dB"
+            fault, advice = Reason.LOW, f"turn its gain up by {gain:.0f} dB"
         else:
             note = "" if abs(gain) < 12.0 else f"gain {gain:+.0f} dB would be best"
-            checks.append(Check(step="both", name=name, value=value, unit="dBFS", advice=note))
+            checks.append(
+                Check(step="both", name=name, value=value, unit="dBFS", advice=note, microphone=number)
+            )
             continue
-        fault = f"microphone {number} {fault}"
         checks.append(
-            Check(step="both", name=name, value=value, unit="dBFS", passed=False, advice=advice, fault=fault)
+            Check(
+                step="both",
+                name=name,
+                value=value,
+                unit="dBFS",
+                passed=False,
+                advice=advice,
+                fault=fault.with_detail(number),
+                microphone=number,
+            )
         )
     return checks
 
@@ -161,7 +173,7 @@ def rate_check(takes: Mapping[str, Take]) -> Check:
                 unit="Hz",
                 passed=False,
                 advice=advice,
-                fault="wrong rate",
+                fault=Reason.WRONG_RATE,
             )
     return Check(step=next(iter(takes)), name="sample rate", value=float(rate), unit="Hz")
 
@@ -180,7 +192,7 @@ def dropped_check(takes: Mapping[str, Take]) -> Check:
         unit="frames",
         passed=False,
         advice=advice,
-        fault="lost frames",
+        fault=Reason.LOST_FRAMES,
     )
 
 
@@ -190,7 +202,7 @@ def sensitivity(pluck: Take) -> float:
     size = round(0.05 * pluck.sample_rate)
     for start in range(first + size // 5, pluck.samples.shape[1] - size, size // 2):
         part = pluck.samples[:, start : start + size]
-        if np.abs(part).max() < CLIPPED:
+        if np.abs(part).max() < LOUD:
             one, two = rms(part)
             return float(one / max(two, 1e-12))
     return 1.0
@@ -205,7 +217,7 @@ def order_check(tap: Take, relative: float) -> Check:
     name, first = "tap beside microphone 1, over microphone 2", onset(tap.samples, tap.sample_rate, HUM_SPAN)
     size = round(1e-3 * tap.sample_rate)
     part = _without_hum(tap, first, size)
-    if (np.abs(tap.samples[:, first : first + size]) >= CLIPPED).any():
+    if (np.abs(tap.samples[:, first : first + size]) >= LOUD).any():
         return left_out("tap", name, "the tap clips: tap more softly, or turn the gain down")
     one, two = np.sqrt((part**2).mean(axis=1))
     value = decibels(one / max(two, 1e-12)) - decibels(relative)
@@ -222,11 +234,11 @@ def order_check(tap: Take, relative: float) -> Check:
             unit="dB",
             passed=False,
             advice=advice,
-            fault="microphones swapped",
+            fault=Reason.INPUTS_SWAPPED,
         )
     advice = f"no clear order: tap once, within {1e3 * TAP_PLACE:g} mm of microphone 1's end of the string"
     return Check(
-        step="tap", name=name, value=value, unit="dB", passed=False, advice=advice, fault="unclear tap"
+        step="tap", name=name, value=value, unit="dB", passed=False, advice=advice, fault=Reason.UNCLEAR_TAP
     )
 
 
@@ -255,7 +267,7 @@ def separation_check(press: Take, relative: float) -> Check:
         "their cables apart"
     )
     return Check(
-        step="press", name=name, value=value, unit="dB", passed=False, advice=advice, fault="crosstalk"
+        step="press", name=name, value=value, unit="dB", passed=False, advice=advice, fault=Reason.CROSSTALK
     )
 
 

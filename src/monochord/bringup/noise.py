@@ -5,6 +5,7 @@ import numpy as np
 from monochord.bringup.check import MICROPHONES, Check, Take
 from monochord.bringup.inputs import decibels, rms
 from monochord.core.clock import RATES
+from monochord.core.reasons import Reason
 from monochord.core.types import Floats
 from monochord.core.units import Hertz
 
@@ -87,7 +88,7 @@ def mains_rate_check(quiet: Take) -> Check | None:
         unit="Hz",
         passed=False,
         advice=advice,
-        fault="wrong rate",
+        fault=Reason.WRONG_RATE,
     )
 
 
@@ -101,7 +102,7 @@ def hum_checks(quiet: Take) -> list[Check]:
     for channel, number in enumerate(MICROPHONES):
         value, name = decibels(float(total[channel])), f"hum of microphone {number}"
         if value <= MAX_HUM:
-            checks.append(Check(step=STEP, name=name, value=value, unit="dBFS"))
+            checks.append(Check(step=STEP, name=name, value=value, unit="dBFS", microphone=number))
             continue
         shared = decibels(float(total[1 - channel])) > MAX_HUM
         even = float(lines[1, channel]) > float(lines[[0, 2], channel].max())
@@ -121,7 +122,8 @@ def hum_checks(quiet: Take) -> list[Check]:
                 value=value,
                 unit="dBFS",
                 passed=False,
-                fault="hum",
+                fault=Reason.HUMMING,
+                microphone=number,
                 advice=f"{mains:g} Hz and its harmonics, {cause}",
             )
         )
@@ -142,9 +144,17 @@ def noise_checks(quiet: Take, driven: Take | None) -> list[Check]:
         advice = (
             "turn the gain down, keep the room still, and check the preamplifier's supply" if loud else ""
         )
-        fault = "noise" if loud else ""
         checks.append(
-            Check(step=STEP, name=name, value=value, unit="dBFS", passed=not loud, advice=advice, fault=fault)
+            Check(
+                step=STEP,
+                name=name,
+                value=value,
+                unit="dBFS",
+                passed=not loud,
+                advice=advice,
+                fault=Reason.NOISE if loud else Reason.NONE,
+                microphone=number,
+            )
         )
         if driven is None:
             continue
@@ -160,7 +170,8 @@ def noise_checks(quiet: Take, driven: Take | None) -> list[Check]:
                 unit="dB",
                 passed=not low,
                 advice=advice,
-                fault="noise" if low else "",
+                fault=Reason.NOISE if low else Reason.NONE,
+                microphone=number,
             )
         )
     return checks

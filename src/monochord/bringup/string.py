@@ -6,6 +6,7 @@ import numpy as np
 
 from monochord.bringup.check import Check, Pluck, Take, left_out
 from monochord.core.clock import mistaken_rates
+from monochord.core.reasons import Reason
 from monochord.core.types import Audio, Floats, StringParams
 from monochord.core.units import Hertz, Seconds
 from monochord.physics.sensors import retuned
@@ -218,7 +219,9 @@ def pitch_check(pluck: Pluck | None, string: StringParams) -> Check:
     if pluck is None:
         searched = f"within {100.0 * SEARCHED:.0f} % of the design's pitch"
         advice = f"no string {searched}: pluck it once, harder, drivers off"
-        return Check(step=STEP, name="open pitch", unit="Hz", passed=False, advice=advice, fault="no string")
+        return Check(
+            step=STEP, name="open pitch", unit="Hz", passed=False, advice=advice, fault=Reason.NO_STRING
+        )
     nominal = open_frequency(string)
     off = pluck.frequency / nominal - 1.0
     if abs(off) <= PITCH_TOLERANCE:
@@ -241,7 +244,7 @@ def pitch_check(pluck: Pluck | None, string: StringParams) -> Check:
         unit="Hz",
         passed=False,
         advice=advice,
-        fault="wrong pitch",
+        fault=Reason.WRONG_PITCH,
     )
 
 
@@ -262,7 +265,13 @@ def wire_check(pluck: Pluck | None, string: StringParams) -> Check:
         "measure it, string it with the design's, or name another preset"
     )
     return Check(
-        step=STEP, name=name, value=ratio, unit="times", passed=False, advice=advice, fault="other string"
+        step=STEP,
+        name=name,
+        value=ratio,
+        unit="times",
+        passed=False,
+        advice=advice,
+        fault=Reason.OTHER_STRING,
     )
 
 
@@ -281,5 +290,5 @@ def decay_check(decay: float | None, sensor: Sensor) -> Check:
         "something touches the string; tighten saddle, anchor and blocks, and look for what buzzes"
     )
     return Check(
-        step=STEP, name=name, value=decay, unit="1/s", passed=False, advice=advice, fault="loose end"
+        step=STEP, name=name, value=decay, unit="1/s", passed=False, advice=advice, fault=Reason.LOOSE_END
     )

@@ -6,6 +6,7 @@ import numpy as np
 
 from monochord.bringup.check import Check, Take, left_out
 from monochord.bringup.inputs import strongest_line
+from monochord.core.reasons import Reason
 from monochord.core.types import Audio
 from monochord.core.units import Hertz, Seconds
 
@@ -58,7 +59,7 @@ def drift_checks(take: Take | None, pitch: Hertz) -> list[Check]:
     slope = 60.0 * float(np.polyfit(np.flatnonzero(same) * DRIFT_FRAME, cents[same], 1)[0])
     slow = abs(slope) <= MAX_DRIFT
     advice = "" if slow else "let it warm up, keep drafts off the wire, tighten tuner and anchor"
-    fault = "" if slow else "drift"
+    fault = Reason.NONE if slow else Reason.DRIFT
     return [
         Check(step="drift", name=name, value=slope, unit="cents/min", passed=slow, advice=advice, fault=fault)
     ]

@@ -25,7 +25,7 @@ from monochord.bringup.takes import Virtual
 from monochord.core.errors import MonochordError
 from monochord.core.types import Audio
 from monochord.core.units import Seconds
-from monochord.live.sinks._view import levels
+from monochord.live.sinks._view import LOUD_LEVEL, levels
 from monochord.live.web.messages import number as finite
 from monochord.live.web.messages import packed
 from monochord.live.web.server import Part
@@ -88,7 +88,7 @@ class BringUpPage:
         self._simulated = False
         self._paths = list[str]()
         self._number = self._pages = 0
-        self._sound, self._seconds, self._levels = list[Audio](), 0.0, list[list[float | None]]()
+        self._sound, self._seconds, self._levels = list[Audio](), 0.0, list[tuple[float, float]]()
         self.part = Part(path="bring-up", title="Bring-up", routes=self._routes)
 
     def guide(self, source: Listening) -> Guide:
@@ -105,7 +105,7 @@ class BringUpPage:
             return
         sound = np.concatenate(self._sound, axis=1)
         self._sound.clear()
-        self._levels = [[finite(each, 1) for each in levels(row)] for row in sound]
+        self._levels = [levels(row) for row in sound]
         self._seconds += sound.shape[1] / sample_rate
 
     def ask(self, step: Step | None, result: BringUp | None) -> str:
@@ -236,7 +236,12 @@ class BringUpPage:
 
     def meter(self) -> dict[str, Any]:
         """Return the newest levels in dBFS, root mean square and peak, and the time recorded in s."""
-        return {"type": "meter", "levels": self._levels, "seconds": round(self._seconds, 2)}
+        return {
+            "type": "meter",
+            "levels": [[finite(each, 1) for each in row] for row in self._levels],
+            "clips": [peak >= LOUD_LEVEL for _, peak in self._levels],
+            "seconds": round(self._seconds, 2),
+        }
 
     def _routes(self, with_tabs: Callable[[bytes], bytes]) -> Sequence[BaseRoute]:
         static = files("monochord.bringup").joinpath("static")

@@ -3,6 +3,8 @@
 from enum import Enum
 from typing import NamedTuple
 
+from monochord.core.reasons import Reason
+
 MIN_LOOKS, MANY_LOOKS = 3, 30
 """Fewest looks that change what was known before, or that decide for a recording; and for a copy, after two
 microphones were known."""
@@ -11,12 +13,12 @@ microphones were known."""
 class Inputs(Enum):
     """What two channels carry."""
 
-    UNKNOWN = ""
+    UNKNOWN = Reason.NONE
     TWO = "two microphones"
-    SAME = "both channels carry the same sound: there is one microphone"
-    FIRST = "microphone 2 is silent"
-    SECOND = "microphone 1 is silent"
-    APART = "the microphones share no sound"
+    SAME = Reason.ONE_MICROPHONE
+    FIRST = Reason.MICROPHONE_2_SILENT
+    SECOND = Reason.MICROPHONE_1_SILENT
+    APART = Reason.UNLIKE_INPUTS
 
     @property
     def channel(self) -> int | None:
@@ -24,9 +26,9 @@ class Inputs(Enum):
         return {Inputs.SAME: 0, Inputs.FIRST: 0, Inputs.SECOND: 1}.get(self)
 
     @property
-    def reason(self) -> str:
+    def reason(self) -> Reason:
         """Why nothing can be estimated that needs two microphones; empty for two, or where it is unknown."""
-        return "" if self is Inputs.TWO else self.value
+        return Reason.of(self.value) if self is not Inputs.TWO else Reason.NONE
 
 
 class InputState(NamedTuple):

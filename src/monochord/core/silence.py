@@ -1,4 +1,4 @@
-"""Silence: the level below which a microphone picks up nothing, and the remedy."""
+"""Silence: the level below which a microphone picks up nothing."""
 
 import numpy as np
 
@@ -6,10 +6,6 @@ from monochord.core.types import Audio
 
 SILENT_LEVEL = 2.0e-5
 """Root mean square, without the mean, below which sound is silence: twice the rounding noise of 16 bits."""
-SILENCE_REMEDY = (
-    "check that a driver runs, that the gain is up, and that it is the right input (monochord list devices)"
-)
-"""Remedy for a silent input."""
 
 
 def is_silent(samples: Audio) -> bool:

@@ -28,6 +28,7 @@ from monochord.core.ranges import (
     Whole,
     checked,
 )
+from monochord.core.reasons import DetailedReason, Reason
 from monochord.core.shapes import frames, is_sound, sound
 from monochord.core.units import (
     Hertz,
@@ -56,6 +57,7 @@ Flags: TypeAlias = NDArray[np.bool_]
 Indices: TypeAlias = NDArray[np.int64]
 Progress: TypeAlias = Callable[[str, int, int], None]
 """Called with the name of the current work, the amount done, and the total."""
+_TEXTS = (str, Reason, DetailedReason)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -172,8 +174,8 @@ class Estimate(Checked):
     """One estimated quantity with its standard error, or an abstention with its reason.
 
     `std` is one standard deviation in the unit of `value`. Where `valid` is false, `value` and `std` are NaN
-    and `reason` gives the reason in a few words. ``float(estimate)`` is `value`, and ``str(estimate)`` is for
-    display: a length in mm, any other quantity in its unit.
+    and `reason` gives the reason in a few words; `Reason.of` names it for code. ``float(estimate)`` is
+    `value`, and ``str(estimate)`` is for display: a length in mm, any other quantity in its unit.
 
     Examples
     --------
@@ -193,17 +195,18 @@ class Estimate(Checked):
     def __post_init__(self) -> None:
         if not (
             type(self.value) is float is type(self.std)
-            and type(self.unit) is str is type(self.reason)
+            and type(self.unit) is str
+            and type(self.reason) in _TEXTS
             and type(self.valid) is bool
         ):  # quick: a window has dozens
             Checked.__post_init__(self)
 
     @classmethod
     def abstain(cls, unit: str, reason: str) -> "Estimate":
-        """Return an abstention.
+        """Return an abstention, for a `Reason` or one in own words.
 
-        >>> Estimate.abstain("m", "silence").valid
-        False
+        >>> Estimate.abstain("m", Reason.SILENCE).reason, Estimate.abstain("m", "a moth").reason
+        ('silence', 'a moth')
         """
         return cls(value=float("nan"), std=float("nan"), unit=unit, valid=False, reason=reason)
 
@@ -241,16 +244,9 @@ def _with_error(value: float, std: float) -> str:
     return f"{value:.{digits}f} +- {std:.{digits}f}"
 
 
-OUTSIDE_RANGE = "outside the sensing range"
-"""Abstention reason of position, force and slip for a touch where the sensor cannot resolve position."""
-UNHEARD = "the untouched string was not heard yet"
-"""Abstention reason of a touch in a stream whose untouched string is not known: a string that is more than a
-tenth out of tune sounds like one that is touched."""
 Estimates: TypeAlias = Mapping[str, Estimate]
 """An estimator's estimates by name; further names may occur."""
 NO_ESTIMATES: Estimates = MappingProxyType({})
-NOT_ESTIMATED = "not estimated"
-"""Abstention reason of a quantity that the estimator does not estimate."""
 Prepared: TypeAlias = Callable[[Window], Estimates]
 """An estimator prepared for a signal."""
 Truth: TypeAlias = Mapping[str, OrNaN[float]]
@@ -280,7 +276,7 @@ class NamedEstimates(ABC):
         return self._estimate(name)
 
     def _estimate(self, name: str) -> Estimate:
-        return self._named().get(name) or Estimate.abstain("", NOT_ESTIMATED)
+        return self._named().get(name) or Estimate.abstain("", Reason.NOT_ESTIMATED)
 
     @property
     def contact(self) -> Estimate:

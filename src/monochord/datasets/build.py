@@ -19,6 +19,7 @@ import numpy as np
 from msgspec import Meta
 
 from monochord.core import labels as label_rules
+from monochord.core.clipping import FULL_SCALE
 from monochord.core.errors import InputError
 from monochord.core.labels import LabelColumns, Rules, window_labels
 from monochord.core.ownership import part_folder
@@ -50,8 +51,6 @@ from monochord.sessions.resample import resample
 
 MANY = 16
 """Number of sessions from which starting several processes pays off."""
-FULL_SCALE = 1.0 - 2.0**-15
-"""Absolute sample value that counts as clipped: the largest of a 16-bit converter."""
 Labelling: TypeAlias = Literal["", "recorded", "measured"]
 Listen: TypeAlias = Callable[[Audio, int, StringParams | None, Newtons | None], Newtons | None]
 """Returns a string's tension from sound (channels, n), its rate, the string and the recorded tension.

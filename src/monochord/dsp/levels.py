@@ -1,9 +1,10 @@
-"""Levels of a window, its share of mains hum, and the prominence of its strongest tone."""
+"""Levels of a window, its shares of clipped samples and of hum, and its strongest tone's prominence."""
 
 import math
 
 import numpy as np
 
+from monochord.core.clipping import LOUD
 from monochord.core.kernels import kernel
 from monochord.core.shapes import sound
 from monochord.core.types import Audio, Floats
@@ -21,7 +22,7 @@ MIN_LINES = 16
 
 
 def measure_levels(samples: Audio, sample_rate: Hertz) -> Floats:
-    """Return each channel's level, peak, share of samples at the peak, and share of hum, (channels, 4).
+    """Return each channel's level, share of samples as loud as `LOUD`, and share of hum, (channels, 3).
 
     The level is the root mean square without the mean. Hum is the power at the mains frequency, 50 or 60 Hz,
     and its first harmonics, by Goertzel's recursion (1958) without a taper, relative to the total power.
@@ -37,8 +38,8 @@ def measure_levels(samples: Audio, sample_rate: Hertz) -> Floats:
     --------
     >>> time = np.arange(4410) / 44100.0
     >>> hum = (0.1 * np.sin(2.0 * np.pi * 50.0 * time)).astype(np.float32)
-    >>> measure_levels(np.stack((hum, 0.0 * hum)), 44100.0).round(2)[:, [0, 1, 3]].tolist()
-    [[0.07, 0.1, 1.0], [0.0, 0.0, 0.0]]
+    >>> measure_levels(np.stack((hum, 0.0 * hum)), 44100.0).round(2).tolist()
+    [[0.07, 0.0, 1.0], [0.0, 0.0, 0.0]]
     """
     return _measured(sound(samples), float(sample_rate))
 
@@ -46,19 +47,16 @@ def measure_levels(samples: Audio, sample_rate: Hertz) -> Floats:
 @kernel()
 def _measured(samples: Audio, sample_rate: Hertz) -> Floats:
     count = samples.shape[1]
-    measured = np.zeros((samples.shape[0], 4))
+    measured = np.zeros((samples.shape[0], 3))
     for channel in range(samples.shape[0]):
         mean = 0.0
         for k in range(count):
             mean += samples[channel, k]
         mean /= count
-        power = peak = 0.0
+        power, loud = 0.0, 0
         for k in range(count):
             power += (samples[channel, k] - mean) ** 2
-            peak = max(peak, abs(samples[channel, k]))
-        extreme = 0
-        for k in range(count):
-            extreme += abs(samples[channel, k]) >= peak
+            loud += abs(samples[channel, k]) >= LOUD
         loudest = 0.0
         for mains in MAINS:
             own = 0.0
@@ -70,10 +68,9 @@ def _measured(samples: Audio, sample_rate: Hertz) -> Floats:
                 own += one * one + two * two - turn * one * two
             loudest = max(loudest, own)
         measured[channel, 0] = np.sqrt(power / count)
-        measured[channel, 1] = peak
-        measured[channel, 2] = extreme / count
+        measured[channel, 1] = loud / count
         if power > 0.0:
-            measured[channel, 3] = 2.0 * loudest / (count * power)
+            measured[channel, 2] = 2.0 * loudest / (count * power)
     return measured
 
 

@@ -14,6 +14,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from monochord.core.reasons import Reason
 from monochord.core.types import Audio, Floats, Indices, Progress, Signal, StringParams
 from monochord.core.units import Samples
 from monochord.core.workers import run_all
@@ -327,5 +328,5 @@ def _columns(
         "value": {name: np.where(usable, column, np.nan) for name, column in value.items()},
         "std": {name: np.full(len(inputs), np.nan) for name in value},
         "reason_index": {name: (~usable).astype(np.int16) for name in value},
-        "reasons": ("", "gap"),
+        "reasons": (Reason.NONE, Reason.GAP),
     }

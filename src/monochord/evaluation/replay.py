@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from monochord.core.config import to_tree
 from monochord.core.errors import InputError
+from monochord.core.reasons import Reason
 from monochord.core.types import Audio, Estimates, Floats, Indices, Progress, Signal, StringParams, Window
 from monochord.core.units import Metres
 from monochord.core.workers import run_all
@@ -311,7 +312,7 @@ def columns(estimates: Sequence[Estimates]) -> dict[str, Any]:
             if estimate is not None and estimate.valid:
                 value[name][row], std[name][row] = estimate.value, estimate.std
                 continue
-            reason = (estimate.reason or "no reason given") if estimate is not None else "not estimated"
+            reason = (estimate.reason or Reason.NOT_GIVEN) if estimate is not None else Reason.NOT_ESTIMATED
             reason_index[name][row] = reasons.setdefault(reason, len(reasons))
     return {"value": value, "std": std, "reason_index": reason_index, "reasons": tuple(reasons)}
 

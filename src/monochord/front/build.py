@@ -225,9 +225,11 @@ def _overview(files: Sequence[Path]) -> _Overview:
     for name, file in named_sessions(files).items():
         with suppress(InputError):  # refused when it is built
             about = read_session(file).description
-            row = name, intern(about.material or about.object), about.day, about.build, about.sample_rate
-            for column, value in zip(overview, row, strict=True):
-                column.append(value)
+            overview.names.append(name)
+            overview.objects.append(intern(about.material or about.object))
+            overview.days.append(about.day)
+            overview.builds.append(about.build)
+            overview.rates.append(about.sample_rate)
     return overview
 
 

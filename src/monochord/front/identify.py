@@ -13,12 +13,12 @@ from monochord.core.errors import InputError
 from monochord.core.lengths import refuse_other_units
 from monochord.core.notebook import lines
 from monochord.core.ranges import Positive, checked
-from monochord.core.silence import SILENCE_REMEDY
+from monochord.core.reasons import Reason
 from monochord.core.types import Estimate, Floats
 from monochord.core.units import Hertz, KilogramsPerMetre, Metres, Seconds
 from monochord.core.windows import windows
 from monochord.live.listen import Listenable, source_of
-from monochord.live.tuning import KEEP, RING, SECONDS, preset_of
+from monochord.live.tuning import KEEP, SECONDS, preset_of
 from monochord.perception.tuning import Tuner, TunerState
 from monochord.perception.tuning.lines import (
     GROWTH_STD,
@@ -31,7 +31,7 @@ from monochord.perception.tuning.lines import (
     lasting_lines,
 )
 from monochord.perception.tuning.reading import MIN_DECAY, SUSTAINED_DECADES, read_tuning
-from monochord.perception.tuning.tuner import MIN_SHARE, NOT_DRIVEN, STIFFNESS_STD
+from monochord.perception.tuning.tuner import MIN_SHARE, STIFFNESS_STD
 from monochord.physics.identification import (
     DRIVEN_STD,
     FREE_STD,
@@ -60,7 +60,6 @@ MAX_LENGTH_DEVIATION = 0.1
 DISAGREEMENT = 4.0
 """Standard errors by which caliper and scales differ where the wire is not plain steel."""
 UNITS = dict(zip(NAMES, ("Hz", "1", "m", "kg/m", "N", "N/m", "N/m"), strict=True))
-SOUND_ALONE = "sound and ruler determine it to {:.0%} only: magnets and yielding ends bend the low partials"
 MEASURE = (
     "Measure the wire's diameter to 1 um (--caliper), or weigh a measured piece of it (--weighed, kg per m)."
 )
@@ -242,7 +241,7 @@ def identify(
         raise InputError("no recording", "one or more recordings of the untouched string")
     refuse_other_units(length=length, caliper=caliper, length_error=length_error, caliper_error=caliper_error)
     takes = list[tuple[Partial, ...]]()
-    design, reasons = sensor_design(sensor) if sensor else "", list[str]()
+    design, reasons, remedies = sensor_design(sensor) if sensor else "", list[str](), list[str]()
     for number, recording in enumerate(recordings):
         source = source_of(recording, dict(options), seconds=seconds)
         with source.open() as stream:
@@ -251,12 +250,13 @@ def identify(
             partials, reason = _partials(stream, load_sensor(design), seconds, number)
         takes.append(partials)
         name = recording if isinstance(recording, str | Path) else type(recording).__name__
-        reasons += [f"{name}: {reason}"] if reason else []
+        if reason:
+            reasons.append(f"{name}: {reason}")
+            remedies.append(Reason.of(reason).remedy)
     partials = tuple(each for take in takes for each in take)
     if not partials:
-        remedy = SILENCE_REMEDY if reasons[0].endswith(("silence", NOT_DRIVEN)) else RING
         allowed = f"sound of an untouched string of the sensor {design}"
-        raise InputError("; ".join(reasons), allowed, remedy)
+        raise InputError("; ".join(reasons), allowed, remedies[0])
     built = load_sensor(design)
     densities, notes = _densities(built, caliper, caliper_error, weighed, weighed_error)
     fit = fit_string(
@@ -378,7 +378,7 @@ def _identified(
     unknown = [NEVER]
     if not measured:
         for name in ("linear_density", "tension"):
-            reason = SOUND_ALONE.format(fit.relative_std(name))
+            reason = Reason.SOUND_ALONE.with_detail(fit.relative_std(name))
             estimates[name] = Estimate.abstain(UNITS[name], reason)
         unknown.insert(0, f"Tension and linear density: {MEASURE}")
     sensor = _as_built(built, fit, measured=measured)
@@ -439,7 +439,7 @@ def _support_loss(sensor: Sensor, partials: Sequence[Partial]) -> Estimate:
     """Return the support's loss factor from freely ringing partials, with its standard error."""
     free = [each for each in partials if each.plucked and each.used and each.decay_std < 0.3 * each.decay]
     if not free:
-        return Estimate.abstain("1", "no freely ringing partial")
+        return Estimate.abstain("1", Reason.NO_FREE_PARTIAL)
     frequency: Floats = np.array([each.frequency for each in free])
     decay = np.array([each.decay for each in free])
     std = np.hypot([each.decay_std for each in free], 0.1 * decay)

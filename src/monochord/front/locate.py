@@ -16,6 +16,7 @@ from monochord.core.config import Tree, override
 from monochord.core.errors import InputError
 from monochord.core.pitch_names import pitch, pitch_name
 from monochord.core.ranges import Positive, checked
+from monochord.core.reasons import Reason
 from monochord.core.types import Estimate, Window
 from monochord.core.units import Hertz, Metres, Seconds
 from monochord.dsp.pitch import PitchFinder
@@ -31,7 +32,6 @@ from monochord.perception.usable import unusable_reason
 from monochord.physics.theory import light_touch, open_frequency
 from monochord.sessions import read_session
 
-NOT_STOPPED = "the string is not stopped"
 """Why a window with a position has no fret."""
 CONTACT = "contact"
 """The estimate that only the two-segment form provides."""
@@ -197,7 +197,7 @@ class _Places(Listener):
     def write(self, update: Update) -> None:
         """Add one window."""
         position, frequency = (update.prediction.estimate(name) for name in ("position", "frequency"))
-        fret = Estimate.abstain("", NOT_STOPPED)
+        fret = Estimate.abstain("", Reason.NOT_STOPPED)
         if self._has_frets and position.valid and CONTACT not in update.prediction.estimates:
             number = 12.0 * math.log2(frequency.value / self._open)
             fret = Estimate(value=number, std=FRETS * frequency.std / frequency.value, unit="")
@@ -211,7 +211,7 @@ class _Places(Listener):
             frequency=frequency.value,
             fret=fret.value,
             note=pitch_name(frequency.value) if fret.valid else "",
-            reason="" if position.valid else position.reason or "no reason given",
+            reason="" if position.valid else position.reason or Reason.NOT_GIVEN,
         )
         self._starts.append(update.start)
         self._times.append(update.time)
@@ -252,7 +252,7 @@ class _Places(Listener):
         for name, arrays in self._values.items():
             value, std = map(np.array, arrays)
             known = np.isfinite(value)
-            why = np.where(known, "", np.where(reason == "", NOT_STOPPED, reason))
+            why = np.where(known, "", np.where(reason == "", Reason.NOT_STOPPED, reason))
             for each in (value, std, known, why):
                 each.flags.writeable = False
             estimates[name] = EstimateColumn(value=value, std=std, valid=known, reason=why, unit=UNITS[name])

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from monochord.core.ranges import Checked, NonNegative, Positive
-from monochord.core.types import OUTSIDE_RANGE, Estimate
+from monochord.core.reasons import Reason
+from monochord.core.types import Estimate
 from monochord.core.units import Seconds
 from monochord.live.switches import TIME_TOLERANCE
 
@@ -77,7 +78,8 @@ def average_after(
     """
     if before is not None:
         coast = settings.coast if before.number > 1.0 or estimate.valid else 0.0
-        is_over = estimate.reason == OUTSIDE_RANGE or end - before.time > coast + TIME_TOLERANCE
+        is_outside = Reason.of(estimate.reason) is Reason.OUTSIDE_RANGE
+        is_over = is_outside or end - before.time > coast + TIME_TOLERANCE
         before = None if is_over else before
     if not estimate.valid:
         return before

@@ -11,18 +11,13 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import NamedTuple
 
+from monochord.core.reasons import Reason
 from monochord.core.types import Estimate, Estimates, Prediction
 from monochord.core.units import Seconds
 from monochord.live.average import Average, AverageSettings, average_after
 from monochord.live.switches import UNDECIDED, Switch, SwitchSettings, contact_after, slip_after
 
 CONTACT, SLIP, POSITION, FORCE = "contact", "slip", "position", "force"
-LOST = "lost"
-"""Default reason where an average has been held too long without an estimate."""
-UNTOUCHED = "no contact"
-"""Default reason where nothing touches the string."""
-NO_NUMBER = "not a number"
-"""Reason where an estimator returns no number."""
 MIN_SHARE = 0.1
 """Smallest share of a window assumed to be touched once a touch shows."""
 
@@ -123,7 +118,7 @@ def _usable(given: Estimates) -> Estimates:
     if all(map(_is_usable, given.values())):
         return given
     return {
-        name: each if _is_usable(each) else Estimate.abstain(each.unit, NO_NUMBER)
+        name: each if _is_usable(each) else Estimate.abstain(each.unit, Reason.NOT_A_NUMBER)
         for name, each in given.items()
     }
 
@@ -178,8 +173,8 @@ def _output(state: FilterState, given: Estimates, settings: FilterSettings) -> T
 
 
 def _missing(raw: Estimate, *, touched: bool) -> Estimate:
-    """Return a window's abstention, or the filter's default where the window does not abstain."""
-    return raw if not raw.valid else Estimate.abstain(raw.unit, LOST if touched else UNTOUCHED)
+    """Return a window's abstention; where it does not abstain, one of a lost touch, or of none."""
+    return raw if not raw.valid else Estimate.abstain(raw.unit, Reason.LOST if touched else Reason.NO_CONTACT)
 
 
 def _probability(switch: Switch, unit: str) -> Estimate:

@@ -7,24 +7,39 @@ counters, and from levels and hum measured here, so that a dead microphone is re
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import Literal, TypeAlias
 
 import numpy as np
 
+from monochord.core.clipping import LOUD_SHARE
 from monochord.core.clock import MIN_CLOCK_STEP, mistaken_rates
 from monochord.core.inputs import Inputs, InputState
 from monochord.core.ranges import Checked, NonNegative
+from monochord.core.reasons import (
+    ABSTAINING,
+    CLIPPING,
+    CLOCK_SET,
+    FOLLOWED,
+    NO_MICROPHONE,
+    NO_SOUND,
+    NOT_FOLLOWED,
+    RECONNECTED,
+    SETTLING,
+    SOUND_LOST,
+    STILL,
+    WINDOWS_SKIPPED,
+    XRUNS,
+    Finding,
+    Level,
+    Reason,
+)
 from monochord.core.silence import SILENT_LEVEL
-from monochord.core.types import OUTSIDE_RANGE, UNHEARD, Estimates, StreamHealth, Window
+from monochord.core.types import Estimates, StreamHealth, Window
 from monochord.core.units import Seconds
 from monochord.live.filter import CONTACT, FilterState
 from monochord.perception.estimators.base import Condition
 
-Level: TypeAlias = Literal["info", "warning", "error"]
-CLIPPED_PEAK, CLIPPED_SHARE = 0.98, 2.0e-3
-"""Peak in full scale, and share of samples at the peak, from which a channel counts as clipped."""
 RINGING_LEVEL, PROMINENCE = 5.6e-3, 40.0
 """Root mean square (-45 dB) and prominence of the strongest tone below which a string does not ring.
 
@@ -35,8 +50,6 @@ HUM_SHARE = 0.5
 """Share of the power in mains frequency and its first harmonics above which a window is mostly hum."""
 MIN_DEVIATION = 0.005
 """Smallest relative pitch deviation worth a note: 9 cents."""
-REPORT_TIME: Seconds = 10.0
-"""How long lost frames and skipped windows stay reported after the last one, in s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,17 +82,6 @@ class HealthSettings(Checked):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Finding:
-    """A problem seen in a window; `appear` and `clear`, in s, override the settings unless None."""
-
-    level: Level
-    sentence: str
-    remedy: str
-    appear: Seconds | None = None
-    clear: Seconds | None = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Lasting:
     """A finding over time: when it was first and last seen."""
 
@@ -108,118 +110,6 @@ class HealthState:
     stream: StreamHealth = field(default_factory=StreamHealth)
     skipped: int = 0
     inputs: InputState = field(default_factory=InputState)
-
-
-def _finding(level: Level, sentence: str, remedy: str) -> Finding:
-    return Finding(level=level, sentence=sentence, remedy=remedy)
-
-
-SILENT = _finding(
-    "error",
-    "Neither microphone picks up sound.",
-    "Check that the microphones are connected and powered, and that the right inputs are chosen.",
-)
-STILL = _finding(
-    "error",
-    "The string does not ring: nothing drives it, or it is broken.",
-    "Check that it is intact and nothing soft damps it; check the drivers' switches, batteries and height.",
-)
-ONE_DRIVER = _finding(
-    "error", "One driver seems silent.", "Check the battery, the switch and the height of each driver."
-)
-CLIPPING = _finding(
-    "warning",
-    "The sound is clipped.",
-    "Turn down the preamplifier gain until no peak reaches 0 dB.",
-)
-HUMMING = _finding(
-    "error",
-    "Hum of the mains is louder than the string.",
-    "Check the ground and the shield of the cables, and keep them away from power supplies.",
-)
-SWAPPED = _finding(
-    "error",
-    "The microphones seem swapped, or one driver is silent.",
-    "Check that both drivers run; if so, swap the inputs: positions count from microphone 1.",
-)
-DEAD = tuple(
-    _finding(
-        "error",
-        f"Microphone {number} picks up no sound.",
-        f"Check the cable, the battery and the gain of microphone {number}.",
-    )
-    for number in (1, 2)
-)
-ONE_MICROPHONE = _finding(
-    "error",
-    "Both channels carry the same sound: there is one microphone.",
-    "Choose the inputs of both microphones, and turn off mono in the mixer or the recorder.",
-)
-UNLIKE_INPUTS = _finding(
-    "error",
-    "The channels share no sound: they are of two clocks, rates or recordings.",
-    "Record both microphones with one interface, as two channels of one stream.",
-)
-TWO_TOUCHES = _finding(
-    "warning", "Two things seem to touch the string.", "Touch it with one object at a time."
-)
-OUTSIDE = _finding(
-    "info",
-    "The touch is outside the sensing range: only contact is estimated.",
-    "Touch the string inside the range. If the touch is already inside, check that both drivers run.",
-)
-NO_UNTOUCHED = _finding(
-    "warning",
-    "The untouched string was not heard yet, so no touch is estimated.",
-    "Leave the string untouched for a second. If it is untouched, it is out of tune: run monochord tune.",
-)
-TWO_STRINGS = _finding(
-    "error",
-    "Two strings sound at once.",
-    "Use separate inputs for each sensor; keep another string's sound away from these microphones.",
-)
-SOFT_TOUCH = _finding(
-    "warning", "Something very soft seems to touch the string.", "Touch it with something harder than foam."
-)
-OUT_OF_TUNE = _finding(
-    "error",
-    "The string seems out of tune.",
-    "Leave it untouched for a second, so that its pitch is measured, or run monochord tune.",
-)
-NOT_NUMBERS = _finding(
-    "error", "The samples are not numbers.", "Check the audio driver, and what else writes to these inputs."
-)
-SETTLING = Finding(
-    level="info",
-    sentence="The sound of a new touch is still settling.",
-    remedy="Wait for a tenth of a second.",
-    appear=0.0,
-    clear=0.0,
-)
-REASONS: Mapping[str, tuple[str, Finding]] = MappingProxyType(
-    {
-        Inputs.SECOND.reason: ("microphone_1_dead", DEAD[0]),
-        Inputs.FIRST.reason: ("microphone_2_dead", DEAD[1]),
-        Inputs.SAME.reason: ("one_microphone", ONE_MICROPHONE),
-        Inputs.APART.reason: ("unlike_inputs", UNLIKE_INPUTS),
-        "the microphones seem swapped": ("microphones_swapped", SWAPPED),
-        "mostly clipped": ("clipping", CLIPPING),
-        "clipped": ("clipping", CLIPPING),
-        "hum louder than the string": ("hum", HUMMING),
-        "two things seem to touch": ("two_touches", TWO_TOUCHES),
-        OUTSIDE_RANGE: ("outside_range", OUTSIDE),
-        UNHEARD: ("untouched_missing", NO_UNTOUCHED),
-        "two strings sound at once": ("two_strings", TWO_STRINGS),
-        "something very soft seems to touch": ("soft_touch", SOFT_TOUCH),
-        "one driver seems silent": ("driver_silent", ONE_DRIVER),
-        "the string seems out of tune: run monochord tune": ("out_of_tune", OUT_OF_TUNE),
-        "silence": ("string_still", STILL),
-        "samples that are not numbers": ("not_numbers", NOT_NUMBERS),
-    }
-)
-"""Key and finding for each abstention reason of the closed form and the bundled models."""
-EXPLAINED = ("", "no contact", "gap", "too uncertain", "not estimated")
-"""Abstention reasons that are not sensor problems, or that counters report."""
 
 
 def step(
@@ -267,17 +157,17 @@ def step(
         inputs = _inputs(inputs, window)
         from_levels, looked = _level_findings(window, inputs.inputs), now
     findings = dict(from_levels) if not stream.away else {}
-    if "string_still" not in findings:  # of noise alone a model may say anything
+    if STILL.key not in findings:  # of noise alone a model may say anything
         _add_reasons(findings, estimates)
         if condition is not None and condition.deviation is not None:
             _add_deviation(findings, condition)
     _add_counted(findings, state, stream, skipped)
     onset = followed.onset
     if not math.isnan(onset) and followed.time - onset < window.duration - 1e-9:
-        findings["settling"] = SETTLING
+        findings[SETTLING.key] = SETTLING
     lasting = state.lasting
-    if "sound_lost" in findings and "xruns" in lasting:  # it says that nothing was lost
-        lasting = {key: each for key, each in lasting.items() if key != "xruns"}
+    if SOUND_LOST.key in findings and XRUNS.key in lasting:  # it says that nothing was lost
+        lasting = {key: each for key, each in lasting.items() if key != XRUNS.key}
     if findings or lasting:
         lasting = _lasting(lasting, findings, now, settings)
     state = HealthState(
@@ -335,22 +225,20 @@ def _appear(finding: Finding, settings: HealthSettings) -> Seconds:
 
 def _add_reasons(findings: dict[str, Finding], estimates: Estimates) -> None:
     """Add the reason where all estimates of a window except contact abstain for one reason."""
-    reason = ""
+    text = ""
     for name, each in estimates.items():
         if name == CONTACT and each.valid:
             continue
-        if each.valid or (reason and each.reason != reason):
+        if each.valid or (text and each.reason != text):
             return
-        reason = each.reason
-    if reason in EXPLAINED or (reason == "silence" and "silence" in findings):
+        text = each.reason
+    reason = Reason.of(text)
+    finding = reason.finding
+    if finding is None or (reason is Reason.SILENCE and NO_MICROPHONE.key in findings):
         return
-    key, finding = REASONS.get(reason, ("abstaining", None))
-    if finding is None:
-        text = f"No estimates: {reason.partition(': ')[0]}."
-        finding = Finding(
-            level="error", sentence=text, remedy="Fix the stated cause, or run monochord doctor.", clear=0.2
-        )
-    findings[key] = finding
+    if finding is ABSTAINING:
+        finding = finding.with_detail(text.partition(": ")[0])
+    findings[finding.key] = finding
 
 
 def _add_deviation(findings: dict[str, Finding], condition: Condition) -> None:
@@ -359,20 +247,15 @@ def _add_deviation(findings: dict[str, Finding], condition: Condition) -> None:
     if abs(off) < MIN_DEVIATION:
         return
     side = "above" if off > 0.0 else "below"
-    text = (
-        f"The string sounds {100.0 * abs(off):.1f} % ({1200.0 * abs(math.log2(1.0 + off)):.0f} cents) {side}"
-    )
+    finding = FOLLOWED if condition.follows else NOT_FOLLOWED
+    finding = finding.with_detail(100.0 * abs(off), 1200.0 * abs(math.log2(1.0 + off)), side)
     mistaken = mistaken_rates(1.0 + off)
-    rate = "If it is not, sound of {} Hz is stated as {} Hz.".format(*mistaken) if mistaken else ""
-    if condition.follows:
-        sentence = f"{text} its known pitch; estimates follow it."
-        remedy = f"To keep it, run monochord tune. {rate}".rstrip()
-        findings["detuned"] = _finding("info", sentence, remedy)
-    else:
-        findings.pop("abstaining", None)
-        sentence = f"{text} what can be estimated from."
-        remedy = f"Tune it, then run monochord tune. {rate}".rstrip()
-        findings["detuned"] = _finding("error", sentence, remedy)
+    if mistaken:
+        rate = "If it is not, sound of {} Hz is stated as {} Hz.".format(*mistaken)
+        finding = replace(finding, remedy=f"{finding.remedy} {rate}")
+    if not condition.follows:
+        findings.pop(ABSTAINING.key, None)
+    findings[finding.key] = finding
 
 
 def _add_counted(
@@ -381,48 +264,21 @@ def _add_counted(
     """Add findings from the counters' changes since the previous window."""
     before = state.stream
     if stream.away:
-        findings["no_sound"] = Finding(
-            level="error",
-            sentence=f"No sound comes: {stream.away}.",
-            remedy="Check its cable and its power, or start it again; it is taken up once it is back.",
-            appear=0.0,
-            clear=0.0,
-        )
+        findings[NO_SOUND.key] = NO_SOUND.with_detail(stream.away)
     elif stream.dropped > before.dropped or stream.gaps > before.gaps:
-        lost = f"{_counted(stream.dropped, 'frame')} in {_counted(stream.gaps, 'gap')}"
-        findings["sound_lost"] = _reported(
-            f"Sound was lost: {lost}, {_counted(stream.xruns, 'xrun')} so far.",
-            "Close other programs, or use longer periods; run monochord doctor.",
+        findings[SOUND_LOST.key] = SOUND_LOST.with_detail(
+            _counted(stream.dropped, "frame"), _counted(stream.gaps, "gap"), _counted(stream.xruns, "xrun")
         )
-    elif stream.xruns > before.xruns and "sound_lost" not in state.lasting:
+    elif stream.xruns > before.xruns and SOUND_LOST.key not in state.lasting:
         # The loss that belongs to an xrun may be counted a window later or before.
-        late = f"The audio system was late, {_counted(stream.xruns, 'xrun')} so far"
-        findings["xruns"] = _reported(
-            f"{late}; no frame is counted as lost at the last one.",
-            "If they continue, close other programs, or use longer periods; run monochord doctor.",
-            level="info",
-        )
+        findings[XRUNS.key] = XRUNS.with_detail(_counted(stream.xruns, "xrun"))
     if stream.reconnects > before.reconnects:
-        times = _counted(stream.reconnects, "time")
-        findings["reconnected"] = _reported(
-            f"The audio device went away and came back, {times} so far.", "Check its cable and its power."
-        )
+        findings[RECONNECTED.key] = RECONNECTED.with_detail(_counted(stream.reconnects, "time"))
     set_by = stream.clock_offsets.get("realtime", 0.0) - before.clock_offsets.get("realtime", 0.0)
     if before.clock_offsets and abs(set_by) > MIN_CLOCK_STEP:
-        findings["clock_set"] = _reported(
-            f"The clock of this computer was set by {set_by:+.3f} s.",
-            "Stamps jump by that; let one service keep the clock. The stream's times are not affected.",
-        )
+        findings[CLOCK_SET.key] = CLOCK_SET.with_detail(set_by)
     if skipped > state.skipped:
-        findings["windows_skipped"] = _reported(
-            f"Windows are skipped because the computer is late: {skipped} so far.",
-            "Close other programs, or use a longer hop.",
-        )
-
-
-def _reported(sentence: str, remedy: str, level: Level = "warning") -> Finding:
-    """Return a finding that is reported at once, and for `REPORT_TIME` after the last occurrence."""
-    return Finding(level=level, sentence=sentence, remedy=remedy, appear=0.0, clear=REPORT_TIME)
+        findings[WINDOWS_SKIPPED.key] = WINDOWS_SKIPPED.with_detail(skipped)
 
 
 def _counted(number: int, noun: str) -> str:
@@ -443,19 +299,22 @@ def _level_findings(window: Window, inputs: Inputs) -> Mapping[str, Finding]:
     from monochord.dsp.levels import measure_levels, tone_prominence  # noqa: PLC0415 (compiled, and a sink imports this module)
 
     measured = measure_levels(window.samples, window.sample_rate)
-    level, peak, extreme, hum = measured.T
+    level, loud, hum = measured.T
     if not np.isfinite(level).all():
-        return {"not_numbers": NOT_NUMBERS}
+        return _by_key(Reason.NOT_NUMBERS.finding)
     if level.max() < SILENT_LEVEL:
-        return {"silence": SILENT}
-    findings = dict[str, Finding]()
-    if inputs.reason:
-        key, finding = REASONS[inputs.reason]
-        findings[key] = finding
-    if ((peak >= CLIPPED_PEAK) & (extreme >= CLIPPED_SHARE)).any():
-        findings["clipping"] = CLIPPING
-    if (hum > HUM_SHARE).any():
-        findings["hum"] = HUMMING
-    if level.max() < RINGING_LEVEL and tone_prominence(window.samples, window.sample_rate) < PROMINENCE:
-        findings["string_still"] = STILL
-    return findings or NO_FINDINGS
+        return _by_key(NO_MICROPHONE)
+    clips = bool((loud >= LOUD_SHARE).any())
+    hums = bool((hum > HUM_SHARE).any())
+    is_quiet = level.max() < RINGING_LEVEL
+    is_still = is_quiet and tone_prominence(window.samples, window.sample_rate) < PROMINENCE
+    return _by_key(
+        inputs.reason.finding,
+        CLIPPING if clips else None,
+        Reason.HUM.finding if hums else None,
+        STILL if is_still else None,
+    )
+
+
+def _by_key(*findings: Finding | None) -> Mapping[str, Finding]:
+    return {each.key: each for each in findings if each is not None} or NO_FINDINGS

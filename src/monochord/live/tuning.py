@@ -11,14 +11,13 @@ from monochord.core.errors import InputError
 from monochord.core.lengths import refuse_other_units
 from monochord.core.notebook import lines
 from monochord.core.ranges import Positive, checked
-from monochord.core.silence import SILENCE_REMEDY
+from monochord.core.reasons import Reason
 from monochord.core.types import StringParams
 from monochord.core.units import Hertz, Metres, Seconds
 from monochord.core.windows import windows
 from monochord.live.listen import source_of
 from monochord.live.settings import WindowLength, WindowSettings
 from monochord.perception.tuning import Tuner, TunerState, Tuning
-from monochord.perception.tuning.tuner import NOT_DRIVEN
 from monochord.physics.sensors import (
     SensorTuning,
     designs_with,
@@ -41,8 +40,6 @@ KEEP = 1000
 """Largest number of windows used in a tuning."""
 STIFFNESS_DEVIATIONS = 4.0
 """Standard errors of stiffness deviation that indicate another wire than the design's."""
-RING = "let go of it, or touch and release it during the recording, so that its partials ring"
-"""Remedy where the string sounds but its pitch cannot be found."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -228,7 +225,8 @@ def tuned(
         _refuse_length(length, design)  # before any device is opened
         earlier = sensor_tuning(sensor)
         length = earlier.length if length is None and earlier else length
-    state, reason = TunerState(), ""
+    state = TunerState()
+    reason: str = Reason.NONE
     for source, name in zip(sources, names, strict=True):
         with source.open() as stream:
             signal = stream.signal
@@ -241,9 +239,8 @@ def tuned(
             given = f"{name} (shorter than a window)"
             raise InputError(given, f"{window.length:g} s or more", "use a shorter --window")
     if state.tuning is None or reason:
-        remedy = SILENCE_REMEDY if reason.endswith(("silence", NOT_DRIVEN)) else RING
         allowed = f"sound of an untouched, driven string of the sensor {design}"
-        raise InputError(f"{', '.join(names)}: {reason}", allowed, remedy)
+        raise InputError(f"{', '.join(names)}: {reason}", allowed, Reason.of(reason).remedy)
     return SensorAsTuned(
         design=design,
         sensor=load_sensor(design),

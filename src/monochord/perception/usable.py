@@ -5,14 +5,14 @@ from collections import deque
 
 import numpy as np
 
+from monochord.core.clipping import DISTORTED_SHARE
 from monochord.core.clock import RATE_RATIOS
 from monochord.core.kernels import kernel, part
+from monochord.core.reasons import Reason
 from monochord.core.silence import SILENT_LEVEL
 from monochord.core.types import Audio, Floats, Window
 from monochord.core.units import Samples, Seconds
 
-CLIPPED_SHARE = 0.1
-"""Share of samples at the very top and bottom values from which a window is too clipped to trust."""
 STRONG_LINE = 1e-2
 """Least power of a line that must jump with the others, as a share of its channel's strongest."""
 SAME_RATIO, SAME_LEVEL = 0.004, 0.5
@@ -22,23 +22,23 @@ PATIENCE: Seconds = 3.0
 one that is touched."""
 
 
-def unusable_reason(window: Window) -> str:
-    """Return why a window cannot be used, or an empty string.
+def unusable_reason(window: Window) -> Reason:
+    """Return why a window cannot be used; empty if it can.
 
     >>> quiet = Window(samples=np.zeros((2, 4410), np.float32), start=0, sample_rate=44100)
     >>> unusable_reason(quiet)
     'silence'
     """
     if window.has_gap:
-        return "gap"
+        return Reason.GAP
     deviation, extreme = _measured(window.samples)
     if not math.isfinite(deviation):
-        return "samples that are not numbers"
+        return Reason.NOT_NUMBERS
     if deviation < SILENT_LEVEL:
-        return "silence"
-    if extreme > CLIPPED_SHARE:
-        return "clipped"
-    return ""
+        return Reason.SILENCE
+    if extreme > DISTORTED_SHARE:
+        return Reason.CLIPPED
+    return Reason.NONE
 
 
 class Hearing:

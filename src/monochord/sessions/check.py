@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from monochord.core.errors import InputError
-from monochord.core.silence import SILENCE_REMEDY, is_silent
+from monochord.core.reasons import Reason
+from monochord.core.silence import is_silent
 from monochord.core.units import Seconds
 from monochord.sessions import walk
 from monochord.sessions._contents import UNREADABLE, Contents
@@ -210,4 +211,4 @@ def _silence(audio: AudioTrack) -> list[str]:
         for k, pieces in enumerate(silent)
         if pieces
     ]
-    return [f"silence: {', '.join(texts)} ({SILENCE_REMEDY})"] if texts else []
+    return [f"silence: {', '.join(texts)} ({Reason.SILENCE.remedy})"] if texts else []

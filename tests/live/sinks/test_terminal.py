@@ -17,11 +17,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from monochord.core import reasons
+from monochord.core.reasons import Finding, Reason
 from monochord.core.timing import Histogram
 from monochord.core.types import Estimate, Prediction, Signal, StreamHealth, Window
-from monochord.live import health
 from monochord.live.events import Event
-from monochord.live.health import Finding, Note
+from monochord.live.health import Note
 from monochord.live.sinks import _notes, _view
 from monochord.live.sinks.base import Run, Update
 from monochord.live.sinks.terminal import Terminal
@@ -237,9 +238,9 @@ def test_no_certainty_is_made_of_a_probability(capsys: pytest.CaptureFixture[str
     assert "60 %" in line
 
 
-def note(finding: Finding, since: float = 0.0, key: str = "") -> Note:
+def note(finding: Finding, since: float = 0.0) -> Note:
     return Note(
-        key=key or finding.sentence,
+        key=finding.key,
         level=finding.level,
         sentence=finding.sentence,
         remedy=finding.remedy,
@@ -247,8 +248,10 @@ def note(finding: Finding, since: float = 0.0, key: str = "") -> Note:
     )
 
 
+assert Reason.MICROPHONE_2_SILENT.finding is not None
 SILENT, DEAD, CLIPPING, SETTLING = map(
-    note, (health.SILENT, health.DEAD[1], health.CLIPPING, health.SETTLING)
+    note,
+    (reasons.NO_MICROPHONE, Reason.MICROPHONE_2_SILENT.finding, reasons.CLIPPING, reasons.SETTLING),
 )
 
 
@@ -288,13 +291,13 @@ def test_a_note_is_wrapped_within_the_width(columns: int) -> None:
 
 
 def test_a_brief_info_is_not_shown_and_one_that_lasts_is() -> None:
-    settling = note(health.SETTLING, since=1.0)
+    settling = note(reasons.SETTLING, since=1.0)
     assert settling.sentence not in text_of(noted(settling, time=1.05), 80, 40)
     assert SETTLING.sentence in text_of(noted(SETTLING, time=0.5), 80, 40)
 
 
 def test_a_note_cannot_control_the_terminal() -> None:
-    evil = note(Finding(level="error", sentence="Off:\x1b[2J\nit went.", remedy="\x1b[31mRun."))
+    evil = note(Finding(key="off", level="error", sentence="Off:\x1b[2J\nit went.", remedy="\x1b[31mRun."))
     text = text_of(noted(evil), 80, 24)
     assert "Off:\\u001b[2J it went. \\u001b[31mRun." in text
     assert "\x1b" not in text
@@ -317,12 +320,12 @@ def test_of_several_strings_each_has_a_line_and_its_worst_note(rows: int) -> Non
 def test_a_log_has_a_line_where_a_note_begins_or_becomes_worse_and_one_where_it_ends(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    lost = Finding(level="warning", sentence="Sound was lost: 1 gap.", remedy="Close others.")
+    lost = Finding(key="lost", level="warning", sentence="Sound was lost: 1 gap.", remedy="Close others.")
     more = dataclasses.replace(lost, sentence="Sound was lost: 2 gaps.")
     worse = dataclasses.replace(more, level="error")
     shown = (
-        (), (DEAD,), (DEAD,), (DEAD, note(lost, 0.03, "lost")), (DEAD, note(more, 0.03, "lost")),
-        (note(more, 0.03, "lost"),), (note(worse, 0.03, "lost"),), (), (note(health.SETTLING, 0.07),),
+        (), (DEAD,), (DEAD,), (DEAD, note(lost, 0.03)), (DEAD, note(more, 0.03)),
+        (note(more, 0.03),), (note(worse, 0.03),), (), (note(reasons.SETTLING, 0.07),),
     )  # fmt: skip
     with Terminal(plain=True).open(Run(signal=SIGNAL)) as writer:
         for k, notes in enumerate(shown):
@@ -333,7 +336,7 @@ def test_a_log_has_a_line_where_a_note_begins_or_becomes_worse_and_one_where_it_
     assert all(line.startswith("left") for line in told)
     times = [re.search(r"([\d.]+) s", line) for line in told]
     assert [match and match[1] for match in times] == ["0.01", "0.03", "0.05", "0.06", "0.07"]
-    assert not any(health.SETTLING.sentence in line for line in lines)
+    assert not any(SETTLING.sentence in line for line in lines)
 
 
 def test_many_events_make_no_long_line(capsys: pytest.CaptureFixture[str]) -> None:

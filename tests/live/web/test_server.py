@@ -20,6 +20,7 @@ from websockets.sync.client import ClientConnection, connect
 
 from monochord.capture.sources.base import Controls, Setting
 from monochord.core.errors import DeviceError, InputError
+from monochord.core.reasons import Reason
 from monochord.core.types import Contact, Estimate, Prediction, Signal, StreamHealth, StringParams, Window
 from monochord.live.events import Event
 from monochord.live.health import Note
@@ -42,7 +43,8 @@ TONE = np.stack([np.sin(2 * np.pi * 1000.0 * np.arange(4410) / 44100)] * 2).asty
 
 
 def update(number: int) -> Update:
-    estimates = {"position": Estimate(value=1e-5 * number, std=1e-4, unit="m")}
+    place = Estimate(value=1e-5 * number, std=1e-4, unit="m")
+    estimates = {"position": place, "force": Estimate.abstain("N", Reason.OUTSIDE_RANGE)}
     return Update(
         prediction=Prediction(start=441 * number, time=number / 100, estimates=estimates, latency=1e-3),
         window=Window(samples=TONE, start=441 * number, sample_rate=44100),
@@ -247,6 +249,11 @@ def test_a_page_is_told_what_is_estimated_and_what_happened() -> None:
         pitch = {"frequency": 322.4, "std": 0.5, "deviation": 0.03, "follows": True}
         assert told["pitch"] == pitch
         assert told["levels"][0] == pytest.approx([-3.0, 0.0], abs=0.1)
+        assert told["clips"][0]
+        assert (told["window"]["position"]["key"], told["window"]["force"]["key"]) == (
+            "none",
+            "outside_range",
+        )
         assert [event["name"] for event in told["events"]] == ["contact"]
     with running() as (server, _):
         time.sleep(0.5)

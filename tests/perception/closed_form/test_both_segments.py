@@ -9,7 +9,8 @@ from tests import beam_elements, finite_differences
 from tests.finite_differences import RATE, Take
 
 from monochord.core.errors import InputError
-from monochord.core.types import OUTSIDE_RANGE, Audio, Estimates, Floats, Signal, StringParams, Window
+from monochord.core.reasons import Reason
+from monochord.core.types import Audio, Estimates, Floats, Signal, StringParams, Window
 from monochord.perception.closed_form.explanations import RANGE, RATIO_STEP, RATIOS, distortion_of, priors
 from monochord.perception.closed_form.lines import FREQUENCY, LEVEL, OWN, POWER, STD
 from monochord.perception.estimators import ESTIMATORS
@@ -80,7 +81,9 @@ def test_force_follows_from_tension_with_an_error_that_knows_of_the_give() -> No
     assert all(0.1 < force.std < 1.0 for force in forces)
 
 
-@pytest.mark.parametrize(("x", "reason"), [(0.04, OUTSIDE_RANGE), (0.083, ""), (0.17, OUTSIDE_RANGE)])
+@pytest.mark.parametrize(
+    ("x", "reason"), [(0.04, Reason.OUTSIDE_RANGE), (0.083, ""), (0.17, Reason.OUTSIDE_RANGE)]
+)
 def test_outside_the_sensing_range_contact_alone_is_told(x: float, reason: str) -> None:
     said = told(touched(x, (1, 1)), sensing_range=(0.05, 0.15))
     assert said["contact"].value > 0.99
@@ -99,7 +102,7 @@ def test_the_lower_of_both_fundamentals_is_the_frequency(x: float, lower: str) -
 def test_a_string_that_nothing_touches_is_told_so() -> None:
     said = told(UNTOUCHED)
     assert said["contact"].value < 0.01
-    assert said["position"].reason == said["force"].reason == "no contact"
+    assert said["position"].reason is said["force"].reason is Reason.NO_CONTACT
 
 
 def test_lines_of_no_string_have_no_place() -> None:
@@ -109,7 +112,7 @@ def test_lines_of_no_string_have_no_place() -> None:
 
 
 def test_silence_and_noise_have_no_answer() -> None:
-    assert told(np.zeros((2, SIZE), np.float32))["contact"].reason == "silence"
+    assert told(np.zeros((2, SIZE), np.float32))["contact"].reason is Reason.SILENCE
     noise = 0.1 * np.random.default_rng(1).standard_normal((2, SIZE))
     assert not told(noise.astype(np.float32))["position"].valid
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from monochord.core.errors import InputError
+from monochord.core.reasons import Reason
 from monochord.core.types import Audio, Contact, Estimate, Signal, StringParams, Window
 from monochord.perception.estimators.closed_form import ClosedForm
 from monochord.physics.sensors import load_sensor
@@ -72,18 +73,21 @@ class TestFarSegment:
     @pytest.mark.parametrize(
         ("samples", "reason"),
         [
-            (np.zeros((1, SIZE), np.float32), "silence"),
-            (np.full((1, SIZE), 0.5, np.float32), "silence"),
-            (np.full((1, SIZE), np.nan, np.float32), "samples that are not numbers"),
-            (np.clip(40.0 * note(150.0), -1.0, 1.0), "clipped"),
-            (0.1 * np.random.default_rng(1).standard_normal((1, SIZE)).astype(np.float32), "no harmonic"),
-            (0.5 * (note(150.0) + note(163.0)), "two candidates"),
+            (np.zeros((1, SIZE), np.float32), Reason.SILENCE),
+            (np.full((1, SIZE), 0.5, np.float32), Reason.SILENCE),
+            (np.full((1, SIZE), np.nan, np.float32), Reason.NOT_NUMBERS),
+            (np.clip(40.0 * note(150.0), -1.0, 1.0), Reason.CLIPPED),
+            (
+                0.1 * np.random.default_rng(1).standard_normal((1, SIZE)).astype(np.float32),
+                Reason.NO_STRUCTURE,
+            ),
+            (0.5 * (note(150.0) + note(163.0)), Reason.TWO_NOTES),
         ],
     )
-    def test_abstains_with_a_reason(self, samples: Audio, reason: str) -> None:
+    def test_abstains_with_a_reason(self, samples: Audio, reason: Reason) -> None:
         estimates = far(samples)
         assert all(not estimate.valid for estimate in estimates.values())
-        assert estimates["position"].reason.startswith(reason)
+        assert Reason.of(estimates["position"].reason) is reason
         assert np.isnan(estimates["position"].value)
 
     @pytest.mark.parametrize("ratio", [0.33, 0.5, 2 / 3, 0.97, 6.0, 9.0])
@@ -94,7 +98,7 @@ class TestFarSegment:
     @pytest.mark.parametrize("ratio", [1.12, 1.5])
     def test_two_strings_at_once_are_no_place_between(self, ratio: float) -> None:
         estimates = far(0.5 * (note(122.2) + note(122.2 * ratio)))["position"]
-        assert estimates.reason.startswith(("two candidates, 1", "a note of 61.1 Hz, outside"))
+        assert Reason.of(estimates.reason) in (Reason.TWO_NOTES, Reason.OTHER_NOTE)
 
     def test_of_two_strings_at_once_the_older_goes_on(self) -> None:
         estimate = ClosedForm(length=0.65, open_frequency=110.0).prepare(MONO, SIZE)
@@ -115,7 +119,7 @@ class TestFarSegment:
 
     def test_a_gap_abstains(self) -> None:
         estimate = ClosedForm(length=0.65, open_frequency=110.0).prepare(MONO, SIZE)
-        assert estimate(window(note(150.0), has_gap=True))["position"].reason == "gap"
+        assert estimate(window(note(150.0), has_gap=True))["position"].reason is Reason.GAP
 
     @pytest.mark.parametrize(
         "options",
@@ -160,7 +164,7 @@ class TestTwoSegments:
     def test_an_untouched_string_is_no_contact(self) -> None:
         estimates = ClosedForm().prepare(self.signal, SIZE)(touched(None))
         assert estimates["contact"].value < 0.01
-        assert estimates["position"].reason == "no contact"
+        assert estimates["position"].reason is Reason.NO_CONTACT
 
     @pytest.mark.parametrize(
         ("n1", "n2", "resolved"),
@@ -183,7 +187,7 @@ class TestTwoSegments:
             assert estimates["position"].value == pytest.approx(contact.position, abs=1e-3)
             assert abs(estimates["force"].value - contact.force) < estimates["force"].std
         else:
-            assert estimates["position"].reason == "two candidates"
+            assert estimates["position"].reason is Reason.TWO_CANDIDATES
 
     @pytest.mark.parametrize("base", [50.0, 60.0])
     def test_mains_hum_changes_nothing(self, base: float) -> None:
@@ -206,13 +210,13 @@ class TestTwoSegments:
     def test_it_abstains_from_all_with_one_reason(self) -> None:
         noise = 0.1 * np.random.default_rng(1).standard_normal((2, SIZE))
         for samples, reason in (
-            (0.0 * noise, "silence"),
-            (np.nan * noise, "samples"),
-            (noise, "no harmonic"),
+            (0.0 * noise, Reason.SILENCE),
+            (np.nan * noise, Reason.NOT_NUMBERS),
+            (noise, Reason.NO_STRUCTURE),
         ):
             estimates = ClosedForm().prepare(self.signal, SIZE)(window(samples.astype(np.float32)))
             (stated,) = {each.reason for each in estimates.values()}
-            assert stated.startswith(reason)
+            assert stated is reason
 
     def test_a_string_that_does_not_tell_force_says_so(self) -> None:
         string = StringParams(length=0.65, linear_density=6.5e-4, tension=65.0)
@@ -289,4 +293,4 @@ class TestAnotherTuning:
         windows, _ = twin_windows(1.0, 0.072, 0.5)
         *_, last = [estimate(each) for each in windows]
         assert last["position"].valid
-        assert {last[name].reason for name in ("force", "tension")} == {"the string's density is not known"}
+        assert {last[name].reason for name in ("force", "tension")} == {Reason.UNKNOWN_DENSITY}

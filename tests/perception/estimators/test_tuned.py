@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from monochord.core.errors import InputError
-from monochord.core.types import UNHEARD, Audio, Estimates, Floats, Signal, StringParams, Window
+from monochord.core.reasons import Reason
+from monochord.core.types import Audio, Estimates, Floats, Signal, StringParams, Window
 from monochord.metrics import DECISION
 from monochord.perception.estimators import ESTIMATORS
 from monochord.perception.estimators.base import Watching
@@ -183,7 +184,7 @@ def test_a_stream_that_goes_on_touched_from_its_beginning_is_withheld_until_it_r
 
     assert all(abs(each["position"].value - 0.08) < 1e-3 for each in between(0.0, PATIENCE))
     late = between(PATIENCE, PATIENCE + 1.0)
-    assert {each.reason for one in late for each in one.values()} == {UNHEARD}
+    assert {each.reason for one in late for each in one.values()} == {Reason.UNTOUCHED_MISSING}
     assert all(abs(each["position"].value - 0.09) < 1e-3 for each in between(PATIENCE + 2.8, PATIENCE + 3.5))
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from monochord.core.errors import InputError
-from monochord.core.types import OUTSIDE_RANGE
+from monochord.core.reasons import Reason
 from monochord.datasets.faults import FAULTS as SIMULATED
 from monochord.perception.model import Model, ModelState
 from monochord.perception.model.definition import FaultRecord
@@ -47,10 +47,10 @@ def test_what_is_told_of_touches_alone_is_not_told_without_one() -> None:
 
 def test_a_reason_is_that_of_the_fault_furthest_above_its_limit() -> None:
     limits = np.full(COUNT, 2.0)
-    assert fault_reason(odds(hum=1.0), limits) == ""
-    assert fault_reason(odds(hum=3.0), limits) == "hum louder than the string"
+    assert fault_reason(odds(hum=1.0), limits) is Reason.NONE
+    assert fault_reason(odds(hum=3.0), limits) is Reason.HUM
     limits[NAMES.index("clipping")] = -5.0
-    assert fault_reason(odds(hum=3.0, clipping=0.0), limits) == "mostly clipped"
+    assert fault_reason(odds(hum=3.0, clipping=0.0), limits) is Reason.MOSTLY_CLIPPED
 
 
 def outputs(contact: float, position: float = 0.0, certainty: float = 1.0) -> dict[str, Output]:
@@ -83,7 +83,7 @@ def test_contact_is_told_beside_faults_that_leave_it_right(
 def test_outside_the_sensing_range_all_that_a_touch_tells_is_withheld(drawn: Model) -> None:
     model = dataclasses.replace(drawn, sensing_range=(0.05, 0.15))
     at = drawn.definition.heads["position"]
-    for place, reason in ((0.10, ""), (0.16, OUTSIDE_RANGE), (0.03, OUTSIDE_RANGE)):
+    for place, reason in ((0.10, ""), (0.16, Reason.OUTSIDE_RANGE), (0.03, Reason.OUTSIDE_RANGE)):
         reading = WindowReading(ModelState(), outputs(9.0, (place - at.offset) / at.scale), "")
         estimates = estimates_in(model.prepared, reading)
         assert {estimates[name].reason for name in ("slip", "position", "force")} == {reason}
@@ -91,7 +91,7 @@ def test_outside_the_sensing_range_all_that_a_touch_tells_is_withheld(drawn: Mod
     # One touch there may sound like two.
     two = FAULTS["two touches"].reason
     reading = WindowReading(ModelState(), outputs(9.0, (0.16 - at.offset) / at.scale), two)
-    assert estimates_in(model.prepared, reading)["position"].reason == OUTSIDE_RANGE
+    assert estimates_in(model.prepared, reading)["position"].reason is Reason.OUTSIDE_RANGE
 
 
 def test_force_is_withheld_with_a_position_that_is_not_certain(drawn: Model) -> None:
@@ -99,7 +99,7 @@ def test_force_is_withheld_with_a_position_that_is_not_certain(drawn: Model) -> 
     task = dataclasses.replace(record.task, certain=0.9)
     heads = {**drawn.definition.heads, "position": dataclasses.replace(record, task=task)}
     model = dataclasses.replace(drawn, definition=dataclasses.replace(drawn.definition, heads=heads))
-    for certainty, reason in ((0.95, ""), (0.85, "two candidates")):
+    for certainty, reason in ((0.95, ""), (0.85, Reason.TWO_CANDIDATES)):
         estimates = estimates_in(
             model.prepared, WindowReading(ModelState(), outputs(9.0, certainty=certainty), "")
         )

@@ -14,6 +14,7 @@ import pytest
 import soundfile
 
 import monochord as mc
+from monochord.core.reasons import Reason
 from monochord.core.units import Metres, Newtons, Seconds
 from monochord.live.sinks.base import Update
 from monochord.physics.twin.virtual_sensor import VirtualSensor
@@ -180,4 +181,4 @@ def test_inside_the_range_nearly_all_windows_are_answered(
 )
 def test_one_held_touch_is_not_called_two(name: str, windows: Callable[[str], list[Judged]]) -> None:
     reasons = [each.position.reason for place, each in windows(name) if place in INSIDE]
-    assert sum(reason == "two things seem to touch" for reason in reasons) <= 0.01 * len(reasons)
+    assert sum(Reason.of(reason) is Reason.TWO_TOUCHES for reason in reasons) <= 0.01 * len(reasons)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from monochord.core.errors import InputError
+from monochord.core.reasons import Reason
 from monochord.core.types import Audio, Estimates, Signal, Window
 from monochord.perception.model import Definition, Model, ModelState
 from monochord.perception.model.definition import Calibration
@@ -53,12 +54,12 @@ def test_a_gap_or_silence_is_an_abstention_and_keeps_the_state(drawn: Model, sou
     for k in range(5):
         state, _ = model.step(state, sound(k))
     for window, reason in (
-        (dataclasses.replace(sound(5), samples=5e-3 * sound(5).samples), "silence"),
-        (sound(5, has_gap=True), "gap"),
-        (dataclasses.replace(sound(5), samples=np.zeros((2, 800), np.float32)), "silence"),
+        (dataclasses.replace(sound(5), samples=5e-3 * sound(5).samples), Reason.SILENCE),
+        (sound(5, has_gap=True), Reason.GAP),
+        (dataclasses.replace(sound(5), samples=np.zeros((2, 800), np.float32)), Reason.SILENCE),
         (
             dataclasses.replace(sound(5), samples=np.full((2, 800), np.nan, np.float32)),
-            "samples that are not numbers",
+            Reason.NOT_NUMBERS,
         ),
     ):
         after, estimates = model.step(state, window)
@@ -195,7 +196,7 @@ def test_calibration_scales_the_uncertainty_alone(drawn: Model) -> None:
 
 def test_without_contact_the_other_heads_abstain(drawn: Model) -> None:
     estimates = estimates_of(drawn.definition.heads, drawn.definition.gate, outputs(contact=-0.1))
-    abstained = {name for name, each in estimates.items() if each.reason == "no contact"}
+    abstained = {name for name, each in estimates.items() if each.reason is Reason.NO_CONTACT}
     assert abstained == {"slip", "position", "force"}
     assert estimates["contact"].valid
     assert estimates["contact"].value == pytest.approx(0.475, abs=1e-3)
@@ -207,15 +208,15 @@ def test_contact_that_is_uncertain_is_not_denied(drawn: Model, contact: float) -
     careful = dataclasses.replace(record, task=dataclasses.replace(record.task, limit=0.3))
     definition = dataclasses.replace(drawn.definition, heads={**drawn.definition.heads, "contact": careful})
     estimates = estimates_of(definition.heads, definition.gate, outputs(contact=contact))
-    assert estimates["contact"].reason == "too uncertain"
-    assert {each.reason for each in estimates.values()} == {"too uncertain"}
+    assert estimates["contact"].reason is Reason.UNCERTAIN
+    assert {each.reason for each in estimates.values()} == {Reason.UNCERTAIN}
     assert estimates_of(definition.heads, definition.gate, outputs(contact=9.0 * contact))["contact"].valid
 
 
 def test_too_large_an_uncertainty_is_an_abstention(drawn: Model) -> None:
     position = Output(value=0.0, log_spread=math.log(50.0))
     estimates = estimates_of(drawn.definition.heads, drawn.definition.gate, outputs(position=position))
-    assert estimates["position"].reason == "too uncertain"
+    assert estimates["position"].reason is Reason.UNCERTAIN
     assert estimates["contact"].valid
 
 

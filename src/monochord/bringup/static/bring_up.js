@@ -129,7 +129,7 @@ function others(steps, checks) {
   return [row];
 }
 
-function meter({ levels, seconds }) {
+function meter({ levels, clips, seconds }) {
   const place = element("meters");
   while (place.children.length < levels.length) {
     const row = made("div", "", "level"), bar = made("div", "", "bar"), frame = made("div", "", "meter"), peak = made("div", "", "peak");
@@ -145,7 +145,7 @@ function meter({ levels, seconds }) {
     const [, frame, db] = place.children[k].children, at = (level) => Math.min(Math.max(1 - (level ?? FLOOR) / FLOOR, 0), 1);
     frame.children[0].style.transform = `scaleX(${at(rms)})`;
     frame.children[1].style.left = `calc(${100 * at(peak)}% - 2px)`;
-    frame.dataset.clipped = String(peak !== null && peak > -0.2);
+    frame.dataset.clipped = String(clips[k]);
     frame.setAttribute("aria-valuenow", String(Math.max(rms ?? FLOOR, FLOOR)));
     db.textContent = rms === null ? "–" : `${rms.toFixed(0)} dBFS`;
   });

@@ -12,14 +12,13 @@ from monochord.capture.instruments.base import Connection
 from monochord.capture.recording.disk import Space, space
 from monochord.capture.recording.pumps import Polled, Pumps
 from monochord.capture.sources.base import Stream
+from monochord.core.clipping import FULL_SCALE
 from monochord.core.inputs import Inputs, InputState
 from monochord.core.silence import is_silent
 from monochord.core.types import Audio, Block, Feed, InstrumentHealth, Readings, StreamHealth
 from monochord.core.units import Samples, Seconds
 from monochord.dsp.microphones import compare_inputs
 
-CLIPPED = 0.999
-"""Full-scale level from which a sample counts as clipped; 16-bit samples reach 0.99997 and 1."""
 PEAK_HOLD: Seconds = 1.5
 """Time for which the highest peak is shown."""
 SILENCE: Seconds = 0.5
@@ -125,8 +124,8 @@ class _Meter:
             numbers = channel[np.isfinite(channel)]
             self._not_numbers += channel.size - numbers.size
             channel, peak = numbers, float(np.abs(numbers).max(initial=0.0))
-        if peak >= CLIPPED:
-            self._clipped += int(np.count_nonzero(np.abs(channel) >= CLIPPED))
+        if peak >= FULL_SCALE:
+            self._clipped += int(np.count_nonzero(np.abs(channel) >= FULL_SCALE))
             self._clipping_until = now + PEAK_HOLD
         self._peak, self._highest = peak, max(self._highest, peak)
         self._rms = float(np.sqrt(np.dot(channel, channel) / channel.size)) if channel.size else 0.0

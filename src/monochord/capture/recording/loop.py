@@ -13,11 +13,12 @@ from monochord.capture.recording.disk import is_full, refuse_place, written_thro
 from monochord.capture.recording.pumps import Polled, Pumps, pumping
 from monochord.capture.recording.settings import RecordingJob
 from monochord.capture.recording.streams import with_unique_streams
-from monochord.capture.recording.summary import REQUESTED, RecordingSummary
+from monochord.capture.recording.summary import RecordingSummary
 from monochord.capture.recording.watch import Watch
 from monochord.core.clock import clock_offsets
 from monochord.core.errors import InputError, MonochordError
 from monochord.core.interruption import Interruption, interruption
+from monochord.core.reasons import Reason
 from monochord.core.units import Seconds
 from monochord.sessions import Event, SessionClock, SessionWriter
 from monochord.sessions.file import size_limit
@@ -127,7 +128,7 @@ class Ending:
     """Decides when a recording ends: `reason` is empty until then, and `failure` is empty on success."""
 
     def __init__(self, job: RecordingJob) -> None:
-        self.reason = self.failure = ""
+        self.reason, self.failure = Reason.NONE, ""
         self._job = job
         self._since: Seconds = 0.0
         self._reported: set[str] = set()
@@ -155,15 +156,15 @@ class Ending:
         if self.reason:
             return notices
         if requested:
-            self.reason = REQUESTED
+            self.reason = Reason.REQUESTED
         elif pumps.source_ended:
-            self.reason = "the source failed" if "audio" in pumps.failures else "the source ended"
+            self.reason = Reason.SOURCE_FAILED if "audio" in pumps.failures else Reason.SOURCE_ENDED
         elif disk_errors:
             self.full(disk_errors[0])
         elif now.space.free < self._job.disk.stop:
             self.full(None)
         elif max(now.elapsed, audio) >= self._job.seconds or self._job.finished(now.time):
-            self.reason = "the time is over"
+            self.reason = Reason.TIME_OVER
         if self.reason:
             self._since = time.monotonic()
             notices.append(Event(time=now.time, kind="stop", text=self.reason))
@@ -172,7 +173,7 @@ class Ending:
     def full(self, error: OSError | None) -> None:
         """End the recording because the disk is full or the file has reached its size limit."""
         if error and error.errno == errno.EFBIG:
-            self.reason = self.reason or "the file is as large as files may be"
+            self.reason = self.reason or Reason.FILE_FULL
             limit = size_limit()
             size = "of its file system" if limit == sys.maxsize else f"of {1e-6 * limit:.1f} MB (ulimit -f)"
             given = (
@@ -183,7 +184,7 @@ class Ending:
                 "raise the limit; FAT32 allows 4 GB per file, other file systems more",
             )
         else:
-            self.reason = self.reason or "the disk is full"
+            self.reason = self.reason or Reason.DISK_FULL
             why = error.strerror if error else f"less than {1e-6 * self._job.disk.stop:.0f} MB free"
             given = f"disk of '{self._job.path}' ({why}; the recording so far is saved)"
             allowed, remedy = "a disk with free space", "free some space, or record elsewhere"

@@ -8,7 +8,7 @@ from typing import Any
 
 from monochord.capture.recording.counters import FeedNow, Progress
 from monochord.capture.recording.watch import ONE_MICROPHONE
-from monochord.core.silence import SILENCE_REMEDY
+from monochord.core.reasons import Reason
 from monochord.core.units import Samples, Seconds, decibels
 
 
@@ -37,10 +37,6 @@ class FeedSummary:
             reconnects=health.reconnects,
             rate=feed.readings / elapsed if elapsed > 0.0 else 0.0,
         )
-
-
-REQUESTED = "stopped by request"
-"""Reason given for a requested end."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,7 +71,7 @@ class RecordingSummary:
     @property
     def interrupted(self) -> bool:
         """Whether the end was requested."""
-        return self.stopped == REQUESTED
+        return Reason.of(self.stopped) is Reason.REQUESTED
 
     @classmethod
     def of(
@@ -120,7 +116,7 @@ class RecordingSummary:
             f"audio  {_counts(audio)}  peak {peaks} dBFS",
             *(_feed_line(name, feed) for name, feed in self.instruments.items()),
             f"flags  {flags}",
-            *([f"silence: {SILENCE_REMEDY}"] if "silence" in self.flags else []),
+            *([f"silence: {Reason.SILENCE.remedy}"] if "silence" in self.flags else []),
             *([f"inputs  {self.inputs}"] if self.inputs else []),
         ]
 

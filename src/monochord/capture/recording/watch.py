@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from monochord.capture.recording.counters import FeedNow, Progress
 from monochord.core.clock import MIN_CLOCK_STEP
 from monochord.core.inputs import Inputs
-from monochord.core.silence import SILENCE_REMEDY
+from monochord.core.reasons import Reason
 from monochord.core.units import Seconds
 from monochord.sessions import Event
 
@@ -92,7 +92,7 @@ class Watch:
         """Yield a notice where a microphone falls silent, and where it recovers."""
         before, self._quiet = self._quiet, {k + 1 for k, level in enumerate(now.levels) if level.is_silent}
         for kind, numbers, more in (
-            ("silence", self._quiet - before, f"; {SILENCE_REMEDY}"),
+            ("silence", self._quiet - before, f"; {Reason.SILENCE.remedy}"),
             ("sound", before - self._quiet, ""),
         ):
             if numbers:
@@ -106,7 +106,7 @@ class Watch:
 
         A microphone that picks up nothing at all has a notice of its own.
         """
-        reason = "" if any(level.is_silent for level in now.levels) else now.inputs.reason
+        reason = Reason.NONE if any(level.is_silent for level in now.levels) else now.inputs.reason
         if now.inputs is not self._inputs:
             self._inputs, self._inputs_since, self._inputs_said = now.inputs, now.time, False
         if not reason or self._inputs_said or now.time - self._inputs_since < MIN_ONE:

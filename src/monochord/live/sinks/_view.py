@@ -10,8 +10,10 @@ from operator import itemgetter
 import numpy as np
 from rich.text import Text
 
+from monochord.core.clipping import LOUD
 from monochord.core.labels import SETTLED
 from monochord.core.printable import printable
+from monochord.core.reasons import Reason
 from monochord.core.timing import Percentiles
 from monochord.core.types import Audio, Estimate, Signal, Truth
 from monochord.core.units import Metres, Newtons, decibels
@@ -29,9 +31,11 @@ ESTIMATED, TRUE, BOTH = "●", "◆", "◉"
 NAMED_COLUMNS = 72
 """Smallest width in columns at which the ends of a scale are named."""
 FLOOR = -60.0  # decibels at the left end of a level meter
+LOUD_LEVEL = decibels(LOUD)
+"""Peak in dB from which a meter says that sound is clipped."""
 EIGHTHS = " ▏▎▍▌▋▊▉"
 ORDER = ("contact", "position", "force", "slip", "frequency")  # what a person looks for first
-NORMAL_REASONS = ("no contact", "not estimated")
+NORMAL_REASONS = (Reason.NO_CONTACT, Reason.NOT_ESTIMATED)
 """Abstention reasons that are not problems."""
 TRACK_COLUMN = 37
 """Columns before a track."""
@@ -252,7 +256,7 @@ def _estimates(update: Update, length: Metres, columns: int) -> Iterator[Text]:
         line = Text.assemble((f"  {name.replace('_', ' '):<12}", LABEL))
         if not estimate.valid:
             line.append(f"{'--':>10}", DIM)
-            line.append(f"  {estimate.reason}", WARN if estimate.reason not in NORMAL_REASONS else DIM)
+            line.append(f"  {estimate.reason}", DIM if Reason.of(estimate.reason) in NORMAL_REASONS else WARN)
         elif name in WORDS:
             word, share = probability_in_words(name, estimate.value)
             line.append(f"{word:>10}", "bold").append(f"  {share:<11}", LABEL)
@@ -315,8 +319,8 @@ def _meter(number: int, rms: float, peak: float, columns: int) -> Text:
     bar = ("█" * int(filled) + EIGHTHS[int(filled % 1.0 * 8.0)])[:width]
     line.append(bar, "green").append("·" * (width - len(bar)), DIM)
     line.append(f" {rms:6.1f} dB" if math.isfinite(rms) else " silence", LABEL)
-    # Full scale reached: the wave's top is cut off, and with it the spectrum is not the string's.
-    return line.append("  clipped", WARN) if peak > -0.01 else line
+    # The wave's top is cut off, and with it the spectrum is not the string's.
+    return line.append("  clipped", WARN) if peak >= LOUD_LEVEL else line
 
 
 def _tracked(update: Update) -> Text:

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+from monochord.core.reasons import Reason
 from monochord.core.types import Estimate
 from monochord.core.units import Seconds
 from monochord.live.events import Event
@@ -201,7 +202,7 @@ def _touch(update: Update, header: Any) -> Any:
     raw = {
         name: _plain(update.prediction.estimate(name)) for name in ("contact", "position", "force", "slip")
     }
-    unknown = Estimate.abstain("", "not tracked")
+    unknown = Estimate.abstain("", Reason.NOT_TRACKED)
     return ros.Touch(
         header=header,
         start=update.prediction.start,

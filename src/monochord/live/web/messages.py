@@ -10,11 +10,12 @@ import numpy as np
 
 from monochord.capture.sources.base import Controls
 from monochord.core.errors import InputError
+from monochord.core.reasons import Reason
 from monochord.core.timing import Percentiles
 from monochord.core.types import Audio, Contact, Estimate, Signal
 from monochord.core.units import Hertz, Seconds
 from monochord.live.events import Event
-from monochord.live.sinks._view import levels
+from monochord.live.sinks._view import LOUD_LEVEL, levels
 from monochord.live.sinks.base import Update
 from monochord.live.touch_guide import Act
 from monochord.live.web.guided import Bench
@@ -185,7 +186,7 @@ def settings(controls: Controls) -> list[dict[str, Any]]:
 
 def state(update: Update) -> dict[str, Any]:
     """Return an update for the page: estimates, tracked estimates, truth, levels and counters."""
-    health = update.health
+    health, measured = update.health, [levels(row) for row in update.window.samples[:MAX_CHANNELS]]
     return {
         "type": "moment",
         "string": update.string,
@@ -195,7 +196,8 @@ def state(update: Update) -> dict[str, Any]:
         "decided": dict(update.decided),
         "pitch": _pitch(update.condition),
         "truth": {name: number(value) for name, value in update.truth.items()},
-        "levels": [[number(each, 1) for each in levels(row)] for row in update.window.samples[:MAX_CHANNELS]],
+        "levels": [[number(each, 1) for each in row] for row in measured],
+        "clips": [peak >= LOUD_LEVEL for _, peak in measured],
         "notes": [
             {"key": n.key, "level": n.level, "sentence": n.sentence, "remedy": n.remedy, "since": n.since}
             for n in update.notes
@@ -305,6 +307,12 @@ def _pitch(condition: Condition | None) -> dict[str, Any] | None:
 
 def _estimates(estimates: Mapping[str, Estimate]) -> dict[str, Any]:
     return {
-        name: {"value": number(e.value), "std": number(e.std), "unit": e.unit, "why": e.reason}
-        for name, e in estimates.items()
+        name: {
+            "value": number(each.value),
+            "std": number(each.std),
+            "unit": each.unit,
+            "why": each.reason,
+            "key": Reason.of(each.reason).key,
+        }
+        for name, each in estimates.items()
     }

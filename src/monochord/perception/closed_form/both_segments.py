@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from monochord.core.types import OUTSIDE_RANGE, Audio, Estimate, Estimates, Floats, StringParams
+from monochord.core.reasons import Reason
+from monochord.core.types import Audio, Estimate, Estimates, Floats, StringParams
 from monochord.core.units import Hertz, Metres, Newtons
 from monochord.perception.closed_form.explanations import (
     HARDEST,
@@ -82,7 +83,6 @@ STIFFENING = 0.5
 """Power of the press with which a contact's stiffness grows: 1/3 of Hertz's, 1 of rough surfaces."""
 PARTS = 24
 """Parts of the same probability in which force and stiffness are drawn."""
-ONE_SEGMENT = "one segment alone does not tell force"
 
 
 class Reading(NamedTuple):
@@ -224,28 +224,28 @@ class BothSegments:
     def estimates(self, reading: Reading | None) -> Estimates:
         """Return the estimates that `UNITS` names from what `read` returned of a window."""
         if reading is None or reading.evidence < MIN_EVIDENCE:
-            return abstain("no harmonic structure")
+            return abstain(Reason.NO_STRUCTURE)
         if -MIN_UNTOUCHED < reading.contact < MIN_CONTACT:
-            return abstain("two candidates")
+            return abstain(Reason.TWO_CANDIDATES)
         probability = 0.5 + 0.5 * tanh(0.5 * reading.contact)
         values = {"contact": (probability, sqrt(probability * (1.0 - probability)))}
-        reason = ""
+        reason = Reason.NONE
         if reading.contact < 0.0:
-            reason, values["frequency"] = "no contact", reading.strongest
+            reason, values["frequency"] = Reason.NO_CONTACT, reading.strongest
         elif reading.lead < MIN_LEAD:
-            reason = "two candidates"
+            reason = Reason.TWO_CANDIDATES
         else:
             touch = self._touch(reading)
             if self.sensing_range[0] <= touch["position"][0] <= self.sensing_range[1]:
                 values |= self._fundamentals(reading) | touch
             else:
-                reason = OUTSIDE_RANGE
+                reason = Reason.OUTSIDE_RANGE
         stated = {
             name: Estimate(value=each[0], std=each[1], unit=UNITS[name]) for name, each in values.items()
         }
-        estimates = abstain(reason or ONE_SEGMENT) | stated
+        estimates = abstain(reason or Reason.ONE_SEGMENT) | stated
         if "force" in stated and self.law == "linear" and self.string.tension_per_force == 0.0:
-            estimates["force"] = Estimate.abstain("N", "the string's tension does not tell force")
+            estimates["force"] = Estimate.abstain("N", Reason.CONSTANT_TENSION)
         return estimates
 
     def _fundamentals(self, reading: Reading) -> dict[str, tuple[Hertz, Hertz]]:

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from monochord.core.errors import InputError
+from monochord.core.reasons import Reason
 from monochord.core.types import Estimate, Estimates, Flags, Floats, Window
 from monochord.core.units import Hertz, Metres, Samples
 from monochord.dsp.pitch import PitchFinder, Series
@@ -197,7 +198,7 @@ class FarReader:
         share = float(probability[near].sum())
         if share * steadiness.probability < LEAST_PROBABILITY:
             moves = steadiness.probability < min(share, LEAST_PROBABILITY)
-            return abstain("the pitch moves as a voice's does" if moves else self._reason(notes, inside))
+            return abstain(Reason.VOICE if moves else self._reason(notes, inside))
         spread = float(probability[near] @ (ratio[near] - ratio[best]) ** 2) / share
         return self._located(notes, best, spread)
 
@@ -205,18 +206,17 @@ class FarReader:
         """Return why no position is probable enough."""
         outside = ~inside
         if np.exp(notes.none) > 0.5 or not inside.size:
-            return "no harmonic structure"
+            return Reason.NO_STRUCTURE
         frequency = np.exp(notes.log_frequency)
         if OUTSIDE * np.exp(notes.weight[outside]).sum() > np.exp(notes.weight[inside]).sum():
-            lowest, highest = self._range
-            return f"a note of {frequency[outside][0]:.1f} Hz, outside {lowest:.1f} to {highest:.1f} Hz"
+            return Reason.OTHER_NOTE.with_detail(float(frequency[outside][0]), *self._range)
         best = int(inside.argmax())
         apart = (
             np.abs(self.open_frequency / frequency - self.open_frequency / frequency[best]) > SAME_POSITION
         )
         if not apart.any():
-            return "no harmonic structure"
-        return f"two candidates, {frequency[best]:.1f} and {frequency[apart][0]:.1f} Hz"
+            return Reason.NO_STRUCTURE
+        return Reason.TWO_NOTES.with_detail(float(frequency[best]), float(frequency[apart][0]))
 
     def _located(self, notes: Notes, best: int, spread: float) -> Estimates:
         frequency = float(np.exp(notes.log_frequency[best]))
@@ -259,7 +259,7 @@ class FollowedNote:
         return self._heard.strongest
 
 
-def abstain(why_not: str) -> Estimates:
+def abstain(reason: str) -> Estimates:
     """Return an abstention from each of the far-segment form's estimates."""
     units = {"frequency": "Hz", "position": "m", "inharmonicity": ""}
-    return {name: Estimate.abstain(unit, why_not) for name, unit in units.items()}
+    return {name: Estimate.abstain(unit, reason) for name, unit in units.items()}

@@ -5,10 +5,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from monochord.core.ranges import Checked
+from monochord.core.reasons import Reason
 from monochord.core.types import Estimate, Estimates, Prepared, Signal, Window
 from monochord.core.units import Metres, Samples
 
-NOT_MEASURED = Estimate.abstain("Hz", "not measured yet")
+NOT_MEASURED = Estimate.abstain("Hz", Reason.NOT_MEASURED)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,7 +10,8 @@ from msgspec import Meta
 
 from monochord.core.errors import InputError
 from monochord.core.lengths import refuse_other_units
-from monochord.core.types import UNHEARD, Estimate, Estimates, Prepared, Signal, StringParams, Window
+from monochord.core.reasons import Reason
+from monochord.core.types import Estimate, Estimates, Prepared, Signal, StringParams, Window
 from monochord.core.units import Hertz, KilogramsPerMetre, Metres, Newtons, Samples
 from monochord.dsp.microphones import Microphones
 from monochord.perception.closed_form import both_segments, far_segment
@@ -36,7 +37,6 @@ OPEN_NOTE = 0.02
 """Relative distance from the open frequency within which a note at both channels may be the open note."""
 SAME_POSITION = 0.01
 """Largest difference of two agreeing positions, as a share of the length."""
-UNDECIDED = "two candidates: one note at both channels, or two segments"
 MIN_LEAD, MAX_LEAD = -2, 5
 """Bounds of the count that decides between one note (negative) and two segments (positive), in windows."""
 
@@ -193,7 +193,7 @@ class _Followed(Watching):
             return both_segments.abstain(detuned(reading.detuning, EXPECTED_PITCH))
         self.opposed = reading is not None and reading.is_opposed and reading.contact > MIN_CONTACT
         if reading is not None and reading.contact > MIN_CONTACT and not may_state:
-            return both_segments.abstain(UNHEARD)
+            return both_segments.abstain(Reason.UNTOUCHED_MISSING)
         return self._reader.estimates(reading)
 
     @property
@@ -257,19 +257,19 @@ class _Either:
             self._count(0 if either else -1)
             if self._lead <= 0:
                 return two_sided if agree and not self._same(one_sided, two_sided) else one_sided
-            return two_sided if either else far_segment.abstain(UNDECIDED)
+            return two_sided if either else far_segment.abstain(Reason.NOTE_OR_SEGMENTS)
         if self._both.opposed:
             undecided = sides.undecided and one_sided["position"].valid
             self._count(0 if undecided else 1)
             if self._lead <= 0 and not agree:
-                return far_segment.abstain(UNDECIDED)
+                return far_segment.abstain(Reason.NOTE_OR_SEGMENTS)
         return two_sided if self._lead > 0 or self._both.detuned else one_sided
 
     def _two_sided(self, window: Window) -> Estimates:
         estimates = self._both(window)
         if self._knows_density:
             return estimates
-        unknown = Estimate.abstain("N", "the string's density is not known")
+        unknown = Estimate.abstain("N", Reason.UNKNOWN_DENSITY)
         return {**estimates, "tension": unknown, "force": unknown}
 
     def _agree(self, frequency: Hertz, two_sided: Estimates) -> bool:

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 from math import isfinite
 
+from monochord.core.reasons import Reason
 from monochord.core.types import Estimate, Estimates, Prepared, Signal, StringParams, Window
 from monochord.core.units import Samples, Seconds
 from monochord.perception.estimators.base import Estimator
@@ -57,6 +58,6 @@ def _estimates(state: TunerState, string: StringParams) -> Estimates:
     return {
         name: Estimate(value=value, std=std, unit=UNITS[name])
         if isfinite(value)
-        else Estimate.abstain(UNITS[name], "no free partial dies away")
+        else Estimate.abstain(UNITS[name], Reason.NO_DECAY)
         for name, (value, std) in values.items()
     }

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from monochord.core.reasons import Reason
 from monochord.core.types import Floats
 
 MAX_ODDS = 10.0
@@ -18,31 +19,30 @@ MAX_ODDS = 10.0
 class Fault(NamedTuple):
     """How a fault is reported.
 
-    `reason` is the sentence for it. A fault `of_touch` is detected in touched windows alone; a `brief` one
-    ends with the touch, and implies a touch. Contact stays reliable where `contact_reliable` says so.
+    A fault `of_touch` is detected in touched windows alone. Contact stays reliable where `contact_reliable`
+    says so.
     """
 
-    reason: str
+    reason: Reason
     of_touch: bool = False
-    brief: bool = False
     contact_reliable: bool = False
 
 
 FAULTS: Mapping[str, Fault] = {
-    "microphone 1 dead": Fault("microphone 1 is silent"),
-    "microphone 2 dead": Fault("microphone 2 is silent"),
-    "microphones swapped": Fault("the microphones seem swapped", contact_reliable=True),
-    "clipping": Fault("mostly clipped"),
-    "hum": Fault("hum louder than the string"),
-    "second string": Fault("two strings sound at once"),
-    "two touches": Fault("two things seem to touch", brief=True),
-    "driver dead": Fault("one driver seems silent", of_touch=True, contact_reliable=True),
-    "detuned": Fault("the string seems out of tune: run monochord tune", of_touch=True),
+    "microphone 1 dead": Fault(Reason.MICROPHONE_1_SILENT),
+    "microphone 2 dead": Fault(Reason.MICROPHONE_2_SILENT),
+    "microphones swapped": Fault(Reason.MICROPHONES_SWAPPED, contact_reliable=True),
+    "clipping": Fault(Reason.MOSTLY_CLIPPED),
+    "hum": Fault(Reason.HUM),
+    "second string": Fault(Reason.TWO_STRINGS),
+    "two touches": Fault(Reason.TWO_TOUCHES),
+    "driver dead": Fault(Reason.DRIVER_SILENT, of_touch=True, contact_reliable=True),
+    "detuned": Fault(Reason.OUT_OF_TUNE, of_touch=True),
 }
 """All faults by the names of their kinds of windows."""
 NAMES = tuple(FAULTS)
 _OF_TOUCH = np.array([fault.of_touch for fault in FAULTS.values()])
-OF_REASON = {fault.reason: fault for fault in FAULTS.values()}
+OF_REASON: Mapping[str, Fault] = {fault.reason: fault for fault in FAULTS.values()}
 
 
 def log_odds(kinds: Floats, *, touched: bool) -> Floats:
@@ -55,7 +55,7 @@ def log_odds(kinds: Floats, *, touched: bool) -> Floats:
     return odds if touched else np.where(_OF_TOUCH, -MAX_ODDS, odds)
 
 
-def fault_reason(odds: Floats, limits: Floats) -> str:
+def fault_reason(odds: Floats, limits: Floats) -> Reason:
     """Return why to abstain from log odds (faults,); empty if none is above its limit (faults,).
 
     >>> fault_reason(np.array([-5.0, 6.0, *[-5.0] * 7]), np.full(9, 3.0))
@@ -63,4 +63,4 @@ def fault_reason(odds: Floats, limits: Floats) -> str:
     """
     above = odds - limits
     best = int(above.argmax())
-    return FAULTS[NAMES[best]].reason if above[best] > 0.0 else ""
+    return FAULTS[NAMES[best]].reason if above[best] > 0.0 else Reason.NONE

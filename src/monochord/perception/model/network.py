@@ -9,6 +9,7 @@ import numpy as np
 
 from monochord.core.errors import InputError
 from monochord.core.kernels import kernel, part
+from monochord.core.reasons import Reason
 from monochord.core.types import Audio, Estimate, Indices
 from monochord.metrics import DECISION
 from monochord.perception.heads.base import Loss
@@ -16,8 +17,6 @@ from monochord.perception.model.correction import Correction
 from monochord.perception.model.definition import Definition, HeadRecord
 from monochord.perception.model.forest import forest_sums
 
-NO_CONTACT, UNCERTAIN, TWO_PLACES = "no contact", "too uncertain", "two candidates"
-"""Reasons for a head to abstain."""
 CONTACT_LIMIT_SHARE = 2.0 / 3.0
 """Share of the contact head's limit on its standard error up to which other heads state estimates. At nodes
 of a string on a compliant mount, contact becomes uncertain before the position does."""
@@ -251,19 +250,20 @@ def estimates_of(
     for name, record in heads.items():
         task = record.task
         if task.touched and not (is_certain and contact >= DECISION):
-            estimates[name] = Estimate.abstain(task.unit, NO_CONTACT if is_certain else UNCERTAIN)
+            reason = Reason.NO_CONTACT if is_certain else Reason.UNCERTAIN
+            estimates[name] = Estimate.abstain(task.unit, reason)
             continue
         if task.is_probability:
             value = probability(outputs[name], record)
             std = math.sqrt(value * (1.0 - value))
         else:
             if outputs[name].certainty < task.certain:
-                estimates[name] = Estimate.abstain(task.unit, TWO_PLACES)
+                estimates[name] = Estimate.abstain(task.unit, Reason.TWO_CANDIDATES)
                 continue
             value, std = quantity(outputs[name], record, corrections.get(name))
         estimates[name] = (
             Estimate(value=value, std=std, unit=task.unit)
             if std <= task.limit
-            else Estimate.abstain(task.unit, UNCERTAIN)
+            else Estimate.abstain(task.unit, Reason.UNCERTAIN)
         )
     return estimates

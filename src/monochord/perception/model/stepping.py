@@ -7,8 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from monochord.core.reasons import Reason
 from monochord.core.shapes import sound
-from monochord.core.types import OUTSIDE_RANGE, Audio, Estimate, Estimates, Floats, Window
+from monochord.core.types import Audio, Estimate, Estimates, Floats, Window
 from monochord.metrics import DECISION
 from monochord.perception.features.base import RecurrentExtractor, SpectrumExtractor
 from monochord.perception.model.faults import OF_REASON, fault_reason, log_odds
@@ -21,7 +22,7 @@ from monochord.perception.usable import unusable_reason
 EDGE_DEVIATIONS, MAX_EDGE = 2.0, 1e-3
 """Number of standard errors, and largest distance in m, by which the estimate of a touch at an end of the
 sensing range may lie outside."""
-UNUSABLE = ("gap", "silence", "samples that are not numbers")
+UNUSABLE = (Reason.GAP, Reason.SILENCE, Reason.NOT_NUMBERS)
 """Reasons that make a window unusable for a model. Clipped windows are usable: training includes them."""
 
 
@@ -112,14 +113,14 @@ def entry_of(
     return Entry(model, state, window, own, reason)
 
 
-def _unusable_reason(model: PreparedModel, window: Window) -> str:
+def _unusable_reason(model: PreparedModel, window: Window) -> Reason:
     """Return why a window cannot be used; empty if it can."""
     reason = unusable_reason(window)
     if reason in UNUSABLE:
         return reason
     samples = window.samples
     power = float(np.vdot(samples, samples)) / samples.size
-    return "silence" if power < model.definition.quietest**2 else ""
+    return Reason.SILENCE if power < model.definition.quietest**2 else Reason.NONE
 
 
 def _row(entry: Entry) -> tuple[ModelState, Audio]:
@@ -170,14 +171,14 @@ def estimates_in(model: PreparedModel, reading: WindowReading) -> dict[str, Esti
     contact, fault = estimates[gate], OF_REASON.get(reason)
     touched, kept = contact.valid and contact.value >= DECISION, set[str]()
     place = _no_place_reason(model, reading, estimates) if touched else ""
-    if place == OUTSIDE_RANGE and (not reason or (fault and (fault.brief or fault.of_touch))):
+    if place is Reason.OUTSIDE_RANGE and (not reason or (fault and (fault.reason.brief or fault.of_touch))):
         # Outside the sensing range one touch may sound like two, or as if its driver were silent.
         reason, kept = place, {name for name, record in heads.items() if not record.task.touched}
     elif place and not reason:
         reason, kept = place, {name for name, record in heads.items() if record.task.is_probability}
     elif not reason:
         return estimates
-    elif fault and (fault.contact_reliable or (fault.brief and touched)):
+    elif fault and (fault.contact_reliable or (fault.reason.brief and touched)):
         kept = {gate}
     return {
         name: each if name in kept else Estimate.abstain(each.unit, reason)
@@ -210,7 +211,7 @@ def _no_place_reason(model: PreparedModel, reading: WindowReading, estimates: Es
     place, std = quantity(output, record, model.corrections.get(name))
     edge = min(EDGE_DEVIATIONS * std, MAX_EDGE)
     if places is not None and not places[0] - edge <= place <= places[1] + edge:
-        return OUTSIDE_RANGE
+        return Reason.OUTSIDE_RANGE
     return "" if estimates[name].valid else estimates[name].reason
 
 

@@ -5,7 +5,8 @@ from copy import deepcopy
 from typing import Self
 
 from monochord.core.errors import InputError
-from monochord.core.types import UNHEARD, Estimate, Estimates, Signal, StringParams, Window
+from monochord.core.reasons import Reason
+from monochord.core.types import Estimate, Estimates, Signal, StringParams, Window
 from monochord.core.units import Samples
 from monochord.dsp.microphones import Microphones
 from monochord.metrics import DECISION
@@ -24,7 +25,7 @@ from monochord.physics.theory import open_frequency
 UNTOUCHED = 0.1
 """Largest probability of contact at which the untouched string is heard."""
 EXPECTED_PITCH = "the pitch that this model expects"
-LASTING = {reason for reason, fault in OF_REASON.items() if not fault.brief}
+LASTING = {fault.reason for fault in OF_REASON.values() if not fault.reason.brief}
 """Reasons of faults that do not end with a touch."""
 
 
@@ -138,7 +139,7 @@ class Followed(ModelStream, Watching):
         if not reason and not may_state and contact.valid and contact.value >= DECISION:
             # One that lasts tells more: a silent driver may be why no untouched string is heard.
             faults = {each.reason for each in estimates.values() if each.reason in LASTING}
-            reason = faults.pop() if faults else UNHEARD
+            reason = faults.pop() if faults else Reason.UNTOUCHED_MISSING
         return _abstaining(estimates, reason) if reason else estimates
 
     @property

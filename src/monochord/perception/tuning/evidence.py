@@ -21,6 +21,7 @@ from math import gcd
 
 import numpy as np
 
+from monochord.core.reasons import Reason
 from monochord.core.types import Flags, Floats
 from monochord.core.units import Hertz
 from monochord.perception.tuning.lines import (
@@ -93,21 +94,20 @@ def reason_against_a_string(
     dying = (numbers > 0) & (growth < -MIN_DECAY) & (growth < -3.0 * growth_std)
     dying[:1] = False
     if {1, 2, 3} <= partials and len(partials) >= MIN_SERIES:
-        return ""
+        return Reason.NONE
     power = lines[:, LAST_POWER_1] + lines[:, LAST_POWER_2]
     weak = (numbers > 0) & ~made & (power < power.max(initial=0.0) * 10.0**-WEAK_DECADES)
     rings = dying.any() or weak.any() or len(free) >= MIN_PARTIALS
     if rings and len(partials) >= MIN_PARTIALS and gcd(*partials) == 1:
-        return ""
+        return Reason.NONE
     if least_share > 0.0 and _shared_otherwise(lines, made, windows):
-        return ""
-    pitch = f"{lines[0, LAST_FREQUENCY]:.1f} Hz"
+        return Reason.NONE
     if len(lines) - np.count_nonzero(made) <= 1:
         also = " and its exact multiples" if made.any() else ""
-        return f"one line at {pitch}{also}, no other partial: it may be a tone"
+        return Reason.ONE_TONE.with_detail(float(lines[0, LAST_FREQUENCY]), also)
     found = ", ".join(map(str, sorted(partials)))
     lacking = "" if 1 in partials else "no fundamental and "
-    return f"only partials {found}, {lacking}no partial that rings freely: they may be tones"
+    return Reason.TONES.with_detail(found, lacking)
 
 
 def _numbers(lines: Floats, frequency: Hertz, inharmonicity: float, least_share: float) -> Floats:

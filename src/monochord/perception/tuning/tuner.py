@@ -7,6 +7,7 @@ from math import gcd, hypot, inf, nan
 import numpy as np
 
 from monochord.core.errors import InputError
+from monochord.core.reasons import Reason
 from monochord.core.shapes import sound
 from monochord.core.types import Estimate, Floats, Signal, StringParams, Window
 from monochord.core.units import Hertz, Newtons, Samples, Seconds
@@ -46,9 +47,6 @@ MIN_WINDOWS = 3
 STIFFNESS_STD = (0.5, 2.0e-5)
 """Standard deviation of B around the design's value: a share of this value, plus a constant."""
 TIME_TOLERANCE: Seconds = 1e-6
-REMEDY = "run monochord tune"
-NOT_DRIVEN = "nothing drives the string"
-"""End of a reason for sound without lines."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,10 +113,10 @@ class TunerState:
     start: Samples = -1
     analysed: Seconds = -inf
     lines: tuple[Floats, ...] = ()
-    refused: str = ""
+    refused: str = Reason.NONE
     refusals: int = 0
     tuning: Tuning | None = None
-    reason: str = "no sound"
+    reason: str = Reason.NO_WINDOW
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -226,7 +224,7 @@ class Tuner:
             return replace(state, start=window.start)
         state = replace(state, start=window.start, analysed=time)
         refused, dead = unusable_reason(window), 0
-        if refused in ("", "clipped"):
+        if refused in (Reason.NONE, Reason.CLIPPED):
             spacing = self.sample_rate / self.size
             if spectrum is None:
                 samples = sound(window.samples, self.channels, self.size)
@@ -236,7 +234,7 @@ class Tuner:
             if not refused:
                 kept = (*state.lines, lines)[-self.keep :]
                 tuning, reason = self._tuning(kept, dead)
-                return replace(state, lines=kept, refused="", tuning=tuning, reason=reason)
+                return replace(state, lines=kept, refused=Reason.NONE, tuning=tuning, reason=reason)
         reason = state.reason if state.lines else refused
         return replace(state, refused=refused, refusals=state.refusals + 1, reason=reason)
 
@@ -259,7 +257,7 @@ class Tuner:
 
     def _tuning(self, windows: tuple[Floats, ...], dead: int) -> tuple[Tuning | None, str]:
         if len(windows) < MIN_WINDOWS:
-            return None, f"fewer than {MIN_WINDOWS} windows of untouched sound"
+            return None, Reason.FEW_WINDOWS.with_detail(MIN_WINDOWS)
         lasting = lasting_lines(windows, self.sample_rate / self.size)
         least = 0.0 if dead or self.channels == 1 else MIN_SHARE
         reading = read_tuning(lasting, self.nominal, self._stiffness, least)
@@ -281,22 +279,21 @@ class Tuner:
             windows=len(windows),
             channels=tuple(channel for channel in range(1, self.channels + 1) if channel != dead),
         )
-        return tuning, ""
+        return tuning, Reason.NONE
 
     def _undecided_reason(self, reading: TuningReading, lasting: Floats) -> str:
         if not len(lasting) or lasting[:, PRESENCE].max() < 0.5:
-            return f"no line lasts: {NOT_DRIVEN}"
-        reach = f"{100.0 * RANGE:.0f} % of {self.nominal:.1f} Hz"
+            return Reason.NO_LASTING_LINE
+        reach = 100.0 * RANGE, self.nominal
         if not reading.frequency:
-            strongest = lasting[0, LAST_FREQUENCY]
-            return f"the strongest line, {strongest:.1f} Hz, is not a partial of a string within {reach}"
+            return Reason.NO_PARTIAL.with_detail(float(lasting[0, LAST_FREQUENCY]), *reach)
         if reading.humming:
-            return "hum alone"
+            return Reason.HUM_ALONE
         if reading.score < MIN_SCORE or reading.explained < MIN_EXPLAINED:
-            return f"too many lines do not fit the partials of one string within {reach}"
+            return Reason.UNLIKE_PARTIALS.with_detail(*reach)
         if _has_rival(reading) and not _is_near(reading):
-            return f"two readings, {reading.frequency:.1f} and {reading.rival_frequency:.1f} Hz"
-        return ""
+            return Reason.TWO_READINGS.with_detail(reading.frequency, reading.rival_frequency)
+        return Reason.NONE
 
 
 def _has_rival(reading: TuningReading) -> bool:
@@ -312,11 +309,11 @@ def _is_near(reading: TuningReading) -> bool:
 def _no_partials_reason(lines: Floats) -> tuple[str, int]:
     """Return why lines do not fit an untouched string (empty if they do), and the dead microphone or 0."""
     if not len(lines):
-        return f"no line stands out: {NOT_DRIVEN}", 0
+        return Reason.NO_LINE, 0
     rows: list[list[float]] = lines.tolist()
     both = [sum(row[power] for row in rows) for power in (POWER_1, POWER_2)]
     if min(both) < DEAD_SHARE * sum(both):
-        return "", both.index(min(both)) + 1
+        return Reason.NONE, both.index(min(both)) + 1
     quiet = max(row[POWER_1] + row[POWER_2] for row in rows) * 10.0**-SUSTAINED_DECADES
     one_sided = [
         row[FREQUENCY]
@@ -325,9 +322,8 @@ def _no_partials_reason(lines: Floats) -> tuple[str, int]:
         and min(row[POWER_1], row[POWER_2]) < MIN_SHARE * (row[POWER_1] + row[POWER_2])
     ]
     if not one_sided:
-        return "", 0
-    also = f" and one at {one_sided[1]:.0f} Hz" if len(one_sided) > 1 else ""
-    return f"touched: a line at {one_sided[0]:.0f} Hz{also} at one microphone only", 0
+        return Reason.NONE, 0
+    return Reason.TOUCHED.with_detail(" and one at ".join(f"{each:.0f} Hz" for each in one_sided[:2])), 0
 
 
 def _ambiguous_reason(numbers: list[int], *, one_microphone: bool) -> str:
@@ -337,13 +333,12 @@ def _ambiguous_reason(numbers: list[int], *, one_microphone: bool) -> str:
     multiple of the pitch. A single one is taken for a partial if both microphones pick it up.
     """
     if gcd(*numbers) == 1:
-        return ""
+        return Reason.NONE
     if len(numbers) > 1:
-        partials = ", ".join(map(str, sorted(numbers)))
-        return f"only partials {partials}, as of another string at {gcd(*numbers)} times the pitch"
+        return Reason.MULTIPLE_PITCH.with_detail(", ".join(map(str, sorted(numbers))), gcd(*numbers))
     if one_microphone:
-        return f"partial {numbers[0]} at one microphone only: it may come from a touched string's segment"
-    return ""
+        return Reason.ONE_SIDED_PARTIAL.with_detail(numbers[0])
+    return Reason.NONE
 
 
 def detuned(deviation: float, expected: str) -> str:
@@ -353,4 +348,4 @@ def detuned(deviation: float, expected: str) -> str:
     'the string sounds 4.1 % below its known pitch: run monochord tune'
     """
     side = "below" if deviation < 0.0 else "above"
-    return f"the string sounds {100.0 * abs(deviation):.1f} % {side} {expected}: {REMEDY}"
+    return Reason.DETUNED.with_detail(100.0 * abs(deviation), side, expected)

@@ -58,7 +58,7 @@ export class Spectra {
       const share = (value) => (value === null ? 0 : Math.min(Math.max(1 - value / LEVEL_FLOOR, 0), 1));
       view.bar.style.transform = `scaleX(${share(rms)})`;
       view.peak.style.left = `calc(${100 * share(peak)}% - 2px)`;
-      const text = rms === null ? "no sound" : peak > -0.1 ? `${signed(rms)} dB, clips` : `${signed(rms)} dB`;
+      const text = rms === null ? "no sound" : moment.clips[k] ? `${signed(rms)} dB, clips` : `${signed(rms)} dB`;
       if (view.level.textContent !== text) {
         view.level.textContent = text;
         view.meter.setAttribute("aria-valuetext", text);

@@ -74,14 +74,18 @@ export function decision(moment, name) {
   return each && each.value !== null ? each.value > 0.5 : null;
 }
 
-// Why there is no estimate of a name; empty where there is one, or nobody says.
-export function reason(moment, name) {
-  return estimate(moment, name) ? "" : moment.tracked[name]?.why || moment.window[name]?.why || "";
+// The abstention that says why there is no estimate of a name; undefined where there is one, or nobody says.
+function abstention(moment, name) {
+  return estimate(moment, name) ? undefined : [moment.tracked[name], moment.window[name]].find((each) => each?.why);
 }
+
+// Why there is no estimate of a name, in words and as a key; empty where there is one, or nobody says.
+export function reason(moment, name) { return abstention(moment, name)?.why ?? ""; }
+export function reasonKey(moment, name) { return abstention(moment, name)?.key ?? ""; }
 
 // Whether something touches where the sensor cannot tell places.
 export function isOutside(moment) {
-  return Boolean(touched(moment)) && reason(moment, "position") === "outside the sensing range";
+  return Boolean(touched(moment)) && reasonKey(moment, "position") === "outside_range";
 }
 
 // Metres in mm without needless digits, and a range in words, "50 to 150 mm", that stays in one line.

@@ -1,11 +1,14 @@
 // The drawn string: position, force as deflection, uncertainty as width, slip as motion.
 
-import { decision, estimate, millimetres, reason, touched } from "./state.js";
+import { decision, estimate, millimetres, reason, reasonKey, touched } from "./state.js";
 
 const STILL = matchMedia("(prefers-reduced-motion: reduce)");
 
 // What is said of a touch without a place. While it begins and ends, the newest window may have no contact.
-function withheld(why) { return why === "no contact" ? "touched" : `touched; ${why || "position not estimated"}`; }
+function withheld(moment) {
+  if (reasonKey(moment, "position") === "no_contact") return "touched";
+  return `touched; ${reason(moment, "position") || "position not estimated"}`;
+}
 
 export class StringView {
   constructor(canvas) {
@@ -67,7 +70,7 @@ export class StringView {
     const is = touched(moment), position = estimate(moment, "position"), force = estimate(moment, "force");
     s.presence += ((is && position ? 1 : 0) - s.presence) * quick;
     s.withheld += ((is && !position ? 1 : 0) - s.withheld) * slow;
-    if (is && !position) this.withheld = withheld(reason(moment, "position"));
+    if (is && !position) this.withheld = withheld(moment);
     if (is && position) {
       const goal = position.value / run.length;
       s.x = s.presence < 0.3 ? goal : s.x + (goal - s.x) * quick;
