@@ -22,7 +22,7 @@ SURE = 0.05
 ALL = "all"
 
 
-def figures(arrays: Mapping[str, Audio], sessions: Mapping[str, Rows], groups: Sequence[str]) -> dict[str, Any]:
+def figures(arrays: Mapping[str, Audio], sessions: Sequence[Rows], groups: Sequence[str]) -> dict[str, Any]:
     """Return the figures of each group of sessions, and of all: "alone" of single windows, and "memory".
 
     `contact` is the share of right contact; of touches within `RANGE`: `answered`, `right` of the answered
@@ -31,7 +31,7 @@ def figures(arrays: Mapping[str, Audio], sessions: Mapping[str, Rows], groups: S
     untouched with `ANSWERED`, and `false` where a touch is stated.
     """
     told = dict[str, list[dict[str, NDArray[Any]]]]()
-    for (_, rows), group, outputs in zip(sessions.items(), groups, outputs_of(arrays, [*sessions.values()]), strict=True):
+    for rows, group, outputs in zip(sessions, groups, outputs_of(arrays, sessions), strict=True):
         density = outputs[:, :DENSITY] - outputs[:, :DENSITY].max(axis=1, keepdims=True)
         density = np.exp(density)
         density /= density.sum(axis=1, keepdims=True)
@@ -64,7 +64,12 @@ def _released(contact: Audio) -> Flags:
 
 def _figures(own: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
     known = own["placed"]
-    single = known & (own["contact"] == 1.0) & (own["place"] * LENGTH > RANGE[0]) & (own["place"] * LENGTH < RANGE[1])
+    single = (
+        known
+        & (own["contact"] == 1.0)
+        & (own["place"] * LENGTH > RANGE[0])
+        & (own["place"] * LENGTH < RANGE[1])
+    )
     rest = own["released"] & known
     result: dict[str, Any] = {"windows": len(known), "touched": int(single.sum())}
     for name in ("alone", "memory"):
@@ -106,10 +111,8 @@ def _area(score: Floats, truth: Floats) -> float | None:
 
 def table(result: Mapping[str, Any]) -> list[str]:
     """Return the figures as lines, a group each."""
-    lines = [
-        f"{'group':<24}{'touched':>8} | contact  answered  right  wrong%  med.mm  rel. | contact  answered"
-        "  right  wrong%  med.mm  rel.  false%  force  slip"
-    ]
+    heads = " contact  answered  right  wrong%  med.mm  rel. |"
+    lines = [f"{'group':<24}{'touched':>8} |{2 * heads}  false%  force  slip"]
     for group, own in sorted(result.items(), key=lambda item: item[0] != ALL):
         cells = f"{group:<24}{own['touched']:>8} |"
         for name in ("alone", "memory"):
@@ -125,12 +128,12 @@ def table(result: Mapping[str, Any]) -> list[str]:
                     ("released", 100, "6.1f"),
                 )
             )
-            cells += " |" if name == "alone" else ""
+            cells += " |"
         cells += _cell(own["memory"]["false"], 100, "8.2f") + _cell(own["memory"].get("force_n"), 1, "7.3f")
         lines.append(cells + _cell(own["memory"]["slip"], 1, "6.3f"))
     return lines
 
 
 def _cell(value: float | None, factor: float, form: str) -> str:
-    width = int(form.split(".")[0])
+    width = int(form.split(".", maxsplit=1)[0])
     return " " * (width - 1) + "-" if value is None else format(factor * value, form)

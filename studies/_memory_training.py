@@ -12,9 +12,8 @@ from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from studies._reader_sessions import HOP, MASKED, ORDINARY, RATE, changed, recording_of
+from studies._reader_sessions import HOP, MASKED, ORDINARY, RATE, Variant, changed, save_arrays
 
-from monochord.core.files import written
 from monochord.core.types import Audio, Floats, Indices
 from monochord.perception.reader import KINDS, POSITIONS, Network, spectrum_cells
 from monochord.perception.reader import gaps as gaps_module
@@ -93,7 +92,9 @@ class Rows:
         """Return the windows of all parts, sessions counted anew."""
         names = [own.name for own in fields(cls) if own.name != "session"]
         number = np.repeat(np.arange(len(parts), dtype=np.int32), [len(part.contact) for part in parts])
-        return cls(session=number, **{name: np.concatenate([getattr(p, name) for p in parts]) for name in names})
+        return cls(
+            session=number, **{name: np.concatenate([getattr(p, name) for p in parts]) for name in names}
+        )
 
 
 def memory_inputs(outputs: Floats, measures: Floats, gaps: Floats) -> Floats:
@@ -145,12 +146,12 @@ def peaks(density: NDArray[Any]) -> tuple[Floats, Floats]:
     return (own * POSITIONS[near]).sum(axis=1) / np.maximum(mass, 1.0e-12), mass
 
 
-def rows_of(file: Path, *, network: Network, folder: Path, seed: int) -> Path:
-    """Write the rows of a recorded session into a folder, unless they are there; return the file."""
-    target = folder / file.name
+def write_rows(variant: Variant, *, network: Network, folder: Path, seed: int) -> None:
+    """Write the rows of a session into a folder, unless they are there."""
+    target = variant.within(folder)
     if target.exists():
-        return target
-    session = changed(recording_of(file), file.stem, seed)
+        return
+    session = changed(variant, seed)
     analyser, count = session.analyser(), session.recording.windows
     outputs = np.empty((count, DENSITY + len(KINDS)))
     measures, gaps = np.empty((count, len(COLUMNS))), np.empty((count, 3, gaps_module.BANDS))
@@ -163,23 +164,20 @@ def rows_of(file: Path, *, network: Network, folder: Path, seed: int) -> Path:
     density = np.exp(outputs[:, :DENSITY] - outputs[:, :DENSITY].max(axis=1, keepdims=True))
     density /= density.sum(axis=1, keepdims=True)
     peak, mass = peaks(density)
-    truth, part = session.truth, target.with_suffix(".part.npz")
-    with written(target):
-        np.savez(
-            part,
-            inputs=memory_inputs(outputs, measures, gaps).astype(np.float16),
-            contact=truth.contact,
-            place=truth.place,
-            force=truth.force,
-            slip=truth.slip,
-            kind=truth.kind.astype(np.int8),
-            placed=truth.placed,
-            peak=peak.astype(np.float32),
-            mass=mass.astype(np.float32),
-            untouched=density[:, 0].astype(np.float32),
-        )
-        part.replace(target)
-    return target
+    truth = session.truth
+    save_arrays(
+        target,
+        inputs=memory_inputs(outputs, measures, gaps).astype(np.float16),
+        contact=truth.contact,
+        place=truth.place,
+        force=truth.force,
+        slip=truth.slip,
+        kind=truth.kind.astype(np.int8),
+        placed=truth.placed,
+        peak=peak.astype(np.float32),
+        mass=mass.astype(np.float32),
+        untouched=density[:, 0].astype(np.float32),
+    )
 
 
 def read_rows(file: Path) -> Rows:
@@ -259,11 +257,11 @@ def run_memory(arrays: Mapping[str, Audio], inputs: Audio, elapsed: Audio) -> Au
     """Return the outputs (n, `OUTPUTS`) of successive windows, from scaled inputs (n, `INPUTS`), in NumPy."""
     state, outputs = np.zeros(HIDDEN, np.float32), list[Audio]()
 
-    def entered(window: Audio) -> Audio:
+    def entered(window: NDArray[Any]) -> NDArray[Any]:
         first = np.maximum(window @ arrays["enter_1"] + arrays["enter_bias_1"], 0.0)
         return np.maximum(first @ arrays["enter_2"] + arrays["enter_bias_2"], 0.0)
 
-    def sigmoid(values: Audio) -> Audio:
+    def sigmoid(values: NDArray[Any]) -> NDArray[Any]:
         return 1.0 / (1.0 + np.exp(-values))
 
     for window, since in zip(inputs, elapsed, strict=True):
@@ -281,7 +279,7 @@ def run_memory(arrays: Mapping[str, Audio], inputs: Audio, elapsed: Audio) -> Au
 
 @dataclass(frozen=True, slots=True)
 class _Stretch:
-    """The next windows of all lanes: their rows (lanes, steps), time, lanes without memory, and what counts."""
+    """The next windows of all lanes: rows (lanes, steps), time, lanes without memory, and what counts."""
 
     rows: Indices
     elapsed: Audio
@@ -369,13 +367,16 @@ def train_memory(
 
 
 def _varied(inputs: Audio, scale: Audio, random: np.random.Generator) -> Audio:
-    """Return inputs (lanes, steps, `INPUTS`) with noise, other gains, and without some parts."""
-    inputs = inputs + NOISE * random.standard_normal(inputs.shape, np.float32)
+    """Return inputs (lanes, steps, `INPUTS`) with noise, other gains, and without some parts, in place."""
+    inputs += np.float32(NOISE) * random.standard_normal(inputs.shape, np.float32)
     first, bands = PARTS["gaps"].start, gaps_module.BANDS
     for microphone in range(2):
-        gain = GAIN_STD * random.standard_normal((len(inputs), 1, 1), np.float32)
+        gain = np.float32(GAIN_STD) * random.standard_normal((len(inputs), 1, 1), np.float32)
         named = [k for k, name in enumerate(COLUMNS) if name.startswith(f"mic {microphone + 1} ")]
-        own = [*(PARTS["measures"].start + k for k in named), *range(first + microphone * bands, first + (microphone + 1) * bands)]
+        own = [
+            *(PARTS["measures"].start + k for k in named),
+            *range(first + microphone * bands, first + (microphone + 1) * bands),
+        ]
         inputs[:, :, own] += gain / scale[own]
     for name, share in DROPPED.items():
         inputs[random.random(len(inputs)) < share, :, PARTS[name]] = 0.0
@@ -391,7 +392,9 @@ def _loss(torch: Any, outputs: Any, rows: Rows, stretch: _Stretch, of_kind: Any)
     contact, place = rows.contact[own], torch.from_numpy(rows.place[own])
     placed = chosen(rows.placed[own])
     touched = torch.from_numpy(contact == 1.0)[placed]
-    near = torch.exp(-0.5 * ((torch.tensor(POSITIONS, dtype=torch.float32) - place[placed][:, None]) / WIDTH) ** 2)
+    near = torch.exp(
+        -0.5 * ((torch.tensor(POSITIONS, dtype=torch.float32) - place[placed][:, None]) / WIDTH) ** 2
+    )
     near = torch.where(touched[:, None], torch.nan_to_num(near / near.sum(1, keepdim=True)), 0.0)
     expected = torch.cat(((~touched).float()[:, None], near), 1)
     loss = -(expected * torch.log_softmax(outputs[placed][:, :DENSITY], 1)).sum(1).mean()
@@ -405,7 +408,9 @@ def _loss(torch: Any, outputs: Any, rows: Rows, stretch: _Stretch, of_kind: Any)
     if len(pressed):
         linear = torch.from_numpy(force)[pressed].clamp(min=0.0)
         target = torch.where(
-            linear < LINEAR_FORCE, linear, LINEAR_FORCE * (1.0 + torch.log(linear.clamp(min=1.0) / LINEAR_FORCE))
+            linear < LINEAR_FORCE,
+            linear,
+            LINEAR_FORCE * (1.0 + torch.log(linear.clamp(min=1.0) / LINEAR_FORCE)),
         )
         spread = outputs[pressed][:, SPREAD].clamp(*SPREADS)
         loss = loss + ((outputs[pressed][:, FORCE] - target).abs() * torch.exp(-spread) + spread).mean()
@@ -429,4 +434,3 @@ def outputs_of(arrays: Mapping[str, Audio], sessions: Sequence[Rows]) -> Iterato
             inputs = scaled_inputs(session.inputs, arrays["input_mean"], arrays["input_scale"])
             outputs, _ = module(torch.from_numpy(inputs)[None], torch.zeros(1, len(inputs)), None)
             yield outputs[0].numpy()
-

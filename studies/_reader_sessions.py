@@ -12,9 +12,10 @@ from typing import Any
 from zlib import crc32
 
 import numpy as np
+from numpy.typing import NDArray
 
 from monochord.core.files import written
-from monochord.core.types import Audio, Flags, Floats, Indices, Signal, StringParams
+from monochord.core.types import Audio, Flags, Indices, Signal, StringParams
 from monochord.core.units import Seconds
 from monochord.datasets import FAULTS, Fault
 from monochord.dsp import NOISES, loop
@@ -37,8 +38,8 @@ TWO_TOUCHES, DRIVER_DEAD = KINDS.index("two touches"), KINDS.index("driver dead"
 MASKED = -1
 """Kind or contact of a window that nothing is learned of."""
 NOISY_SHARE, RATIOS, WHOLE_SHARE, FADE = 0.4, (0.0, 30.0), 0.5, 0.05
-"""Share of sessions with noise, its signal-to-noise ratios in dB, how many have it throughout, and the fade in
-s of the others'."""
+"""Share of sessions with noise, its signal-to-noise ratios in dB, how many of these have it throughout, and
+the fade in s of the others'."""
 FAULTY_SHARE, DETUNED_SHARE, DETUNED_RANGE = 0.12, 0.05, (0.025, 0.1)
 """Shares of ordinary sessions with a fault from some time on, and read at a wrong pitch; its distance."""
 FOLLOWED_SHARE, PITCH_STD, UNTUNED_SHARE, UNTUNED = 0.5, 0.0015, 0.15, (-0.008, 0.015)
@@ -50,7 +51,7 @@ STRETCH: Seconds = 0.7
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recording:
-    """A session's sound (2, n) in full scale, its labels every millisecond from its beginning, and `about` it."""
+    """A session's sound (2, n) in full scale, its labels every millisecond, and what is said `about` it."""
 
     sound: Audio
     labels: dict[str, Audio]
@@ -80,11 +81,16 @@ class Truth:
     placed: Flags
 
 
-def record(session: Assignment, folder: Path) -> Path:
-    """Simulate a session into a file of a folder, unless it is there; return the file."""
-    file = folder / f"{session.plan.name}.{session.name}.npz"
+def sound_file(session: Assignment, folder: Path) -> Path:
+    """Return the file of a session in a folder."""
+    return folder / f"{session.plan.name}.{session.name}.npz"
+
+
+def record(session: Assignment, folder: Path) -> None:
+    """Simulate a session into its file, unless it is there."""
+    file = sound_file(session, folder)
     if file.exists():
-        return file
+        return
     rendering, sensor, design = render(session), session.sensor(), session.design()
     times = {event.text: event.time for event in rendering.events if event.kind == "drivers"}
     begin = -(-round((times["on"] + SETTLING) * RATE) // MILLISECOND_FRAMES) * MILLISECOND_FRAMES
@@ -106,17 +112,21 @@ def record(session: Assignment, folder: Path) -> Path:
         "tension": (string.tension + sensor.drift) * design.string.linear_density / string.linear_density,
     }
     labels = {name: values[first:].astype(np.float32) for name, values in rendering.labels.items()}
-    part = file.with_suffix(".part.npz")
-    with written(file):
-        np.savez(
-            part,
-            sound=np.round(sound / scale).astype(np.int16),
-            scale=np.float64(scale),
-            about=np.array(json.dumps(about)),
-            **{f"label_{name}": values for name, values in labels.items()},
-        )
-        part.replace(file)
-    return file
+    save_arrays(
+        file,
+        sound=np.round(sound / scale).astype(np.int16),
+        scale=np.array(scale),
+        about=np.array(json.dumps(about)),
+        **{f"label_{name}": values for name, values in labels.items()},
+    )
+
+
+def save_arrays(file: Path, **arrays: NDArray[Any]) -> None:
+    """Write arrays to an npz file, which is whole as soon as it is there."""
+    part = file.with_suffix(".part")
+    with written(file), part.open("wb") as stream:
+        np.savez(stream, allow_pickle=False, **arrays)
+    part.replace(file)
 
 
 def recording_of(file: Path) -> Recording:
@@ -145,14 +155,27 @@ class Changed:
         return self.sound[:, number * HOP : number * HOP + SIZE]
 
 
-def changed(recording: Recording, name: str, seed: int) -> Changed:
-    """Return a recording with random noise, fault, and pitch, which depend on its name and the seed only."""
-    about, design = recording.about, load_sensor("prototype").string
-    random = np.random.default_rng((seed, crc32(name.encode())))
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Variant:
+    """A session's file, and a number of random changes; none leaves it as it is, read as a stream would."""
+
+    file: Path
+    take: int | None
+
+    def within(self, folder: Path) -> Path:
+        """Return the file in a folder for what is made of it."""
+        return folder / f"{self.file.stem}.{'plain' if self.take is None else self.take}.npz"
+
+
+def changed(variant: Variant, seed: int) -> Changed:
+    """Return a recorded session with random noise, fault, and pitch, which only variant and seed decide."""
+    recording, design = recording_of(variant.file), load_sensor("prototype").string
+    about, plain = recording.about, variant.take is None
+    random = np.random.default_rng((seed, crc32(f"{variant.file.stem} {variant.take}".encode())))
     sound, frames = recording.sound, recording.sound.shape[1]
-    if random.random() < NOISY_SHARE:
+    if not plain and random.random() < NOISY_SHARE:
         sound = _noisy(sound, random)
-    chance, fault, since, wrong = random.random(), "", frames, 0.0
+    chance, fault, since, wrong = 1.0 if plain else random.random(), "", frames, 0.0
     contacts = _contacts(recording)
     if contacts.max(initial=0.0) <= 1.0 and not about["dead_driver"] and "driver" not in about["group"]:
         if chance < FAULTY_SHARE:
@@ -166,7 +189,7 @@ def changed(recording: Recording, name: str, seed: int) -> Changed:
     tuned = replace(design, length=length, tension=about["tension"] * (length / true_length) ** 2)
     off = open_frequency(tuned) / open_frequency(design) - 1.0
     followed = with_length(design, length) if LOWEST <= off <= HIGHEST else tuned
-    read, chance = followed, random.random()
+    read, chance = followed, 0.0 if plain else random.random()
     if wrong:
         read = _at_pitch(tuned, wrong)
     elif chance > FOLLOWED_SHARE:
