@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 
 from monochord.core.files import written
 from monochord.core.types import Audio, Flags, Indices, Signal, StringParams
-from monochord.core.units import Seconds
+from monochord.core.units import Samples, Seconds
 from monochord.datasets import FAULTS, Fault
 from monochord.dsp import NOISES, loop
 from monochord.dsp.noise import mixed, noise_loop
 from monochord.lab.plan import Assignment
-from monochord.lab.render import render
+from monochord.lab.render import Rendering, render
 from monochord.perception.reader import KINDS, SpectrumAnalyser
 from monochord.perception.tuning.sessions import HIGHEST, LOWEST, force_scale
 from monochord.physics.sensors import load_sensor, with_length
@@ -104,8 +104,7 @@ def record(session: Assignment, folder: Path) -> None:
         "group": session.group.name,
         "build": session.build or 0,
         "mount": session.mount,
-        "second": session.group.second,
-        "dead_driver": session.deviation.dead_driver,
+        "dead_from": _dead_from(rendering, begin),
         "length": string.length,
         "measured": sensor.measured_length or string.length,
         # The design's wire at the string's pitch: what a tuner makes of it.
@@ -119,6 +118,12 @@ def record(session: Assignment, folder: Path) -> None:
         about=np.array(json.dumps(about)),
         **{f"label_{name}": values for name, values in labels.items()},
     )
+
+
+def _dead_from(rendering: Rendering, begin: Samples) -> Seconds | None:
+    """Return the time after frame `begin` from which a driver is dead; None if both are alive."""
+    deaths = [event.time for event in rendering.events if event.kind == "fault"]
+    return max(min(deaths) - begin / RATE, 0.0) if deaths else None
 
 
 def save_arrays(file: Path, **arrays: NDArray[Any]) -> None:
@@ -176,8 +181,7 @@ def changed(variant: Variant, seed: int) -> Changed:
     if not plain and random.random() < NOISY_SHARE:
         sound = _noisy(sound, random)
     chance, fault, since, wrong = 1.0 if plain else random.random(), "", frames, 0.0
-    contacts = _contacts(recording)
-    if contacts.max(initial=0.0) <= 1.0 and not about["dead_driver"] and "driver" not in about["group"]:
+    if recording.labels["contacts"].max() <= 1.0 and about["dead_from"] is None:
         if chance < FAULTY_SHARE:
             fault, since = FAULTS[random.integers(len(FAULTS))], int(random.uniform(0.0, 0.9) * frames)
             own = int(random.integers(2**31))
@@ -195,7 +199,7 @@ def changed(variant: Variant, seed: int) -> Changed:
     elif chance > FOLLOWED_SHARE:
         large = chance > 1.0 - UNTUNED_SHARE
         read = _at_pitch(tuned, random.uniform(*UNTUNED) if large else random.normal(0.0, PITCH_STD))
-    truth = _truth(recording, contacts, force_scale(followed, design))
+    truth = _truth(recording, force_scale(followed, design))
     last = np.arange(recording.windows) * HOP + SIZE
     kind, placed = truth.kind.copy(), truth.placed.copy()
     if fault:
@@ -216,14 +220,7 @@ def _at_pitch(string: StringParams, error: float) -> StringParams:
     return replace(string, tension=string.tension * (1.0 + error) ** 2)
 
 
-def _contacts(recording: Recording) -> Audio:
-    """Return how many things touch, at each label."""
-    if "contacts" in recording.labels:
-        return recording.labels["contacts"]
-    return recording.labels["contact"] * (2.0 if recording.about["second"] else 1.0)
-
-
-def _truth(recording: Recording, contacts: Audio, scale: float) -> Truth:
+def _truth(recording: Recording, scale: float) -> Truth:
     """Return the truth of a recording's windows; forces are divided by `scale`."""
     step, size = HOP * LABEL_RATE // RATE, SIZE * LABEL_RATE // RATE
     count = recording.windows
@@ -232,7 +229,7 @@ def _truth(recording: Recording, contacts: Audio, scale: float) -> Truth:
         padded = np.pad(values, (0, max(step * count + size - len(values), 0)), mode="edge")
         return np.lib.stride_tricks.sliding_window_view(padded, size)[: step * count : step]
 
-    labels, things = recording.labels, windows(contacts)
+    labels, things = recording.labels, windows(recording.labels["contacts"])
     least, most = things.min(axis=1), things.max(axis=1)
     contact = np.where(least > 0.0, 1.0, np.where(most <= 0.0, 0.0, MASKED)).astype(np.float32)
     single = (least == 1.0) & (most == 1.0)
@@ -241,10 +238,13 @@ def _truth(recording: Recording, contacts: Audio, scale: float) -> Truth:
     sliding, still = (slip > 0.0).all(axis=1), (slip <= 0.0).all(axis=1)
     place = windows(labels["position"]).mean(axis=1) / recording.about["length"]
     force = windows(labels["force"]).mean(axis=1) / scale
-    dead = recording.about["dead_driver"] > 0
     kind = np.full(count, MASKED)
-    kind[untouched] = MASKED if dead else ORDINARY
-    kind[single] = DRIVER_DEAD if dead else ORDINARY
+    kind[untouched | single] = ORDINARY
+    dead_from = recording.about["dead_from"]
+    if dead_from is not None:
+        begin = np.arange(count) * HOP / RATE
+        kind[begin + SIZE / RATE > dead_from] = MASKED  # without a touch, it cannot be told
+        kind[single & (begin >= dead_from)] = DRIVER_DEAD
     kind[least >= 2.0] = TWO_TOUCHES
     return Truth(
         contact=contact,
