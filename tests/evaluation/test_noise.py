@@ -8,7 +8,6 @@ from monochord.dsp.noise import GEAR_TEETH
 from monochord.evaluation.noise import (
     MOTOR_SPEEDS,
     Disturbance,
-    babble,
     motor,
     noise_kinds,
     noise_recordings,
@@ -73,13 +72,3 @@ def test_a_motor_has_lines_at_its_speed_and_at_its_gear_mesh() -> None:
         for factor in (GEAR_TEETH, 1.5 * GEAR_TEETH)
     )
     assert mesh > 20.0 * between
-
-
-def test_synthetic_speech_has_syllables_and_lies_below_five_kilohertz() -> None:
-    sound = babble(np.random.default_rng(3), 4 * RATE, float(RATE))
-    power = np.abs(np.fft.rfft(sound)) ** 2
-    frequency = np.fft.rfftfreq(sound.size, 1 / RATE)
-    assert power[frequency < 5000.0].sum() > 0.9 * power.sum()
-    level = np.sqrt(np.mean(sound.reshape(-1, RATE // 20) ** 2, axis=1))
-    assert level.min() < 0.1
-    assert level.max() > 1.0

@@ -37,5 +37,10 @@ def test_a_deviation_is_as_large_as_it_says() -> None:
     gauge = Deviation(gauge=1.2).of_sensor(PROTOTYPE).string
     assert gauge.core_diameter == pytest.approx(1.2 * PROTOTYPE.string.core_diameter)
     assert open_frequency(gauge) == pytest.approx(open_frequency(PROTOTYPE.string))
+    for share in (-0.25, 0.25):
+        tuned = Deviation(tuning=share).of_sensor(replace(PROTOTYPE, drift=1.0))
+        string = replace(tuned.string, tension=tuned.string.tension + tuned.drift)
+        plain = replace(PROTOTYPE.string, tension=PROTOTYPE.string.tension + 1.0)
+        assert open_frequency(string) / open_frequency(plain) == pytest.approx(1.0 + share, abs=1e-9)
     with pytest.raises(InputError):
         Deviation(pitch=0.1, warming=60.0).of_sensor(PROTOTYPE)  # beyond a quarter of the tension

@@ -132,7 +132,7 @@ def test_plans_that_cannot_be(groups: tuple[Group, ...], given: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "options", [{"name": "A b"}, {"name": "a", "forces": (2.0, 1.0)}, {"name": "a", "forces": (1.0, 9.0)},
+    "options", [{"name": "A b"}, {"name": "a", "forces": (2.0, 1.0)}, {"name": "a", "forces": (1.0, 11.0)},
                 {"name": "a", "days": ()}, {"name": "a", "days": (10**400,)},
                 {"name": "a", "oblique": (0.0, 3.0)},
                 {"name": "a", "clearances": (0.0, 1e-4)}, {"name": "a", "grid": (100000, 100000)}],

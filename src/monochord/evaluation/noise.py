@@ -16,7 +16,8 @@ from monochord.core.errors import InputError, did_you_mean
 from monochord.core.ranges import Checked
 from monochord.core.types import Audio, Floats
 from monochord.core.units import Hertz, Seconds
-from monochord.dsp.noise import NOISES, STEADY, band, geared_motor
+from monochord.dsp.noise import NOISES, STEADY, geared_motor
+from monochord.dsp.speech import babble
 from monochord.evaluation.recordings import interference_recordings, resampled, takes
 
 SUITE_RATIOS = (0.0, 5.0, 10.0, 15.0, 20.0, 25.0)
@@ -27,19 +28,6 @@ MOTOR_SPEEDS: tuple[Hertz, Hertz] = (35.0, 55.0)
 """Speed range of the synthetic motor, in revolutions per second."""
 SPEED_PERIOD: Seconds = 1.5
 """Period of the motor's 3 % speed variation, in s."""
-SYLLABLE_RATE: Hertz = 4.0
-"""Syllables per second of the synthetic speech."""
-FORMANTS: tuple[tuple[Hertz, Hertz, Hertz], ...] = (
-    (730.0, 1090.0, 2440.0),
-    (270.0, 2290.0, 3010.0),
-    (530.0, 1840.0, 2480.0),
-    (570.0, 840.0, 2410.0),
-    (300.0, 870.0, 2240.0),
-)
-"""First three formants of a male voice's vowels, in Hz.
-
-Peterson and Barney (1952), Control methods used in a study of the vowels, J. Acoust. Soc. Am. 24, 175.
-"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -204,39 +192,6 @@ def motor(stream: np.random.Generator, size: int, sample_rate: float) -> Floats:
     variation = np.sin(2 * np.pi * time / SPEED_PERIOD + stream.uniform(0.0, 6.0))
     speed = stream.uniform(*MOTOR_SPEEDS) * (1.0 + 0.03 * variation)
     return _unit_level(geared_motor(stream, speed, sample_rate))
-
-
-def babble(stream: np.random.Generator, size: int, sample_rate: float) -> Floats:
-    """Return synthetic speech (n,) of unit level, for use where no recording is available.
-
-    Vowels of gliding pitch and fricatives alternate in syllables and pauses, with the pitch, formants and
-    rhythm of speech but without words.
-
-    Examples
-    --------
-    >>> sound = babble(np.random.default_rng(0), 44100, 44100.0)
-    >>> sound.shape, round(float(np.mean(sound**2)), 6)
-    ((44100,), 1.0)
-    """
-    speech = np.zeros(size)
-    length = round(sample_rate / SYLLABLE_RATE)
-    time = np.arange(length) / sample_rate
-    envelope = np.sin(np.pi * np.arange(length) / length) ** 2
-    for start in range(0, size, length):
-        if start and stream.random() < 0.2:
-            continue  # a pause
-        pitch = stream.uniform(90.0, 140.0) * (1.0 - 0.2 * time * SYLLABLE_RATE)
-        phase = 2 * np.pi * np.cumsum(pitch) / sample_rate
-        formants = np.array(FORMANTS[int(stream.integers(len(FORMANTS)))])
-        number = np.arange(1, 31)
-        gains = (1.0 / (1.0 + ((number[:, None] * pitch.mean() - formants) / 80.0) ** 2)).sum(axis=1)
-        voice = (gains / number) @ np.sin(number[:, None] * phase)
-        syllable = envelope * voice / np.sqrt(np.mean(voice**2))
-        if stream.random() < 0.4:
-            quarter = length // 4
-            syllable[:quarter] += 0.3 * band(stream, (quarter,), sample_rate, low=3000.0, high=8000.0)
-        speech[start : start + length] += syllable[: size - start]
-    return _unit_level(speech)
 
 
 SYNTHETIC = {"motor": motor, "speech": babble}

@@ -20,6 +20,8 @@ END_COMPLIANCE, END_ADMITTANCE = 1e-6, 5e-3
 """Of an end that yields, in m/N and s/kg: within a plausible world's range, towards the softer ones."""
 END_RESONANCES: tuple[Hertz, Hertz] = (700.0, 1600.0)
 """Of the two ends: assumed, within a plausible world's range."""
+MAX_TUNING = 0.3
+"""Largest relative change of the pitch to which a string is tuned."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,7 +38,10 @@ class Deviation(Checked):
     warming
         Change of the temperature of frame and string, in K.
     pitch
-        Relative change of the open string's frequency, as of a sensor that was tuned otherwise.
+        Relative change of the open string's frequency by a drift of its tension since it was tuned.
+    tuning
+        Relative change of the frequency to which the string is tuned: another tension from the start, which
+        the design does not say. None for the design's.
     drive
         Factor of both drivers' gain and limit.
     ends
@@ -60,6 +65,7 @@ class Deviation(Checked):
     snr: Annotated[float, Meta(ge=0.0, le=120.0)] | None = None
     warming: Annotated[float, Meta(ge=-60.0, le=60.0)] = 0.0
     pitch: Annotated[float, Meta(ge=-0.1, le=0.1)] = 0.0
+    tuning: Annotated[float, Meta(ge=-MAX_TUNING, le=MAX_TUNING)] | None = None
     drive: Annotated[float, Meta(ge=0.05, le=20.0)] = 1.0
     ends: bool = False
     spring: Annotated[float, Meta(ge=1e3, le=1e12)] | None = None
@@ -99,6 +105,10 @@ class Deviation(Checked):
                 core_diameter=self.gauge * string.core_diameter,
             )
             sensor = replace(sensor, string=heavier, drift=self.gauge**2 * sensor.drift)
+        if self.tuning is not None:
+            share, string = (1.0 + self.tuning) ** 2, sensor.string
+            string = replace(string, tension=share * string.tension)
+            sensor = replace(sensor, string=string, drift=share * sensor.drift)
         drift = sensor.string.tension * ((1.0 + self.pitch) ** 2 - 1.0)
         drift += self.warming * tension_per_kelvin(sensor)
         changed = replace(sensor, drivers=(first, second), pickups=pickups, drift=sensor.drift + drift)

@@ -194,7 +194,7 @@ def describe(session: Assignment) -> Description:
     """Return the description of a session's file, with the true delays.
 
     In a plausible world, `more` has the class of the object's `mount`, and the string's `length`: measured
-    with a ruler, and true, in m.
+    with a ruler, and true, in m. Where the string is tuned otherwise, it has the `tuning`.
     """
     plan, group, design = session.plan, session.group, session.design()
     units, rate = ("N",) * 3 + ("N m",) * 3, plan.force_rate
@@ -219,6 +219,8 @@ def describe(session: Assignment) -> Description:
         more["length"] = json.dumps(lengths, sort_keys=True)
     if session.mount:
         more["mount"] = session.mount
+    if session.deviation.tuning is not None:
+        more["tuning"] = repr(session.deviation.tuning)
     tuning = sensor_tuning(plan.sensor)
     if tuning:
         more[TUNING] = json.dumps(to_tree(tuning), sort_keys=True)

@@ -10,12 +10,12 @@ import numpy as np
 from msgspec import Meta
 
 from monochord.core.errors import InputError, did_you_mean
-from monochord.core.ranges import Checked, Pair, PartialShare, Whole, refuse_unordered
+from monochord.core.ranges import Checked, Pair, PartialShare, Share, Whole, refuse_unordered
 from monochord.core.types import Floats
 from monochord.core.units import Hertz, Metres, MetresPerSecond, Newtons, Seconds
 from monochord.lab.designs import drawn_design
-from monochord.lab.deviation import NONE, Deviation
-from monochord.lab.objects import DRAWN
+from monochord.lab.deviation import MAX_TUNING, NONE, Deviation
+from monochord.lab.objects import DRAWN, evenly
 from monochord.physics.materials import Material, load_material
 from monochord.physics.sensors import load_sensor
 from monochord.physics.twin import Key, Sensor, Touch
@@ -28,11 +28,18 @@ MAX_TOUCHES = 1_000_000
 """Most touches of a group and radius, which take a month."""
 MAX_OBLIQUE = 2.0
 """Largest sideways motion of a press, as a share of its depth."""
+MAX_FORCE: Newtons = 10.0
+"""Hardest press of a plan."""
 DAY: Seconds = 86400.0
 MAX_DELAY: Seconds = 1.0
 """Largest delay of a stream in s: the search range of the tap alignment."""
 SESSION_INTERVAL: Seconds = 120.0
 """Time between the starts of two sessions of a day, in s; a session lasts about half of it."""
+SOUNDS = ("synthetic", "drawn", "synthetic speech")
+"""Ambient sounds that are synthesised."""
+Duration: TypeAlias = Annotated[Seconds, Meta(ge=0.01, le=60.0)]
+Distance: TypeAlias = Annotated[Metres, Meta(ge=0.0, le=1.0)]
+Ratio: TypeAlias = Annotated[float, Meta(ge=-60.0, le=120.0)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,7 +52,8 @@ class Group(Checked):
         Name of the group; its sessions are called NAME_000 and so on.
     protocol
         "hold": press, hold, release. "slide": press, then slide along or across the string, stroke by stroke.
-        "brush": brief touches, mostly transitions. "hover": come close, stay, and go again, without pressing.
+        "brush": brief touches, mostly transitions. "tap": sharp touches that last `hold` from the first
+        contact to the last. "hover": come close, stay, and go again, without pressing.
     sessions
         Number for each radius; the grid is shuffled and distributed among them.
     grid
@@ -64,7 +72,11 @@ class Group(Checked):
         plan's sensor.
     second
         Distance in m at which a second object of the same kind touches the string at the same time, towards
-        the further end; 0 for none. There is then no single position and no position label.
+        the further end; 0 for none. A range draws distance and direction of each touch, and its share of the
+        first one's force. While both press there is no position label.
+    in_turn
+        Range in s of how much later the second object comes than the first; it goes earlier or later by as
+        much. The objects' holds and pauses have to be longer. By default they come and go together.
     rolls
         Whether objects roll where they move along the string; the strokes of "slide" are then all along it.
         By default they slide.
@@ -89,7 +101,25 @@ class Group(Checked):
         Seeds of the days of the sessions, in turn, once through all builds; day 0 is the day on which the
         sensor was tuned.
     hold
-        Duration of each touch, or of each stroke, in s.
+        Duration of each touch, or of each stroke, in s; a range draws each, evenly in its logarithm.
+    pause
+        Time in the air after each touch, in s; a range draws each, evenly in its logarithm.
+    again
+        Range in s of the time after which a released touch is followed by another one, at the same place or,
+        for half of them, at another one of `places`. By default each touch stands alone.
+    swing
+        Range in N/s of the rate at which the force of "hold" rises and falls between the touch's force and
+        another one of `forces`, a quarter of that range away or more. By default it is constant.
+    vibrato
+        Range in m by which a touch of "hold" swings along the string to either side, at `VIBRATO_RATES` of
+        `monochord.lab.schedule`, within `places`. It slides or, with `rolls`, rolls.
+    on_touched
+        Range in s of the time from the first touch's contact until the drivers come on, which so lock on to a
+        touched string. By default they come on before it.
+    driver_dies
+        Range of the share of the time with drivers on after which one of them, drawn, stops for good.
+    detuned
+        Range of the relative change of the pitch to which the string is tuned, drawn for each session.
     strokes
         Number of strokes of a touch of "slide", each with its own speed and, after the first, force.
     speeds
@@ -102,27 +132,30 @@ class Group(Checked):
         Name of a group whose motions are repeated, `sessions` of them in total, evenly chosen; its grid and
         protocol then apply, and its strokes' direction. Whether objects roll is set by each group.
     music
-        Ambient sound while the drivers are on: "synthetic" for the loop of `monochord.dsp.music`, or a sound
-        file. It pauses for the taps.
+        Ambient sound while the drivers are on: "synthetic" for the loop of `monochord.dsp.music`, one for all
+        sessions, "drawn" for a loop of the session's own, "synthetic speech" for `monochord.dsp.speech`, or a
+        sound file. It pauses for the taps.
     snr
-        Ratio of the untouched string's sound to the music, in dB.
+        Ratio of the untouched string's sound to the music, in dB; a range draws it for each session.
     motors
         Sound of the robot's motors and gripper in the frame, loud while they move and faint at rest, and now
         and then of a motor that moves nothing at the string: "synthetic" or nothing.
     motor_snr
-        Ratio of the untouched string's sound to that of moving motors, in dB.
+        Ratio of the untouched string's sound to that of moving motors, in dB; a range draws it for each
+        session.
     """
 
     name: str
-    protocol: Literal["hold", "slide", "brush", "hover"] = "hold"
+    protocol: Literal["hold", "slide", "brush", "tap", "hover"] = "hold"
     sessions: Amount = 1
     grid: Pair[Amount] = (8, 4)
     places: Pair[Annotated[Metres, Meta(gt=0.0)]] | None = None
-    forces: Pair[Annotated[Newtons, Meta(gt=0.0, le=5.0)]] = (0.1, 2.0)
+    forces: Pair[Annotated[Newtons, Meta(gt=0.0, le=MAX_FORCE)]] = (0.1, 2.0)
     material: str = "plastic"
     radii: tuple[Metres, ...] = ()
     design: Literal["", "drawn"] = ""
-    second: Annotated[Metres, Meta(ge=0.0, le=1.0)] = 0.0
+    second: Distance | Pair[Distance] = 0.0
+    in_turn: Pair[Duration] | None = None
     rolls: bool = False
     oblique: Pair[Annotated[float, Meta(ge=0.0, le=MAX_OBLIQUE)]] = (0.0, 0.0)
     mount: MountKind = ""
@@ -132,16 +165,23 @@ class Group(Checked):
     builds: tuple[Whole, ...] = ()
     first_build: Whole | None = None
     days: tuple[Annotated[int, Meta(ge=0, le=36500)], ...] = (0,)
-    hold: Annotated[Seconds, Meta(ge=0.1, le=60.0)] = 1.0
+    hold: Duration | Pair[Duration] = 1.0
+    pause: Duration | Pair[Duration] | None = None
+    again: Pair[Duration] | None = None
+    swing: Pair[Annotated[float, Meta(gt=0.0, le=100.0)]] | None = None
+    vibrato: Pair[Annotated[Metres, Meta(gt=0.0, le=0.01)]] | None = None
+    on_touched: Pair[Annotated[Seconds, Meta(ge=-1.0, le=10.0)]] | None = None
+    driver_dies: Pair[Share] | None = None
+    detuned: Pair[Annotated[float, Meta(ge=-MAX_TUNING, le=MAX_TUNING)]] | None = None
     strokes: Amount = 4
-    speeds: Pair[Annotated[MetresPerSecond, Meta(gt=0.0, le=0.2)]] = (0.001, 0.03)
+    speeds: Pair[Annotated[MetresPerSecond, Meta(gt=0.0, le=0.4)]] = (0.001, 0.03)
     lifted: Annotated[Metres, Meta(ge=0.0, le=0.05)] = 0.0
     clearances: Pair[Annotated[Metres, Meta(gt=0.0)]] = (0.05e-3, 0.5e-3)
     like: str = ""
     music: str = ""
-    snr: float = 10.0
+    snr: Ratio | Pair[Ratio] = 10.0
     motors: Literal["", "synthetic"] = ""
-    motor_snr: float = 30.0
+    motor_snr: Ratio | Pair[Ratio] = 30.0
 
     def __post_init__(self) -> None:
         Checked.__post_init__(self)
@@ -154,6 +194,18 @@ class Group(Checked):
             forces=self.forces,
             speeds=self.speeds,
             clearances=self.clearances,
+            second=ends(self.second),
+            in_turn=self.in_turn,
+            hold=ends(self.hold),
+            pause=None if self.pause is None else ends(self.pause),
+            again=self.again,
+            swing=self.swing,
+            vibrato=self.vibrato,
+            on_touched=self.on_touched,
+            driver_dies=self.driver_dies,
+            detuned=self.detuned,
+            snr=ends(self.snr),
+            motor_snr=ends(self.motor_snr),
         )
         if self.grid[0] * self.grid[1] > MAX_TOUCHES:
             raise InputError(f"group {self.name}: grid {self.grid}", f"{MAX_TOUCHES} touches at most")
@@ -163,11 +215,49 @@ class Group(Checked):
             raise InputError(f"group {self.name}: a hand and protocol {self.protocol}", "protocol hold")
         if not self.days:
             raise InputError(f"group {self.name} without days", "one day or more")
+        if (self.protocol, self.approach) != ("hold", "robot") and (self.again or self.swing or self.vibrato):
+            given = f"group {self.name}: again, swing or vibrato of {self.protocol} by {self.approach}"
+            raise InputError(given, "protocol hold by robot")
+        if isinstance(self.second, tuple) and (self.second[0] <= 0.0 or self.again):
+            raise InputError(f"group {self.name}: second {self.second}", "distances above 0, and no again")
+        if self.in_turn is not None:
+            self._refuse_crossing(self.in_turn[1])
+
+    def _refuse_crossing(self, longest: Seconds) -> None:
+        """Raise `InputError` unless the second object may come and go by `longest` beside the first."""
+        pause = 0.0 if self.pause is None else ends(self.pause)[0]
+        if not isinstance(self.second, tuple):
+            raise InputError(f"group {self.name}: in_turn", "a range of distances of a second object")
+        if ends(self.hold)[0] < 2.0 * longest or pause < 2.0 * longest:
+            given = f"group {self.name}: in_turn up to {longest:g} s"
+            raise InputError(given, "holds and pauses of twice that or more")
 
     @property
     def total(self) -> int:
         """Number of its sessions."""
         return self.sessions if self.like else self.sessions * max(1, len(self.radii))
+
+
+def ends(value: float | Pair[float]) -> Pair[float]:
+    """Return the smallest and largest value of a number or a range.
+
+    Examples
+    --------
+    >>> ends(1.0), ends((0.5, 2.0))
+    ((1.0, 1.0), (0.5, 2.0))
+    """
+    return value if isinstance(value, tuple) else (value, value)
+
+
+def drawn(value: float | Pair[float], random: np.random.Generator) -> float:
+    """Return a number as it is, or one of a range above 0, evenly in its logarithm.
+
+    Examples
+    --------
+    >>> drawn(1.0, np.random.default_rng(0)), 0.5 <= drawn((0.5, 2.0), np.random.default_rng(0)) <= 2.0
+    (1.0, True)
+    """
+    return evenly(random)(*value) if isinstance(value, tuple) else value
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -284,8 +374,9 @@ class Plan(Checked):
             if material not in DRAWN:
                 load_material(material)
         for group in self.groups:
-            if group.music not in ("", "synthetic") and not Path(group.music).is_file():
-                raise InputError(f"group {group.name}: music '{group.music}'", "synthetic, or a sound file")
+            if group.music not in ("", *SOUNDS) and not Path(group.music).is_file():
+                given = f"group {group.name}: music '{group.music}'"
+                raise InputError(given, f"{', '.join(SOUNDS)}, or a sound file")
             if group.like and self.group(group.like).like:
                 raise InputError(f"group {group.name} like {group.like}", "a group without like")
 
@@ -370,7 +461,10 @@ class Assignment:
     @property
     def deviation(self) -> Deviation:
         """Deviations of the session's sensor and object."""
-        return self.plan.deviation if self.group.deviation is None else self.group.deviation
+        deviation = self.plan.deviation if self.group.deviation is None else self.group.deviation
+        if self.group.detuned is None:
+            return deviation
+        return replace(deviation, tuning=float(self.random("tuning").uniform(*self.group.detuned)))
 
     def sensor(self) -> Sensor:
         """Return the sensor of this session: its build of the design, on its day."""

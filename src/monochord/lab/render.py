@@ -5,7 +5,7 @@ A rendering has no delays, jitter or losses: its times are true. The code that p
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
@@ -15,13 +15,15 @@ from numpy.typing import NDArray
 
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Floats
-from monochord.core.units import Hertz, Metres, Samples, Seconds
+from monochord.core.units import Hertz, Samples, Seconds
 from monochord.dsp.music import loop
+from monochord.dsp.speech import babble
 from monochord.lab.force_sensor import ContactHistory, SensorNoise, bandwidth_filter, wrench_of
 from monochord.lab.motors import motor_sound
+from monochord.lab.partner import partner_keys
 from monochord.lab.plan import Assignment
 from monochord.lab.schedule import Schedule, schedule
-from monochord.physics.twin import Labels, Outside, Scene, Sensor, Touch, Twin, advance, begin, switch
+from monochord.physics.twin import Labels, Outside, Scene, Sensor, Twin, advance, begin, switch
 from monochord.physics.twin.outside import outside_at
 from monochord.sessions import Event
 
@@ -31,10 +33,12 @@ FORCE_AVERAGE: Seconds = 0.005
 """Averaging of the force label in s: half the width of a raised cosine centred on its time."""
 MUSIC_FADE: Seconds = 0.05
 """Fade-in and fade-out time of music, in s."""
-NEAREST_END = 0.03
-"""Smallest distance of a second object from either end, as a share of the string's length."""
+PLAYED = (0.75, 1.25)
+"""Range of how much lower and slower drawn music and speech are than synthesised; below one, higher."""
 DOWNWARD = (1.0, 0.0, 0.0, 0.0)
 """Orientation of the tool, as a quaternion: half a turn about x, pointing down at the string."""
+PLACES = ("position_1", "position_2")
+"""Labels of a session of two objects: the place of each while it touches."""
 LABELS = ("contact", "position", "reaction", "slip", "across", "along")
 
 
@@ -44,7 +48,9 @@ class Rendering:
 
     `microphones` (2, n) float32 in full scale begin at frame `start`. `wrench` (m, 6) in N and N m, `pose`
     (k, 7) in m and as a unit quaternion, and every column (l,) of `labels` begin at their first sample at or
-    after that time. Touch labels are NaN without contact.
+    after that time. Touch labels are NaN without contact. `contacts` is the number of objects that touch;
+    while two press, `position` is NaN, and in sessions of two objects each one's own is in `position_1` and
+    `position_2`. An event of kind "fault" has the number of a driver that is dead from then on.
     """
 
     start: Samples
@@ -139,7 +145,7 @@ def render(session: Assignment) -> Rendering:
     >>> from monochord.lab.plans import load_plan
     >>> sound = render(assignments(load_plan("small"))[0])
     >>> sound.microphones.shape[0], sound.wrench.shape[1], sound.pose.shape[1], len(sound.labels)
-    (2, 6, 7, 7)
+    (2, 6, 7, 8)
     """
     return concatenate(pieces(session))
 
@@ -169,8 +175,10 @@ class _Renderer:
         plan = session.plan
         self.session, self.plan, self.rate = session, plan, plan.sample_rate
         self.schedule: Schedule = schedule(session)
+        motion, length = self.schedule.motion, session.sensor().string.length
+        self.motions = [keys for keys in (motion.keys, partner_keys(session, motion, length)) if keys]
         self.material = session.material
-        self.events = _events(self.schedule)
+        self.events = _events(self.schedule, session.deviation.dead_driver)
         self.noise = SensorNoise(plan.force_sensor, session.random("wrench"))
         self.pose_noise = session.random("pose")
         self.errors = _Errors(session, self.schedule)
@@ -192,7 +200,7 @@ class _Renderer:
     def _chunks(self) -> Iterator[_Chunk]:
         """Yield the twin's output chunk by chunk, switching its drivers on and off in between."""
         motion, size = self.schedule.motion, round(CHUNK * self.rate)
-        switches = {round(self.schedule.on * self.rate): True, round(self.schedule.off * self.rate): False}
+        switches = _switches(self.schedule, self.rate)
         end = math.ceil(motion.end * self.rate)
         twin = self._begin()
         for start in range(0, end, size):
@@ -201,9 +209,10 @@ class _Renderer:
             parts = list[_Chunk]()
             for first, last in pairwise(edges):
                 if first in switches:
-                    twin = switch(twin, (switches[first], switches[first]))
+                    twin = switch(twin, switches[first])
                 take, twin = advance(twin, last - first)
-                parts.append(_Chunk(start=first, microphones=take.microphones, labels=_columns(take.labels)))
+                labels = _columns(take.labels, self._pressed(first, last))
+                parts.append(_Chunk(start=first, microphones=take.microphones, labels=labels))
             yield _Chunk(
                 start=start,
                 microphones=np.concatenate([part.microphones for part in parts], axis=1),
@@ -212,16 +221,27 @@ class _Renderer:
                 },
             )
 
+    def _pressed(self, first: Samples, last: Samples) -> NDArray[np.bool_]:
+        """Return whether the motion of each object presses at each frame, (objects, n)."""
+        if len(self.motions) == 1:
+            return np.ones((1, last - first), np.bool_)
+        time = np.arange(first, last) / self.rate
+        return np.stack(
+            [
+                np.interp(time, [key.time for key in keys], [key.force for key in keys]) > 0.0
+                for keys in self.motions
+            ]
+        )
+
     def _begin(self) -> Twin:
         session, sensor = self.session, self.session.sensor()
-        touch = session.touch(self.schedule.motion.keys)
-        touches = (touch, *_second(touch, session.group.second, sensor))
+        touches = tuple(session.touch(keys) for keys in self.motions)
         scene = Scene(touches=touches, outside=self._ambient(sensor), drivers=(False, False))
         seed = int(session.random("twin").integers(2**62))
         return begin(sensor, scene, sample_rate=self.rate, seed=seed)
 
     def _ambient(self, sensor: Sensor) -> Outside | None:
-        """Return the ambient sound: music and motors, which pause for the taps."""
+        """Return the ambient sound: music, speech and motors, which pause for the taps."""
         group, timing = self.session.group, self.schedule
         if not (group.music or group.motors):
             return None
@@ -229,15 +249,35 @@ class _Renderer:
         gate = np.clip(np.minimum(time - timing.on, timing.off - time) / MUSIC_FADE, 0.0, 1.0)
         gate = gate.astype(np.float32)
         if not group.motors:
-            music = _music(group.music, group.snr, self.session.seed, sensor, self.rate)
+            music = self._music(sensor, time.size)
             return Outside(samples=np.resize(music.samples, time.size) * gate, level=music.level)
         sound = motor_sound(self.session.random("motors"), timing.motion.path(time), self.rate)
         # Their rms at full speed is one.
-        sound *= outside_at(np.ones(1, np.float32), group.motor_snr, sensor, sample_rate=self.rate).level
+        ratio = self._ratio(group.motor_snr, "motor ratio")
+        sound *= outside_at(np.ones(1, np.float32), ratio, sensor, sample_rate=self.rate).level
         if group.music:
-            music = _music(group.music, group.snr, self.session.seed, sensor, self.rate)
+            music = self._music(sensor, time.size)
             sound += np.float32(music.level) * np.resize(music.samples, time.size)
         return Outside(samples=sound * gate)
+
+    def _music(self, sensor: Sensor, count: Samples) -> Outside:
+        """Return the session's music or speech."""
+        session, rate = self.session, self.rate
+        name, ratio = session.group.music, self._ratio(session.group.snr, "ratio")
+        if name not in ("drawn", "synthetic speech"):
+            return _recorded(name, ratio, session.seed, sensor, rate)
+        random = session.random(name)
+        other = round(rate * random.uniform(*PLAYED))  # played at another rate: other pitches and speeds
+        if name == "drawn":
+            return outside_at(
+                loop(int(random.integers(2**31)), sample_rate=other), ratio, sensor, sample_rate=rate
+            )
+        speech = babble(random, count, float(other)).astype(np.float32)
+        return outside_at(speech, ratio, sensor, sample_rate=rate)
+
+    def _ratio(self, ratio: float | tuple[float, float], purpose: str) -> float:
+        """Return a ratio in dB, drawn where it is a range."""
+        return float(self.session.random(purpose).uniform(*ratio)) if isinstance(ratio, tuple) else ratio
 
     def _piece(self, chunk: _Chunk, before: Floats, after: Floats) -> Rendering:
         plan, labels = self.plan, chunk.labels
@@ -297,12 +337,14 @@ class _Renderer:
 
         return {
             "contact": labels["contact"][at],
+            "contacts": labels["contacts"][at],
             "position": in_contact(labels["position"][at]),
             "force": in_contact(np.interp(time * self.rate - chunk.start, np.arange(len(force)), force)),
             "slip": in_contact(labels["slip"][at]),
             "slip_across": in_contact(labels["across"][at]),
             "slip_along": in_contact(labels["along"][at]),
             "settled": labels["settled"][at],
+            **{name: labels[name][at] for name in PLACES if name in labels},
         }
 
 
@@ -321,43 +363,52 @@ class _Errors:
         return self._offsets[np.searchsorted(self._begins, time, side="right")]
 
 
-def _second(touch: Touch, distance: Metres, sensor: Sensor) -> tuple[Touch, ...]:
-    """Return a second object at a distance from the first, towards the further end; none at 0."""
-    if distance == 0.0:
-        return ()
-    places, length = [key.position for key in touch.motion], sensor.string.length
-    away = distance if length - max(places) > min(places) else -distance
-    ends = NEAREST_END * length, (1.0 - NEAREST_END) * length
-    moved = tuple(
-        replace(key, position=min(max(key.position + away, ends[0]), ends[1])) for key in touch.motion
-    )
-    return (replace(touch, motion=moved),)
+def _columns(labels: Labels, pressed: NDArray[np.bool_]) -> dict[str, Floats]:
+    """Return the labels (n,) of all touches as one; `pressed` (touches, n) says which of them are led down.
 
-
-def _columns(labels: Labels) -> dict[str, Floats]:
-    """Return the labels (n,) of all touches as one; two objects at once have no position label."""
+    Of two objects, the place and the sliding are those of the one that alone presses; none has a place where
+    both do.
+    """
     columns = {name: np.asarray(getattr(labels, name)[0], np.float64) for name in LABELS}
+    columns["contacts"] = labels.contact.sum(axis=0, dtype=np.float64)
     if len(labels.contact) > 1:
         for name in ("contact", "slip"):
             columns[name] = getattr(labels, name).max(axis=0).astype(np.float64)
         columns["reaction"] = labels.reaction.sum(axis=0, dtype=np.float64)
-        columns["position"][:] = np.nan
+        alone = pressed[0] != pressed[1]
+        for name in ("position", "across", "along"):
+            columns[name] = np.where(alone & pressed[1], getattr(labels, name)[1], columns[name])
+        columns["position"] = np.where(alone, columns["position"], np.nan)
+        for i, name in enumerate(PLACES):
+            columns[name] = np.where(labels.contact[i] > 0, labels.position[i], np.nan)
     columns["settled"] = labels.settled.astype(np.float64)
     return columns
 
 
-def _events(timing: Schedule) -> list[Event]:
+def _switches(timing: Schedule, rate: int) -> dict[Samples, tuple[bool, bool]]:
+    """Return which drivers are on from which frames on."""
+    switches = {round(timing.on * rate): (True, True)}
+    if timing.death is not None:
+        time, driver = timing.death
+        switches[round(time * rate)] = (driver != 1, driver != 2)
+    return {**switches, round(timing.off * rate): (False, False)}
+
+
+def _events(timing: Schedule, dead_driver: int) -> list[Event]:
     events = [Event(time=phase.start, kind="phase", text=phase.kind) for phase in timing.motion.phases]
     events += [Event(time=time, kind="tap", data={"number": i}) for i, time in enumerate(timing.taps)]
     events += [
         Event(time=timing.on, kind="drivers", text="on"),
         Event(time=timing.off, kind="drivers", text="off"),
     ]
+    deaths = [(0.0, dead_driver)] if dead_driver else []
+    deaths += [timing.death] if timing.death is not None else []
+    events += [Event(time=time, kind="fault", text="dead driver", data={"driver": n}) for time, n in deaths]
     return sorted(events, key=lambda event: event.time)
 
 
 @lru_cache(maxsize=4)
-def _music(music: str, snr: float, seed: int, sensor: Sensor, sample_rate: int) -> Outside:
+def _recorded(music: str, snr: float, seed: int, sensor: Sensor, sample_rate: int) -> Outside:
     if music == "synthetic":
         return outside_at(loop(seed, sample_rate=sample_rate), snr, sensor, sample_rate=sample_rate)
     import soundfile  # noqa: PLC0415  (needs its library)

@@ -2,19 +2,23 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import cycle, islice
 
 import numpy as np
 
 from monochord.core.types import Floats, StringParams
-from monochord.core.units import Metres, MetresPerSecond, Seconds
-from monochord.lab.plan import Assignment
+from monochord.core.units import Hertz, Metres, MetresPerSecond, Newtons, Seconds
+from monochord.lab.plan import Assignment, drawn
 from monochord.physics.twin.trajectory import (
     Approach,
+    Hop,
+    Load,
     Move,
     Press,
     Retreat,
     Slide,
     Stay,
+    Sway,
     Tap,
     Trajectory,
     Travel,
@@ -29,6 +33,10 @@ AFTER: Seconds = 0.15
 """Pauses before the first and after the last of three taps, in s."""
 SETTLING: Seconds = 1.2
 """Time for the string's sound to build up after the drivers are switched on, in s."""
+MIN_ON: Seconds = 0.5
+"""Shortest time that the drivers are on, in s."""
+PRESSES = ("press", "touch")
+"""Phases in which a tool meets the string."""
 FADING: Seconds = 0.7
 """Time for the string to fall silent after the drivers are switched off, in s."""
 SETTLE: Seconds = 0.2
@@ -54,15 +62,29 @@ HAND_WAVER = 0.03
 HAND_HOLD: Seconds = 0.15
 BRUSH = (0.08, 0.35)
 """Shortest and longest brief touch, and pause after it, in s."""
+TAP_SPEED = (0.03, 0.3)
+"""Range of the speed of a tap of the protocol "tap" in m/s: assumed."""
+SWING_SHARE = (0.25, 0.75)
+"""Range of how far apart the two forces of a swing are, as a share of the group's range of forces."""
+VIBRATO_RATES: tuple[Hertz, Hertz] = (3.0, 7.0)
+"""Range of the rate of a vibrato, from a slow swing to a violinist's."""
+ELSEWHERE = 0.5
+"""Share of the presses of `again` that are at another place."""
+HOP_SPEED: MetresPerSecond = 4.0
+"""Highest speed of a hop along the string in m/s: below the twin's limit of 5."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Schedule:
-    """A session's motion, and the time its drivers are on: from `on` to `off`, in s."""
+    """A session's motion, and the time its drivers are on: from `on` to `off`, in s.
+
+    `death` has the time at which one of them stops for good, and its number, 1 or 2.
+    """
 
     motion: Trajectory
     on: Seconds
     off: Seconds
+    death: tuple[Seconds, int] | None = None
 
     @property
     def taps(self) -> tuple[Seconds, ...]:
@@ -86,12 +108,21 @@ def schedule(session: Assignment) -> Schedule:
     string = replace(sensor.string, tension=sensor.string.tension + sensor.drift)
     first = [Stay(seconds=BEFORE, kind="rest"), *_taps(), Stay(seconds=AFTER, kind="rest")]
     on = trajectory(first, string, position=middle).end
-    inner = [Stay(seconds=SETTLING, kind="rest"), *_touches(session, design.string), Travel(position=middle)]
+    group, random = session.group, session.random("drivers")
+    settling = [Stay(seconds=SETTLING, kind="rest")] if group.on_touched is None else []
+    inner = [*settling, *_Touches(session, design.string).moves(), Travel(position=middle)]
     off = trajectory([*first, *inner], string, position=middle).end
     last = [Stay(seconds=FADING, kind="rest"), *_taps(), Stay(seconds=BEFORE, kind="rest")]
     whole = trajectory([*first, *inner, *last], string, position=middle)
-    whole = whole.lifted(session.group.lifted) if session.group.lifted > 0.0 else whole
-    return Schedule(motion=whole, on=on, off=off)
+    if group.on_touched is not None:
+        contact = next(phase.start for phase in whole.phases if phase.kind in PRESSES and phase.start >= on)
+        on = min(max(on, contact + float(random.uniform(*group.on_touched))), off - MIN_ON)
+    death: tuple[Seconds, int] | None = None
+    if group.driver_dies is not None:
+        share, driver = float(random.uniform(*group.driver_dies)), int(random.integers(1, 3))
+        death = on + share * (off - on), driver
+    whole = whole.lifted(group.lifted) if group.lifted > 0.0 else whole
+    return Schedule(motion=whole, on=on, off=off, death=death)
 
 
 def _taps() -> Iterator[Move]:
@@ -101,21 +132,45 @@ def _taps() -> Iterator[Move]:
         yield Tap()
 
 
-def _touches(session: Assignment, design: StringParams) -> Iterator[Move]:
-    """Yield the moves of every touch; depths follow from the grid's forces and the nominal string."""
-    group, random = session.origin.group, session.origin.random("touches")
-    for number, (place, force) in enumerate(session.cells().tolist()):
-        if group.approach == "hand":
-            yield from _by_hand(session, design, place, force, random)
-            continue
+class _Touches:
+    """The touches of a session, as moves; depths follow from the grid's forces and the nominal string."""
+
+    def __init__(self, session: Assignment, design: StringParams) -> None:
+        origin = session.origin
+        self._session, self._group, self._string = session, origin.group, design
+        self._places = origin.group.places or session.design().range
+        self._random, self._pace = origin.random("touches"), origin.random("pace")
+
+    def moves(self) -> Iterator[Move]:
+        """Yield the moves of every touch, and of the pause after it."""
+        group = self._group
+        for number, (place, force) in enumerate(self._session.cells().tolist()):
+            if group.approach == "hand":
+                yield from self._by_hand(place, force)
+            elif group.protocol == "hover":
+                yield Travel(position=place)
+                yield Approach(height=self._random.uniform(*group.clearances))
+                yield Stay(seconds=drawn(group.hold, self._pace), kind="hover")
+                yield Retreat()
+            elif group.protocol == "tap":
+                yield Travel(position=place)
+                contact = drawn(group.hold, self._pace)
+                yield Tap(force=force, speed=drawn(TAP_SPEED, self._pace), contact=contact, kind="touch")
+            else:
+                yield from self._by_robot(place, force, number)
+            pause = self._random.uniform(*BRUSH) if group.protocol == "brush" else REST
+            yield Stay(seconds=pause if group.pause is None else drawn(group.pause, self._pace), kind="rest")
+
+    def _by_robot(self, place: Metres, force: Newtons, number: int) -> Iterator[Move]:
+        """Yield a touch that comes straight down, is held or led along or across, and goes."""
+        group, random = self._group, self._random
+        amplitude = 0.0
+        if group.vibrato is not None:
+            low, high = self._places
+            amplitude = min(drawn(group.vibrato, self._pace), 0.5 * (high - low))
+            place = min(max(place, low + amplitude), high - amplitude)
+        depth = self._depth(place, force)
         yield Travel(position=place)
-        if group.protocol == "hover":
-            yield Approach(height=random.uniform(*group.clearances))
-            yield Stay(seconds=group.hold, kind="hover")
-            yield Retreat()
-            yield Stay(seconds=REST, kind="rest")
-            continue
-        depth = _depth(design, place, force)
         yield Press(depth=depth)
         if group.oblique[1] > 0.0:
             sideways = random.choice((-1.0, 1.0)) * random.uniform(*group.oblique) * depth
@@ -123,70 +178,87 @@ def _touches(session: Assignment, design: StringParams) -> Iterator[Move]:
         if group.protocol == "brush":
             yield Stay(seconds=random.uniform(*BRUSH), kind="hold")
             yield Retreat(speed=random.uniform(0.02, 0.1))
-            yield Stay(seconds=random.uniform(*BRUSH), kind="rest")
-            continue
+            return
         yield Stay(seconds=SETTLE, kind="settle")
-        if group.protocol == "hold":
-            yield Stay(seconds=group.hold, kind="hold")
+        if group.protocol == "slide":
+            yield from self._strokes(place, random.uniform(size=(group.strokes, 2)), number)
         else:
-            yield from _strokes(session, design, place, random.uniform(size=(group.strokes, 2)), number)
+            yield from self._held(force, amplitude)
+            if group.again is not None:
+                yield from self._again(place, force)
         yield Retreat()
-        yield Stay(seconds=REST, kind="rest")
 
+    def _held(self, force: Newtons, amplitude: Metres) -> Iterator[Move]:
+        """Hold a touch: still, with a force that swings, or with a place that does."""
+        group, pace = self._group, self._pace
+        seconds = drawn(group.hold, pace)
+        if amplitude > 0.0:
+            yield Sway(amplitude=amplitude, rate=drawn(VIBRATO_RATES, pace), seconds=seconds)
+        elif group.swing is None:
+            yield Stay(seconds=seconds, kind="hold")
+        else:
+            low, high = group.forces
+            other = low + (force - low + float(pace.uniform(*SWING_SHARE)) * (high - low)) % (high - low)
+            leg = abs(other - force) / drawn(group.swing, pace)
+            for target in islice(cycle((other, force)), max(1, round(seconds / leg))):
+                yield Load(force=target, seconds=leg)
 
-def _by_hand(
-    session: Assignment, design: StringParams, place: Metres, force: float, random: np.random.Generator
-) -> Iterator[Move]:
-    """Yield a touch by hand: straight down, in steps, or beside its place and led there; then it wavers."""
-    depth, way = _depth(design, place, force), int(random.integers(3))
-    speed = float(random.uniform(*HAND_SPEED))
-    if way == 2:
-        low, high = session.group.places or session.design().range
-        beside = float(random.uniform(*HAND_BESIDE)) * (1.0 if place < 0.5 * (low + high) else -1.0)
-        yield Travel(position=place + beside)
-        yield Press(depth=_depth(design, place + beside, force), speed=speed)
-        yield Slide(along=-beside, speed=HAND_SLIDE)
-    else:
-        yield Travel(position=place)
-        for share in (0.1, *HAND_STEPS) if way == 1 else ():
-            yield Press(depth=share * depth, speed=speed)
-            yield Stay(seconds=HAND_STEP, kind="press")
-        if way == 0:
-            yield Press(depth=depth, speed=speed)
-    yield Stay(seconds=SETTLE, kind="settle")
-    for _ in range(max(1, round(session.group.hold / HAND_HOLD))):
-        waver = float(np.clip(random.normal(), -2.0, 2.0)) * HAND_WAVER
-        yield Press(depth=(1.0 + waver) * depth, speed=HAND_SLIDE)
-        yield Stay(seconds=HAND_HOLD, kind="hold")
-    yield Retreat(speed=speed)
-    yield Stay(seconds=REST, kind="rest")
+    def _again(self, place: Metres, force: Newtons) -> Iterator[Move]:
+        """Release, and press again soon: at the same place, or at another one."""
+        group, pace = self._group, self._pace
+        seconds = drawn(group.again or REST, pace)
+        if pace.uniform() < ELSEWHERE:
+            reach = 0.5 * seconds * HOP_SPEED
+            other = float(pace.uniform(*self._places))
+            place = min(max(other, place - reach), place + reach)
+        yield Hop(position=place, depth=self._depth(place, force), seconds=seconds)
+        yield Stay(seconds=drawn(group.hold, pace), kind="hold")
 
+    def _by_hand(self, place: Metres, force: Newtons) -> Iterator[Move]:
+        """Yield a touch by hand: straight down, in steps, or led from beside its place; then it wavers."""
+        random, depth = self._random, self._depth(place, force)
+        way, speed = int(random.integers(3)), float(random.uniform(*HAND_SPEED))
+        if way == 2:
+            low, high = self._places
+            beside = float(random.uniform(*HAND_BESIDE)) * (1.0 if place < 0.5 * (low + high) else -1.0)
+            yield Travel(position=place + beside)
+            yield Press(depth=self._depth(place + beside, force), speed=speed)
+            yield Slide(along=-beside, speed=HAND_SLIDE)
+        else:
+            yield Travel(position=place)
+            for share in (0.1, *HAND_STEPS) if way == 1 else ():
+                yield Press(depth=share * depth, speed=speed)
+                yield Stay(seconds=HAND_STEP, kind="press")
+            if way == 0:
+                yield Press(depth=depth, speed=speed)
+        yield Stay(seconds=SETTLE, kind="settle")
+        for _ in range(max(1, round(drawn(self._group.hold, self._pace) / HAND_HOLD))):
+            waver = float(np.clip(random.normal(), -2.0, 2.0)) * HAND_WAVER
+            yield Press(depth=(1.0 + waver) * depth, speed=HAND_SLIDE)
+            yield Stay(seconds=HAND_HOLD, kind="hold")
+        yield Retreat(speed=speed)
 
-def _strokes(
-    session: Assignment, design: StringParams, place: Metres, drawn: Floats, number: int
-) -> Iterator[Move]:
-    """Move back and forth: along the string in every second touch and across it in the others.
+    def _strokes(self, place: Metres, shares: Floats, number: int) -> Iterator[Move]:
+        """Move back and forth: along the string in every second touch and across it in the others.
 
-    A rolling object moves along the string only: across it, it would slide.
-    """
-    group = session.origin.group
-    low, high = group.places or session.design().range
-    forces, speeds = group.forces, group.speeds
-    for i, (speed_share, force_share) in enumerate(drawn.tolist()):
-        if i > 0:
-            yield Press(depth=_depth(design, place, forces[0] + force_share * (forces[1] - forces[0])))
-            yield Stay(seconds=TURN, kind="hold")
-        speed = speeds[0] + (i + speed_share) / len(drawn) * (speeds[1] - speeds[0])
-        distance = speed * group.hold
-        if number % 2 == 0 and not group.rolls:
-            yield Slide(across=distance if i % 2 == 0 else -distance, speed=speed)
-            continue
-        space = high - place, place - low
-        distance = min(distance, max(space))
-        distance = distance if space[0] >= distance and (i % 2 == 0 or space[1] < distance) else -distance
-        yield Slide(along=distance, speed=speed)
-        place += distance
+        A rolling object moves along the string only: across it, it would slide.
+        """
+        group, (low, high) = self._group, self._places
+        forces, speeds = group.forces, group.speeds
+        for i, (speed_share, force_share) in enumerate(shares.tolist()):
+            if i > 0:
+                yield Press(depth=self._depth(place, forces[0] + force_share * (forces[1] - forces[0])))
+                yield Stay(seconds=TURN, kind="hold")
+            speed = speeds[0] + (i + speed_share) / len(shares) * (speeds[1] - speeds[0])
+            distance = speed * drawn(group.hold, self._pace)
+            if number % 2 == 0 and not group.rolls:
+                yield Slide(across=distance if i % 2 == 0 else -distance, speed=speed)
+                continue
+            space = high - place, place - low
+            distance = min(distance, max(space))
+            distance = distance if space[0] >= distance and (i % 2 == 0 or space[1] < distance) else -distance
+            yield Slide(along=distance, speed=speed)
+            place += distance
 
-
-def _depth(design: StringParams, place: Metres, force: float) -> Metres:
-    return float(depth_under(design, place, force))
+    def _depth(self, place: Metres, force: Newtons) -> Metres:
+        return float(depth_under(self._string, place, force))

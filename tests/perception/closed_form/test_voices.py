@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from monochord.core.types import Audio, Signal, Window
+from monochord.dsp.speech import babble
 from monochord.evaluation import recordings
-from monochord.evaluation.noise import babble
 from monochord.perception.estimators.closed_form import ClosedForm
 
 

@@ -14,11 +14,14 @@ from monochord.physics.twin import Scene, advance, begin, hold
 from monochord.physics.twin.trajectory import (
     ACCELERATION,
     TRAVEL_HEIGHT,
+    Hop,
+    Load,
     Move,
     Press,
     Retreat,
     Slide,
     Stay,
+    Sway,
     Tap,
     Trajectory,
     Travel,
@@ -188,3 +191,71 @@ def test_the_twin_at_rest_answers_with_the_force_of_the_depth() -> None:
     scene = Scene(touches=(hold(0.08, 1.2, load_material("plastic")),), drivers=(False, False))
     take, _ = advance(begin(load_sensor("prototype"), scene), 30000)
     assert take.labels.reaction[0, -5000:].mean() == pytest.approx(1.2, rel=5e-3)
+
+
+def pressed_spans(motion: Trajectory) -> list[tuple[float, float]]:
+    """Begin and end of each stretch in which the motion presses."""
+    time = np.arange(0.0, motion.end, 1e-5)
+    force = np.interp(time, [key.time for key in motion.keys], [key.force for key in motion.keys]) > 0.0
+    begins, ends = (np.flatnonzero(np.diff(force.astype(int)) == way) for way in (1, -1))
+    return [(float(time[a]), float(time[b])) for a, b in zip(begins, ends, strict=True)]
+
+
+@pytest.mark.parametrize(("contact", "speed"), [(0.02, 0.01), (0.05, 0.2), (0.08, 0.05)])
+def test_a_tap_of_a_contact_time_touches_that_long_and_to_its_force(contact: float, speed: float) -> None:
+    motion = plan(Tap(force=1.0, speed=speed, contact=contact, kind="touch"))
+    ((begin_, end),) = pressed_spans(motion)
+    assert end - begin_ == pytest.approx(contact, abs=5e-5)
+    deepest = [key.time for key in motion.keys if key.force == pytest.approx(1.0)]
+    assert len(deepest) == 2
+    assert deepest[1] - deepest[0] >= 0.2 * contact - 1e-9
+    assert motion.taps == ()
+    assert motion.keys[-1].clearance == TRAVEL_HEIGHT
+
+
+def test_a_load_changes_the_force_linearly_at_one_place() -> None:
+    motion = plan(Press(force=0.6), Load(force=1.2, seconds=0.2), Load(force=0.8, seconds=0.1), Retreat())
+    start = next(phase.start for phase in motion.phases if phase.kind == "hold")
+    times, forces = ([getattr(key, name) for key in motion.keys] for name in ("time", "force"))
+    measured = np.interp(start + np.array([0.0, 0.1, 0.2, 0.25, 0.3]), times, forces)
+    assert measured == pytest.approx([0.6, 0.9, 1.2, 1.0, 0.8])
+    assert {key.position for key in motion.keys} == {0.1}
+
+
+def test_a_sway_swings_by_its_amplitude_at_its_rate_and_ends_where_it_began() -> None:
+    motion = plan(Press(force=1.0), Sway(amplitude=2e-3, rate=5.0, seconds=1.0), Retreat())
+    sway = next(phase for phase in motion.phases if phase.kind == "sway")
+    assert sway.stop - sway.start == pytest.approx(1.0)
+    x = motion.path(np.arange(sway.start + 5e-4, sway.stop, 1e-3))[:, 0] - 0.1
+    assert x.max() == pytest.approx(2e-3, rel=0.02)
+    assert x.min() == pytest.approx(-2e-3, rel=0.02)
+    assert np.abs(x[:20]).max() < 0.4e-3  # it begins at rest
+    assert np.sum(np.diff(np.sign(x[5:-5])) != 0.0) == 9  # ten half periods
+    assert motion.keys[-1].position == pytest.approx(0.1)
+
+
+def test_a_hop_leaves_the_string_for_its_time_and_lands_at_its_place_and_depth() -> None:
+    hop = Hop(position=0.13, depth=5e-4, seconds=0.05)
+    motion = plan(Press(force=1.0), hop, Stay(seconds=0.1), Retreat())
+    (_, up), (down, _) = pressed_spans(motion)
+    assert down - up == pytest.approx(0.05, abs=5e-5)
+    between = motion.path(np.arange(up + 1e-4, down - 1e-4, 1e-4))
+    assert between[:, 2].min() >= 0.0
+    landed = motion.path(np.array([down + 0.05]))[0]
+    assert (landed[0], landed[2]) == pytest.approx((0.13, -5e-4))
+
+
+@pytest.mark.parametrize(
+    "move", [Load(force=1.0, seconds=0.1), Sway(amplitude=1e-3, rate=5.0, seconds=0.5),
+             Hop(position=0.1, depth=1e-3, seconds=0.1)],
+)  # fmt: skip
+def test_what_happens_while_pressed_is_refused_in_the_air(move: Move) -> None:
+    with pytest.raises(InputError, match="press first"):
+        plan(move)
+
+
+def test_a_robot_presses_no_harder_than_its_limit() -> None:
+    motion = plan(Press(depth=8e-3))
+    assert float(force_at_depth(STRING, 0.1, 8e-3)) > 10.0
+    assert motion.keys[-1].force == 10.0
+    assert motion.path(np.array([motion.end]))[0, 2] == pytest.approx(-float(depth_under(STRING, 0.1, 10.0)))

@@ -14,13 +14,13 @@ the height less the string's depth.
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from math import ceil, hypot
+from math import ceil, hypot, pi, sin
 
 import numpy as np
 
 from monochord.core.errors import InputError
 from monochord.core.types import Floats, StringParams
-from monochord.core.units import Metres, MetresPerSecond, Newtons, Seconds
+from monochord.core.units import Hertz, Metres, MetresPerSecond, Newtons, Seconds
 from monochord.physics.theory import geometric_tension, stretch_stiffness
 from monochord.physics.twin.setup import Key
 
@@ -32,6 +32,16 @@ RAMP_SEGMENTS = 4
 """Number of straight segments into which a change of speed is cut."""
 MAX_SEGMENT: Metres = 4e-3
 """Longest straight segment at full speed: along the string, the depth is exact at a segment's ends only."""
+MAX_FORCE: Newtons = 10.0
+"""Force at which the robot presses no deeper: what a key may have."""
+TAP_SINK = 0.4
+"""Largest share of a tap's contact time in which it goes down, and goes up again."""
+SWAY_POINTS = 8
+"""Straight segments of half a period of a sway."""
+HOP_HEIGHT: Metres = 1e-3
+"""Height of a hop: several times the string's swing."""
+HOP_PRESS: MetresPerSecond = 0.2
+"""Speed at which a hop leaves the string and presses it again."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,11 +101,50 @@ class Retreat:
 class Tap:
     """A sharp tap from the present height and back to it: down and up at one speed, without a rest.
 
-    The turn is sudden, as a tap's is, and so are its ends: only taps exceed the robot's acceleration.
+    The turn is sudden, as a tap's is, and so are its ends: only taps and hops exceed the robot's
+    acceleration. With a `contact` in s, the tool stays at its deepest point until that much time has passed
+    from meeting the string to leaving it, and is faster where it would not be deep by then. `kind` names the
+    phase: those of "tap" align the streams.
     """
 
     force: Newtons = 1.0
     speed: MetresPerSecond = 0.2
+    contact: Seconds | None = None
+    kind: str = "tap"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Load:
+    """Change the force linearly to `force` within `seconds`, at the present place of a pressed string."""
+
+    force: Newtons
+    seconds: Seconds
+    kind: str = "hold"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sway:
+    """Swing along the string about the present place, by `amplitude` to either side at `rate` in Hz.
+
+    It grows over the first half period and fades over the last; the number of half periods is whole.
+    """
+
+    amplitude: Metres
+    rate: Hertz
+    seconds: Seconds
+    kind: str = "sway"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hop:
+    """Leave the string, and press it at `position` to `depth` after `seconds` without contact.
+
+    It takes as long as one finger lifts and another one lands, which is faster than the robot.
+    """
+
+    position: Metres
+    depth: Metres
+    seconds: Seconds
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,12 +164,12 @@ class Waypoint:
     kind: str = "hold"
 
 
-Move = Stay | Travel | Approach | Press | Slide | Retreat | Tap | Waypoint
+Move = Stay | Travel | Approach | Press | Slide | Retreat | Tap | Load | Sway | Hop | Waypoint
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Phase:
-    """A part of a trajectory: rest, travel, approach, press, settle, hold, slide, release, retreat, tap."""
+    """A part of a trajectory: rest, travel, approach, press, settle, hold, slide, release, tap and others."""
 
     kind: str
     start: Seconds
@@ -242,9 +291,11 @@ class _Planner:
                 self._tap(move)
             case Waypoint():
                 self._go_to(move)
+            case Load() | Sway() | Hop():
+                self._while_pressed(move)
 
     def _key(self, time: Seconds, x: Metres, height: Metres, across: MetresPerSecond = 0.0) -> Key:
-        force = float(force_at_depth(self.string, x, -height)) if height < 0.0 else 0.0
+        force = min(float(force_at_depth(self.string, x, -height)), MAX_FORCE) if height < 0.0 else 0.0
         return Key(time=time, position=x, force=force, clearance=max(0.0, height), across=across)
 
     def _finish(self, kind: str, time: Seconds) -> None:
@@ -325,15 +376,58 @@ class _Planner:
         if self.height <= 0.0:
             raise InputError("tap while pressing", "tap from the air", "retreat first")
         depth = float(depth_under(self.string, self.x, move.force))
-        fall, sink = self.height / move.speed, depth / move.speed
+        fall, sink, stay = self.height / move.speed, depth / move.speed, 0.0
+        if move.contact is not None:
+            sink = min(sink, TAP_SINK * move.contact)
+            stay = move.contact - 2.0 * sink
         for time, height in (
             (fall, 0.0),
             (fall + sink, -depth),
-            (fall + 2.0 * sink, 0.0),
-            (2.0 * (fall + sink), self.height),
+            *(((fall + sink + stay, -depth),) if stay > 0.0 else ()),
+            (fall + 2.0 * sink + stay, 0.0),
+            (2.0 * (fall + sink) + stay, self.height),
         ):
             self.keys.append(self._key(self.time + time, self.x, height))
-        self._finish("tap", self.keys[-1].time)
+        self._finish(move.kind, self.keys[-1].time)
+
+    def _while_pressed(self, move: Load | Sway | Hop) -> None:
+        if self.height >= 0.0:
+            name = type(move).__name__.lower()
+            raise InputError(f"{name} in the air", f"{name} while pressing", "press first")
+        match move:
+            case Load():
+                self._load(move)
+            case Sway():
+                self._sway(move)
+            case Hop():
+                self._hop(move)
+
+    def _load(self, move: Load) -> None:
+        self.height = -float(depth_under(self.string, self.x, move.force))
+        self._stay(Stay(seconds=move.seconds, kind=move.kind))
+
+    def _sway(self, move: Sway) -> None:
+        half_periods = max(2, round(2.0 * move.rate * move.seconds))
+        count = SWAY_POINTS * half_periods
+        for i in range(1, count + 1):
+            halves = i / SWAY_POINTS
+            share = min(1.0, halves, half_periods - halves)
+            x = self.x + share * move.amplitude * sin(pi * halves)
+            self.keys.append(self._key(self.time + move.seconds * i / count, x, self.height))
+        self._finish(move.kind, self.keys[-1].time)
+
+    def _hop(self, move: Hop) -> None:
+        rise, quarter, x = -self.height / HOP_PRESS, 0.25 * move.seconds, move.position
+        self.keys.append(self._key(self.time + rise, self.x, 0.0))
+        self._finish("release", self.time + rise)
+        self.keys.append(self._key(self.time + quarter, self.x, HOP_HEIGHT))
+        self.keys.append(self._key(self.time + 3.0 * quarter, x, HOP_HEIGHT))
+        self.keys.append(self._key(self.time + move.seconds, x, 0.0))
+        self._finish("hop", self.time + move.seconds)
+        self.x, self.height = x, -move.depth
+        end = self.time + move.depth / HOP_PRESS
+        self.keys.append(self._key(end, x, self.height))
+        self._finish("press", end)
 
     def _go_to(self, move: Waypoint) -> None:
         key = Key(
