@@ -49,8 +49,8 @@ REPORTED = 250
 """Updates between two reports."""
 LENGTH_STD = 0.0058
 """How far real strings are off their design's length where no ruler measured them: evenly within 1 %."""
-TRAINED, VALIDATED = (0, 1), {"plain": None, "changed": 0}
-"""Takes of a session that train, and those that validate."""
+VALIDATED = {"plain": None, "changed": 0}
+"""Takes of a session that validate; as many train as is asked for."""
 Job = TypeVar("Job")
 
 
@@ -88,6 +88,7 @@ def group_weights(groups: Sequence[str], rows: Rows) -> Floats:
 @click.argument("folder", type=click.Path(path_type=Path))
 @click.option("--sessions", default=100_000, help="Most sessions.")
 @click.option("--count", default=60, show_default=True, help="Touched windows of a session for the reader.")
+@click.option("--takes", default=2, show_default=True, help="Variants of a session, each changed otherwise.")
 @click.option("--epochs", default=12, show_default=True, help="Passes of the network of single windows.")
 @click.option("--updates", default=4000, show_default=True, help="Updates of the memory.")
 @click.option("--start", type=click.Path(path_type=Path), help="Networks to begin with; by default random.")
@@ -99,6 +100,7 @@ def command(
     *,
     sessions: int,
     count: int,
+    takes: int,
     epochs: int,
     updates: int,
     start: Path | None,
@@ -114,7 +116,7 @@ def command(
 
     work = planned(PLANS, seed)[:sessions]
     if only != "heads":
-        train_reader(folder, work, count=count, epochs=epochs, updates=updates, start=start, seed=seed,
+        train_reader(folder, work, count=count, takes=takes, epochs=epochs, updates=updates, start=start, seed=seed,
                      workers=workers, report=report)  # fmt: skip
         copy2(folder / "network.safetensors", FILE)
     if only != "reader":
@@ -126,6 +128,7 @@ def train_reader(
     work: Sequence[Assignment],
     *,
     count: int,
+    takes: int,
     epochs: int,
     updates: int,
     start: Path | None,
@@ -141,10 +144,10 @@ def train_reader(
     report(f"recorded {len(work)} sessions")
     heard = [one for one in work if share_of(one.build or 0, seed) < READER]
     unheard = [one for one in work if share_of(one.build or 0, seed) >= READER]
-    taught = [Variant(file=sound_file(one, sounds), take=take) for one in heard for take in TRAINED]
+    taught = [Variant(file=sound_file(one, sounds), take=take) for one in heard for take in range(takes)]
     begin, file = load_file(start) if start else {}, folder / "windows.safetensors"
     if not file.exists():
-        make = partial(write_examples, folder=windows, count=count // len(TRAINED), seed=seed)
+        make = partial(write_examples, folder=windows, count=count // takes, seed=seed)
         in_turn("windows", taught, make, workers=workers)
         examples = read_examples([variant.within(windows) for variant in taught])
         report(f"analysed {len(examples.kind)} windows")
@@ -175,7 +178,7 @@ def train_reader(
             if number % REPORTED == 0:
                 report(f"memory, update {number} of {updates}: loss {loss:.3f}")
 
-        weight = group_weights([one.group.name for one in heard for _ in TRAINED], rows)
+        weight = group_weights([one.group.name for one in heard for _ in range(takes)], rows)
         own = begin if "memory_last" in begin else None
         memory = train_memory(rows, weight, updates=updates, seed=seed, report=update, start=own)
     save_file({**arrays, **memory}, folder / "network.safetensors")
