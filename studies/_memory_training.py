@@ -58,12 +58,16 @@ SKIP_SHARE, MAX_SKIP = 0.15, 50
 """Share of stretches with a gap among their windows, and its most hops."""
 FRESH_SHARE, LATE_SHARE = 0.02, 0.2
 """Share of stretches that begin without memory, and of sessions that begin at a random time."""
-NOISE, GAIN_STD = 0.05, 0.15
-"""Deviation of inputs after scaling, and of each microphone's gain in decades of power."""
+NOISE, GAIN_STD = 0.03, 0.15
+"""Deviation of inputs after scaling, save positions, and of each microphone's gain in decades of power."""
 DROPPED = {"density": 0.03, "kinds": 0.02, "measures": 0.03, "gaps": 0.06}
 """Share of stretches without a part of the inputs."""
 LEARNING, DECAY, WARMING, LONGEST_GRADIENT = 2.0e-3, 1.0e-2, 100, 1.0
 KIND_WEIGHT, SLIP_WEIGHT = 0.5, 0.5
+
+
+_NOISE = np.full(INPUTS, NOISE, np.float32)
+_NOISE[[PARTS["measures"].start + COLUMNS.index(name) for name in ("place", "position")]] = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -368,7 +372,7 @@ def train_memory(
 
 def _varied(inputs: Audio, scale: Audio, random: np.random.Generator) -> Audio:
     """Return inputs (lanes, steps, `INPUTS`) with noise, other gains, and without some parts, in place."""
-    inputs += np.float32(NOISE) * random.standard_normal(inputs.shape, np.float32)
+    inputs += _NOISE * random.standard_normal(inputs.shape, np.float32)
     first, bands = PARTS["gaps"].start, gaps_module.BANDS
     for microphone in range(2):
         gain = np.float32(GAIN_STD) * random.standard_normal((len(inputs), 1, 1), np.float32)

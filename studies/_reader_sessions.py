@@ -20,6 +20,7 @@ from monochord.core.units import Samples, Seconds
 from monochord.datasets import FAULTS, Fault
 from monochord.dsp import NOISES, loop
 from monochord.dsp.noise import mixed, noise_loop
+from monochord.lab.deviation import Deviation
 from monochord.lab.plan import Assignment
 from monochord.lab.render import Rendering, render
 from monochord.perception.reader import KINDS, SpectrumAnalyser
@@ -105,6 +106,7 @@ def record(session: Assignment, folder: Path) -> None:
         "build": session.build or 0,
         "mount": session.mount,
         "dead_from": _dead_from(rendering, begin),
+        "fault": _fault(session.deviation),
         "length": string.length,
         "measured": sensor.measured_length or string.length,
         # The design's wire at the string's pitch: what a tuner makes of it.
@@ -124,6 +126,13 @@ def _dead_from(rendering: Rendering, begin: Samples) -> Seconds | None:
     """Return the time after frame `begin` from which a driver is dead; None if both are alive."""
     deaths = [event.time for event in rendering.events if event.kind == "fault"]
     return max(min(deaths) - begin / RATE, 0.0) if deaths else None
+
+
+def _fault(deviation: Deviation) -> str:
+    """Return the kind of the windows of a session with other microphones; empty for none."""
+    if deviation.dead_microphone:
+        return f"microphone {deviation.dead_microphone} dead"
+    return "microphones swapped" if deviation.swapped else ""
 
 
 def save_arrays(file: Path, **arrays: NDArray[Any]) -> None:
@@ -180,8 +189,8 @@ def changed(variant: Variant, seed: int) -> Changed:
     sound, frames = recording.sound, recording.sound.shape[1]
     if not plain and random.random() < NOISY_SHARE:
         sound = _noisy(sound, random)
-    chance, fault, since, wrong = 1.0 if plain else random.random(), "", frames, 0.0
-    if recording.labels["contacts"].max() <= 1.0 and about["dead_from"] is None:
+    chance, fault, since, wrong = 1.0 if plain else random.random(), about["fault"], 0, 0.0
+    if recording.labels["contacts"].max() <= 1.0 and about["dead_from"] is None and not fault:
         if chance < FAULTY_SHARE:
             fault, since = FAULTS[random.integers(len(FAULTS))], int(random.uniform(0.0, 0.9) * frames)
             own = int(random.integers(2**31))

@@ -36,10 +36,7 @@ from monochord.perception.model import bundled_folder
 from monochord.perception.reader import FILE, Network
 from studies import _memory_figures
 
-PLANS = {
-    "studies/plans/builds_2.toml": (),
-    "studies/plans/odd.toml": ("world=plausible",),
-}
+PLANS: Mapping[str, tuple[str, ...]] = {"studies/plans/builds_3.toml": ()}
 """Plans and their overrides."""
 CORRECTIONS = '{force = ["position", "open - rest"]}'
 """What an unknown build and object add to the uncertainty, and what known touches take away again."""
@@ -116,8 +113,18 @@ def command(
 
     work = planned(PLANS, seed)[:sessions]
     if only != "heads":
-        train_reader(folder, work, count=count, takes=takes, epochs=epochs, updates=updates, start=start, seed=seed,
-                     workers=workers, report=report)  # fmt: skip
+        train_reader(
+            folder,
+            work,
+            count=count,
+            takes=takes,
+            epochs=epochs,
+            updates=updates,
+            start=start,
+            seed=seed,
+            workers=workers,
+            report=report,
+        )
         copy2(folder / "network.safetensors", FILE)
     if only != "reader":
         train_heads(folder, work, seed=seed, workers=workers, report=report)

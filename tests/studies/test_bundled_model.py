@@ -13,7 +13,6 @@ from monochord.physics.theory import open_frequency
 
 pytest.importorskip("torch")
 
-from studies import _memory_training
 from studies._memory_figures import figures
 from studies._memory_training import (
     DENSITY,
@@ -32,6 +31,8 @@ from studies._memory_training import (
 from studies._reader_sessions import HOP, RATE, Variant, changed, record, sound_file
 from studies._reader_training import Examples, read_examples, train_network, write_examples
 from studies.bundled_model import HEADS, PLANS, READER, planned, share_of
+
+from studies import _memory_training
 
 ROOT = Path(__file__).parents[2]
 SEED = 0
@@ -185,7 +186,7 @@ def test_inputs_of_the_memory() -> None:
     assert elapsed_input(np.array([0, 1, 2, 50, 500])).tolist() == pytest.approx(
         [0, 0, 1, 5.644, 5.644], abs=1e-3
     )
-    assert HOP / RATE == pytest.approx(0.02)
+    assert pytest.approx(0.02) == HOP / RATE
 
 
 def test_forces_and_peaks_of_outputs() -> None:
