@@ -5,7 +5,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from studies._memory_training import DENSITY, FORCE, SLIP, Rows, outputs_of, peaks, stated_force
+from studies._memory_training import DENSITY, FORCE, SLIP, Rows, outputs_of, peaks, softmax, stated_force
+from studies._reader_sessions import ORDINARY
 
 from monochord.core.types import Audio, Flags, Floats
 
@@ -18,7 +19,7 @@ RANGE = (0.05, 0.15)
 AFTER = 10
 """Windows after a touch before a released string is scored: 0.2 s."""
 SURE = 0.05
-"""Probability of no touch below which a touch is stated."""
+"""Probability of no touch below which a touch is stated, and of an ordinary window below which it is odd."""
 ALL = "all"
 
 
@@ -28,13 +29,12 @@ def figures(arrays: Mapping[str, Audio], sessions: Sequence[Rows], groups: Seque
     `contact` is the share of right contact; of touches within `RANGE`: `answered`, `right` of the answered
     within `NEAR`, `wrong` of all windows answered more than `WRONG` off, `median_mm`; `force_n` the mean
     error; `slip` the area under the curve; `released` the share of windows after a touch that are told
-    untouched with `ANSWERED`, and `false` where a touch is stated.
+    untouched with `ANSWERED`, and `false` where a touch is stated. `fault` is the share of odd windows whose
+    kind is told, and `alarm` that of ordinary ones that are told to be odd.
     """
     told = dict[str, list[dict[str, NDArray[Any]]]]()
     for rows, group, outputs in zip(sessions, groups, outputs_of(arrays, sessions), strict=True):
-        density = outputs[:, :DENSITY] - outputs[:, :DENSITY].max(axis=1, keepdims=True)
-        density = np.exp(density)
-        density /= density.sum(axis=1, keepdims=True)
+        density = softmax(outputs[:, :DENSITY])
         peak, mass = peaks(density)
         scored = {
             "contact": rows.contact,
@@ -46,6 +46,8 @@ def figures(arrays: Mapping[str, Audio], sessions: Sequence[Rows], groups: Seque
             "alone": np.stack((rows.untouched, rows.peak, rows.mass), axis=1),
             "memory": np.stack((density[:, 0], peak, mass), axis=1),
             "stated": np.stack((stated_force(outputs[:, FORCE]), outputs[:, SLIP]), axis=1),
+            "kind": rows.kind,
+            "kinds": softmax(outputs[:, DENSITY:FORCE]),
         }
         for name in (group, ALL):
             told.setdefault(name, []).append(scored)
@@ -91,6 +93,11 @@ def _figures(own: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
         result["memory"]["force_n"] = round(float(np.abs(force - own["force"])[pressed].mean()), 4)
     slipping = known & np.isfinite(own["slip"])
     result["memory"]["slip"] = _area(slip[slipping], own["slip"][slipping])
+    kind, kinds = own["kind"], own["kinds"]
+    odd = kind > ORDINARY
+    right = kinds[np.flatnonzero(odd), kind[odd]] > 0.5
+    result["memory"]["fault"] = _share(right)
+    result["memory"]["alarm"] = _share(kinds[kind == ORDINARY, ORDINARY] < SURE)
     return result
 
 
@@ -112,7 +119,7 @@ def _area(score: Floats, truth: Floats) -> float | None:
 def table(result: Mapping[str, Any]) -> list[str]:
     """Return the figures as lines, a group each."""
     heads = " contact  answered  right  wrong%  med.mm  rel. |"
-    lines = [f"{'group':<24}{'touched':>8} |{2 * heads}  false%  force  slip"]
+    lines = [f"{'group':<24}{'touched':>8} |{2 * heads}  false%  force  slip  fault  alarm%"]
     for group, own in sorted(result.items(), key=lambda item: item[0] != ALL):
         cells = f"{group:<24}{own['touched']:>8} |"
         for name in ("alone", "memory"):
@@ -130,7 +137,8 @@ def table(result: Mapping[str, Any]) -> list[str]:
             )
             cells += " |"
         cells += _cell(own["memory"]["false"], 100, "8.2f") + _cell(own["memory"].get("force_n"), 1, "7.3f")
-        lines.append(cells + _cell(own["memory"]["slip"], 1, "6.3f"))
+        cells += _cell(own["memory"]["slip"], 1, "6.3f") + _cell(own["memory"]["fault"], 100, "7.1f")
+        lines.append(cells + _cell(own["memory"]["alarm"], 100, "8.2f"))
     return lines
 
 

@@ -52,7 +52,7 @@ WIDTH = 0.006
 """Standard deviation of a position's label, over the length."""
 LANES, STEPS = 64, 80
 """Sessions at a time, and windows of each between two updates."""
-STRIDES, STRIDE_SHARES = (1, 2, 3, 5), (0.6, 0.2, 0.1, 0.1)
+STRIDES, STRIDE_SHARES = (1, 2, 3, 5), (0.4, 0.3, 0.2, 0.1)
 """Hops of 20 ms between windows, and how often."""
 SKIP_SHARE, MAX_SKIP = 0.15, 50
 """Share of stretches with a gap among their windows, and its most hops."""
@@ -111,13 +111,17 @@ def memory_inputs(outputs: Floats, measures: Floats, gaps: Floats) -> Floats:
     measures, gaps
         Of the windows, (n, columns) and (n, 3, bands).
     """
-    density = outputs[:, :DENSITY] - outputs[:, :DENSITY].max(axis=1, keepdims=True)
-    density = np.exp(density)
-    density /= density.sum(axis=1, keepdims=True)
+    density = softmax(outputs[:, :DENSITY])
     pairs = density[:, 1:-1].reshape(len(density), -1, 2).sum(axis=2)
     folded = np.log(np.concatenate((density[:, :1], pairs, density[:, -1:]), axis=1) + LEAST)
     kinds = outputs[:, DENSITY:] - outputs[:, DENSITY:].max(axis=1, keepdims=True)
     return np.concatenate((folded, kinds, measures, gaps.reshape(len(gaps), -1)), axis=1)
+
+
+def softmax(logits: NDArray[Any]) -> NDArray[Any]:
+    """Return probabilities (n, k) from their logits."""
+    shares = np.exp(logits - logits.max(axis=1, keepdims=True))
+    return shares / shares.sum(axis=1, keepdims=True)
 
 
 def scaled_inputs(inputs: NDArray[Any], mean: Audio, scale: Audio) -> Audio:
@@ -165,8 +169,7 @@ def write_rows(variant: Variant, *, network: Network, folder: Path, seed: int) -
         outputs[k] = logits(spectrum_cells(analyser, spectrum), network)
         measures[k] = measure(outputs[k, :DENSITY], POSITIONS, *spectrum, pitch)
         gaps[k] = gaps_module.measure_gaps(spectrum.transform, spectrum.power, analyser.bin_spacing)
-    density = np.exp(outputs[:, :DENSITY] - outputs[:, :DENSITY].max(axis=1, keepdims=True))
-    density /= density.sum(axis=1, keepdims=True)
+    density = softmax(outputs[:, :DENSITY])
     peak, mass = peaks(density)
     truth = session.truth
     save_arrays(
