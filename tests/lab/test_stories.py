@@ -3,18 +3,21 @@
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.lab.tiny import quiet, session
+from tests.lab.tiny import LATE, quiet, session
 
 from monochord.core.errors import InputError
 from monochord.core.types import Floats
-from monochord.lab.offline import describe
+from monochord.lab.offline import delays, describe, make
 from monochord.lab.plan import Assignment, Group
 from monochord.lab.render import Rendering, render
 from monochord.lab.schedule import Schedule, schedule
 from monochord.physics.theory import open_frequency
+from monochord.sessions import read_session
+from monochord.sessions.alignment import align
 
 HELD = Group(name="held", grid=(3, 1), forces=(0.5, 1.5), hold=(0.3, 0.8))
 STORIES = (
@@ -262,6 +265,20 @@ def test_strings_are_tuned_anywhere_in_their_range_and_say_so() -> None:
         assert changes[-1] == pytest.approx(float(describe(detuned).more["tuning"]), abs=1e-9)
         assert describe(detuned).string == describe(tuned).string  # what the design says
     assert -0.25 <= min(changes) < -0.1 < 0.1 < max(changes) <= 0.25
+
+
+@pytest.mark.parametrize("name", ["in_turn", "dies", "on_touched"])
+def test_a_story_is_a_session_that_aligns_and_has_its_labels(name: str, tmp_path: Path) -> None:
+    one = of(name, delays=LATE)
+    recorded = read_session(make(one, tmp_path).path)
+    assert align(recorded).flags == ()
+    timing, sound = performed(name)
+    for label in ("contact", "contacts"):
+        np.testing.assert_array_equal(recorded.labels.columns[label], sound.labels[label])
+    late = delays(one)["wrench"]
+    faults = [(event.time - late, event.data) for event in recorded.events if event.kind == "fault"]
+    deaths = [] if timing.death is None else [(pytest.approx(timing.death[0]), {"driver": timing.death[1]})]
+    assert faults == deaths
 
 
 @pytest.mark.parametrize(
