@@ -5,7 +5,16 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from studies._memory_training import DENSITY, FORCE, SLIP, Rows, outputs_of, peaks, softmax, stated_force
+from studies._memory_training import (
+    DENSITY,
+    FORCE,
+    SLIP,
+    Rows,
+    outputs_of,
+    peaks,
+    probabilities,
+    stated_force,
+)
 from studies._reader_sessions import ORDINARY
 
 from monochord.core.types import Audio, Flags, Floats
@@ -34,7 +43,7 @@ def figures(arrays: Mapping[str, Audio], sessions: Sequence[Rows], groups: Seque
     """
     told = dict[str, list[dict[str, NDArray[Any]]]]()
     for rows, group, outputs in zip(sessions, groups, outputs_of(arrays, sessions), strict=True):
-        density = softmax(outputs[:, :DENSITY])
+        density = probabilities(outputs[:, :DENSITY])
         peak, mass = peaks(density)
         scored = {
             "contact": rows.contact,
@@ -47,7 +56,7 @@ def figures(arrays: Mapping[str, Audio], sessions: Sequence[Rows], groups: Seque
             "memory": np.stack((density[:, 0], peak, mass), axis=1),
             "stated": np.stack((stated_force(outputs[:, FORCE]), outputs[:, SLIP]), axis=1),
             "kind": rows.kind,
-            "kinds": softmax(outputs[:, DENSITY:FORCE]),
+            "kinds": probabilities(outputs[:, DENSITY:FORCE]),
         }
         for name in (group, ALL):
             told.setdefault(name, []).append(scored)

@@ -15,10 +15,17 @@ from numpy.typing import NDArray
 from studies._reader_sessions import HOP, MASKED, ORDINARY, RATE, Variant, changed, save_arrays
 
 from monochord.core.types import Audio, Floats, Indices
-from monochord.perception.reader import KINDS, POSITIONS, Network, spectrum_cells
-from monochord.perception.reader import gaps as gaps_module
-from monochord.perception.reader.measures import COLUMNS, measure
-from monochord.perception.reader.network import logits
+from monochord.perception.reader import (
+    BANDS,
+    COLUMNS,
+    KINDS,
+    POSITIONS,
+    Network,
+    logits,
+    measure,
+    measure_gaps,
+    spectrum_cells,
+)
 from monochord.perception.training import torch_library
 
 Half: TypeAlias = NDArray[np.float16]
@@ -35,7 +42,7 @@ PARTS = {
     "gaps": slice(FOLDED + len(KINDS) + len(COLUMNS), None),
 }
 """Where a window's inputs come from."""
-INPUTS = FOLDED + len(KINDS) + len(COLUMNS) + 3 * gaps_module.BANDS
+INPUTS = FOLDED + len(KINDS) + len(COLUMNS) + 3 * BANDS
 OUTPUTS = DENSITY + len(KINDS) + 3
 """Density, kinds, force, log spread of the force, and logit of slip."""
 FORCE, SPREAD, SLIP = range(OUTPUTS - 3, OUTPUTS)
@@ -111,16 +118,16 @@ def memory_inputs(outputs: Floats, measures: Floats, gaps: Floats) -> Floats:
     measures, gaps
         Of the windows, (n, columns) and (n, 3, bands).
     """
-    density = softmax(outputs[:, :DENSITY])
+    density = probabilities(outputs[:, :DENSITY])
     pairs = density[:, 1:-1].reshape(len(density), -1, 2).sum(axis=2)
     folded = np.log(np.concatenate((density[:, :1], pairs, density[:, -1:]), axis=1) + LEAST)
     kinds = outputs[:, DENSITY:] - outputs[:, DENSITY:].max(axis=1, keepdims=True)
     return np.concatenate((folded, kinds, measures, gaps.reshape(len(gaps), -1)), axis=1)
 
 
-def softmax(logits: NDArray[Any]) -> NDArray[Any]:
+def probabilities(outputs: NDArray[Any]) -> NDArray[Any]:
     """Return probabilities (n, k) from their logits."""
-    shares = np.exp(logits - logits.max(axis=1, keepdims=True))
+    shares = np.exp(outputs - outputs.max(axis=1, keepdims=True))
     return shares / shares.sum(axis=1, keepdims=True)
 
 
@@ -162,14 +169,14 @@ def write_rows(variant: Variant, *, network: Network, folder: Path, seed: int) -
     session = changed(variant, seed)
     analyser, count = session.analyser(), session.recording.windows
     outputs = np.empty((count, DENSITY + len(KINDS)))
-    measures, gaps = np.empty((count, len(COLUMNS))), np.empty((count, 3, gaps_module.BANDS))
+    measures, gaps = np.empty((count, len(COLUMNS))), np.empty((count, 3, BANDS))
     pitch = analyser.bin_spacing, analyser.nominal, analyser.bending
     for k in range(count):
         spectrum = analyser.analyse(session.window(k))
         outputs[k] = logits(spectrum_cells(analyser, spectrum), network)
         measures[k] = measure(outputs[k, :DENSITY], POSITIONS, *spectrum, pitch)
-        gaps[k] = gaps_module.measure_gaps(spectrum.transform, spectrum.power, analyser.bin_spacing)
-    density = softmax(outputs[:, :DENSITY])
+        gaps[k] = measure_gaps(spectrum.transform, spectrum.power, analyser.bin_spacing)
+    density = probabilities(outputs[:, :DENSITY])
     peak, mass = peaks(density)
     truth = session.truth
     save_arrays(
@@ -268,7 +275,7 @@ def run_memory(arrays: Mapping[str, Audio], inputs: Audio, elapsed: Audio) -> Au
         first = np.maximum(window @ arrays["enter_1"] + arrays["enter_bias_1"], 0.0)
         return np.maximum(first @ arrays["enter_2"] + arrays["enter_bias_2"], 0.0)
 
-    def sigmoid(values: NDArray[Any]) -> NDArray[Any]:
+    def open_share(values: NDArray[Any]) -> NDArray[Any]:
         return 1.0 / (1.0 + np.exp(-values))
 
     for window, since in zip(inputs, elapsed, strict=True):
@@ -276,8 +283,8 @@ def run_memory(arrays: Mapping[str, Audio], inputs: Audio, elapsed: Audio) -> Au
         gates = np.append(own, since) @ arrays["gates_input"] + arrays["gates_input_bias"]
         before = state @ arrays["gates_hidden"] + arrays["gates_hidden_bias"]
         (reset, update, new), (old_reset, old_update, old) = np.split(gates, 3), np.split(before, 3)
-        update = sigmoid(update + old_update)
-        new = np.tanh(new + sigmoid(reset + old_reset) * old)
+        update = open_share(update + old_update)
+        new = np.tanh(new + open_share(reset + old_reset) * old)
         state = ((1.0 - update) * new + update * state).astype(np.float32)
         summary = np.maximum(np.concatenate((own, state)) @ arrays["summary"] + arrays["summary_bias"], 0.0)
         outputs.append(summary @ arrays["memory_last"] + arrays["memory_last_bias"])
@@ -376,7 +383,7 @@ def train_memory(
 def _varied(inputs: Audio, scale: Audio, random: np.random.Generator) -> Audio:
     """Return inputs (lanes, steps, `INPUTS`) with noise, other gains, and without some parts, in place."""
     inputs += _NOISE * random.standard_normal(inputs.shape, np.float32)
-    first, bands = PARTS["gaps"].start, gaps_module.BANDS
+    first, bands = PARTS["gaps"].start, BANDS
     for microphone in range(2):
         gain = np.float32(GAIN_STD) * random.standard_normal((len(inputs), 1, 1), np.float32)
         named = [k for k, name in enumerate(COLUMNS) if name.startswith(f"mic {microphone + 1} ")]

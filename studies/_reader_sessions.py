@@ -14,17 +14,13 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
-from monochord.core.files import written
 from monochord.core.types import Audio, Flags, Indices, Signal, StringParams
 from monochord.core.units import Samples, Seconds
 from monochord.datasets import FAULTS, Fault
-from monochord.dsp import NOISES, loop
-from monochord.dsp.noise import mixed, noise_loop
-from monochord.lab.deviation import Deviation
-from monochord.lab.plan import Assignment
-from monochord.lab.render import Rendering, render
+from monochord.dsp import NOISES, loop, mixed, noise_loop
+from monochord.lab import Assignment, Deviation, Rendering, render
 from monochord.perception.reader import KINDS, SpectrumAnalyser
-from monochord.perception.tuning.sessions import HIGHEST, LOWEST, force_scale
+from monochord.perception.tuning import HIGHEST, LOWEST, force_scale
 from monochord.physics.sensors import load_sensor, with_length
 from monochord.physics.theory import open_frequency
 
@@ -138,7 +134,7 @@ def _fault(deviation: Deviation) -> str:
 def save_arrays(file: Path, **arrays: NDArray[Any]) -> None:
     """Write arrays to an npz file, which is whole as soon as it is there."""
     part = file.with_suffix(".part")
-    with written(file), part.open("wb") as stream:
+    with part.open("wb") as stream:
         np.savez(stream, allow_pickle=False, **arrays)
     part.replace(file)
 
@@ -194,8 +190,8 @@ def changed(variant: Variant, seed: int) -> Changed:
         if chance < FAULTY_SHARE:
             fault, since = FAULTS[random.integers(len(FAULTS))], int(random.uniform(0.0, 0.9) * frames)
             own = int(random.integers(2**31))
-            spoilt = Fault(kind=fault)(sound[np.newaxis, :, since:], [own], seed=seed, sample_rate=RATE)
-            sound = np.concatenate((sound[:, :since], spoilt[0]), axis=1)
+            faulty = Fault(kind=fault)(sound[np.newaxis, :, since:], [own], seed=seed, sample_rate=RATE)
+            sound = np.concatenate((sound[:, :since], faulty[0]), axis=1)
         elif chance < FAULTY_SHARE + DETUNED_SHARE:
             wrong = float(random.choice((-1.0, 1.0)) * random.uniform(*DETUNED_RANGE))
     length, true_length = about["measured"], about["length"]

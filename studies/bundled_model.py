@@ -27,11 +27,8 @@ from studies._reader_training import read_examples, train_network, write_example
 
 import monochord as mc
 from monochord.core.types import Audio, Floats
-from monochord.core.workers import run_all
 from monochord.datasets import Split, open_dataset
-from monochord.lab import assignments, load_plan
-from monochord.lab.collection import collect
-from monochord.lab.plan import Assignment
+from monochord.lab import Assignment, assignments, collect, load_plan, run_all
 from monochord.perception.model import bundled_folder
 from monochord.perception.reader import FILE, Network
 from studies import _memory_figures
