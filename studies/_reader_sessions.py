@@ -20,7 +20,7 @@ from monochord.datasets import FAULTS, Fault
 from monochord.dsp import NOISES, loop, mixed, noise_loop
 from monochord.lab import Assignment, Deviation, Rendering, render
 from monochord.perception.reader import KINDS, SpectrumAnalyser
-from monochord.perception.tuning import HIGHEST, LOWEST, force_scale
+from monochord.perception.tuning import HIGHEST, LOWEST, force_scale, tension_estimator
 from monochord.physics.sensors import load_sensor, with_length
 from monochord.physics.theory import open_frequency
 
@@ -105,8 +105,7 @@ def record(session: Assignment, folder: Path) -> None:
         "fault": _fault(session.deviation),
         "length": string.length,
         "measured": sensor.measured_length or string.length,
-        # The design's wire at the string's pitch: what a tuner makes of it.
-        "tension": (string.tension + sensor.drift) * design.string.linear_density / string.linear_density,
+        "tension": (string.tension + sensor.drift) * _at_design(string, design.string),
     }
     labels = {name: values[first:].astype(np.float32) for name, values in rendering.labels.items()}
     save_arrays(
@@ -116,6 +115,12 @@ def record(session: Assignment, folder: Path) -> None:
         about=np.array(json.dumps(about)),
         **{f"label_{name}": values for name, values in labels.items()},
     )
+
+
+def _at_design(string: StringParams, design: StringParams) -> float:
+    """Return the tension that gives the design's wire and length the same pitch, over the string's."""
+    shorter = design.length / string.length
+    return shorter**2 * design.linear_density / string.linear_density
 
 
 def _dead_from(rendering: Rendering, begin: Samples) -> Seconds | None:
@@ -194,8 +199,10 @@ def changed(variant: Variant, seed: int) -> Changed:
             sound = np.concatenate((sound[:, :since], faulty[0]), axis=1)
         elif chance < FAULTY_SHARE + DETUNED_SHARE:
             wrong = float(random.choice((-1.0, 1.0)) * random.uniform(*DETUNED_RANGE))
-    length, true_length = about["measured"], about["length"]
-    tuned = replace(design, length=length, tension=about["tension"] * (length / true_length) ** 2)
+    # What a tuner measures: other than the string's own pitch where magnets and drivers pull at it.
+    tension = tension_estimator(None)(recording.sound, RATE, design, None) or about["tension"]
+    length = about["measured"]
+    tuned = replace(design, length=length, tension=tension * (length / design.length) ** 2)
     off = open_frequency(tuned) / open_frequency(design) - 1.0
     followed = with_length(design, length) if LOWEST <= off <= HIGHEST else tuned
     read, chance = followed, 0.0 if plain else random.random()
