@@ -160,10 +160,11 @@ def test_the_memory_learns_what_no_window_shows_and_its_arrays_say_the_same(
     monkeypatch.setattr(_memory_training, "LANES", 16)
     monkeypatch.setattr(_memory_training, "STEPS", 40)
     monkeypatch.setattr(_memory_training, "LEARNING", 1.0e-2)
+    monkeypatch.setattr(_memory_training, "WARMING", 20)
     random = np.random.default_rng(1)
     stories = [_story(random, 200) for _ in range(80)]
     arrays = train_memory(
-        Rows.joined(stories[:-10]), np.ones(70), updates=350, seed=0, report=lambda _number, _loss: None
+        Rows.joined(stories[:-10]), np.ones(70), updates=600, seed=0, report=lambda _number, _loss: None
     )
     outputs = [*outputs_of(arrays, stories[-10:])]
     assert outputs[0].shape == (200, OUTPUTS)
