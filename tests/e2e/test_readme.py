@@ -23,7 +23,7 @@ from tests.e2e.workshop import riff
 
 ROOT = Path(__file__).parents[2]
 README, TUTORIAL = ROOT / "README.md", ROOT / "docs" / "tutorial" / "first-sound.md"
-SETS_UP = ("make ", "sudo ", "pip install .")
+SETS_UP = ("make ", "sudo ", "pip install .", "pip install '.[")
 """Commands that set the machine up: what `newcomer` makes has that behind it."""
 LEFT_OUT = ("monochord demo", "monochord bench", "python -m studies.")
 """Mentioned within a sentence: `make demo` has shown the first, and the others need recordings."""
