@@ -98,8 +98,8 @@ class Manifest:
     labels, `counts` the number of windows of each kind, `refused` the sessions left out and why. `rules` and
     the text `labelling` define the label of a window; `versions` are those of the programs used.
 
-    `parts` and `files` of a dataset on disk are packed, and each is unpacked as it is read: objects of them
-    all take five times the memory.
+    `parts` and `files` of a dataset on disk are packed; an entry is unpacked when it is read. Unpacked, they
+    would take five times the memory.
     """
 
     format: int = FORMAT

@@ -103,7 +103,7 @@ def locate(
     settings
         Overrides of settings, such as ``"estimator.reach=0.7"``.
     each
-        Function that is called with each window's `Place` as soon as it is known.
+        Function that is called with the `Place` of each window in turn.
     options
         Options of the source, such as ``sample_rate=44100`` or ``allow_truncated=True``.
 

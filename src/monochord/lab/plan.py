@@ -250,7 +250,7 @@ def ends(value: float | Pair[float]) -> Pair[float]:
 
 
 def drawn(value: float | Pair[float], random: np.random.Generator) -> float:
-    """Return a number as it is, or one of a range above 0, evenly in its logarithm.
+    """Return a number unchanged, or draw one from a range above 0, log-uniformly.
 
     Examples
     --------

@@ -146,7 +146,7 @@ class Description(Checked):
 
     @property
     def identity(self) -> SensorIdentity:
-        """Which sensor was recorded, as far as it is known."""
+        """The recorded sensor; fields that the session does not state are empty."""
         name, length = self.sensor.get("name"), None
         with suppress(InputError):
             length = json_object(self.more.get(TUNING, "{}")).get("length")
