@@ -1,15 +1,15 @@
 """Training of the reader's network in torch, and its export to the package's format."""
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, fields, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+from studies._reader_sessions import DRIVER_DEAD, ORDINARY, Variant, changed, save_arrays
 
-from monochord.core.types import Floats, Indices, Signal, StringParams
-from monochord.datasets import FAULTS, Augmentation, Dataset, Fault
-from monochord.dsp import NOISES
+from monochord.core.types import Floats, Indices
 from monochord.perception.reader import (
     CELLS,
     CHANNELS,
@@ -18,24 +18,14 @@ from monochord.perception.reader import (
     POSITIONS,
     STRIDES,
     Network,
-    SpectrumAnalyser,
     spectrum_cells,
 )
 from monochord.perception.training import torch_library
 
 Cells: TypeAlias = NDArray[np.uint8]
 
-GROUPS = {"two_touches": "two touches", "driver_": "driver dead", "foam": "very soft"}
-"""Kinds of the touched windows of plan groups, by the beginning of the group's name."""
-ORDINARY, DETUNED = KINDS.index("ordinary"), KINDS.index("detuned")
-PLACED = tuple(KINDS.index(kind) for kind in ("ordinary", "driver dead", "very soft"))
+PLACED = (ORDINARY, DRIVER_DEAD)
 """Kinds with one position that can be told."""
-FAULTY_SHARE, DETUNED_SHARE, NOISY_SHARE, RATIOS = 0.12, 0.04, 0.4, (5.0, 30.0)
-"""Shares of the ordinary windows that get a simulated fault, are read at a wrong pitch, or get noise; and the
-noise's signal-to-noise ratios in dB."""
-PITCH_STD, UNTUNED_SHARE, UNTUNED, DETUNED_RANGE = 0.0015, 0.15, (-0.008, 0.015), (0.025, 0.1)
-"""Error of the pitch that cells are relative to: deviation, share of windows with a larger one, its range,
-and the range of a wrong pitch."""
 QUIETEST = 1.0e-3
 """Rms in full scale below which a window is silent."""
 WIDTH = 0.006
@@ -64,77 +54,60 @@ class Examples:
         return cls(**{own.name: np.concatenate([getattr(p, own.name) for p in parts]) for own in fields(cls)})
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Job:
-    """Windows `rows` (n,) of a session of a dataset; `string` is the session's, with its length and pitch."""
-
-    dataset: str
-    session: int
-    rows: Indices
-    string: StringParams
-
-
-def examples_of(job: Job, datasets: Mapping[str, Dataset], seed: int) -> Examples:
-    """Return the examples of one session's windows."""
-    dataset = datasets[job.dataset]
-    part, rate = dataset.manifest.parts[job.session], dataset.manifest.sample_rate
-    random = np.random.default_rng((seed, *part.name.encode()))
-    noise = Augmentation(kinds=tuple(NOISES), share=NOISY_SHARE, ratios=RATIOS)
-    group = next((kind for name, kind in GROUPS.items() if part.name.startswith(name)), KINDS[ORDINARY])
-    touched = dataset.label("contact")[job.rows] == 1.0
-    position = np.where(touched, dataset.label("position")[job.rows] / job.string.length, np.nan)
-    windows = noise(dataset.batch(job.rows), job.rows, seed=seed, sample_rate=rate)
-    cells, kinds = np.empty((len(job.rows), CHANNELS, CELLS), np.uint8), np.zeros(len(job.rows), np.int64)
-    signal = Signal(sample_rate=rate, channels=2, string=job.string)
-    for k, row in enumerate(job.rows.tolist()):
-        kind, window, error = KINDS.index(group), windows[k : k + 1], random.normal(0.0, PITCH_STD)
-        if random.random() < UNTUNED_SHARE:
-            error = random.uniform(*UNTUNED)
-        # Without a touch neither a soft object nor a silent driver can be told.
-        kind = kind if touched[k] else ORDINARY
-        if kind == ORDINARY and group == KINDS[ORDINARY]:
-            chance = random.random()
-            if chance < FAULTY_SHARE:
-                fault = FAULTS[random.integers(len(FAULTS))]
-                window, kind = (
-                    Fault(kind=fault)(window, [row], seed=seed, sample_rate=rate),
-                    KINDS.index(fault),
-                )
-            elif touched[k] and chance < FAULTY_SHARE + DETUNED_SHARE:
-                kind, error = DETUNED, float(random.choice((-1.0, 1.0)) * random.uniform(*DETUNED_RANGE))
-        own = replace(job.string, tension=job.string.tension * (1.0 + error) ** 2)
-        analyser = SpectrumAnalyser.of(replace(signal, string=own), window.shape[2])
-        cells[k] = np.round(255.0 * spectrum_cells(analyser, analyser.analyse(window[0])))
-        kinds[k] = kind
-    return Examples(cells=cells, position=position, kind=kinds)
+def read_examples(files: Sequence[Path]) -> Examples:
+    """Return the examples of all files."""
+    parts = list[Examples]()
+    for file in files:
+        with np.load(file) as arrays:
+            parts.append(Examples(**arrays))
+    return Examples.joined(parts)
 
 
-def jobs_of(
-    name: str, dataset: Dataset, strings: Mapping[str, StringParams], count: int, seed: int
-) -> Iterator[Job]:
-    """Yield a job for each session with a string: `count` touched windows, and a third as many untouched."""
-    contact, random = dataset.label("contact"), np.random.default_rng(seed)
-    ready = dataset.usable & ~dataset.clipped
-    for number, part in enumerate(dataset.manifest.parts):
-        if part.name not in strings:
-            continue
-        own = slice(part.first, part.first + part.windows)
-        chosen = list[Indices]()
-        for value, most in ((1.0, count), (0.0, count // 3)):
-            rows = part.first + np.flatnonzero(ready[own] & (contact[own] == value))
-            chosen.append(random.choice(rows, min(most, len(rows)), replace=False))
-        rows = np.sort(np.concatenate(chosen))
-        level = np.sqrt(np.mean(np.square(dataset.batch(rows), dtype=np.float32), axis=(1, 2)))
-        yield Job(dataset=name, session=number, rows=rows[level > QUIETEST], string=strings[part.name])
+def write_examples(variant: Variant, *, folder: Path, count: int, seed: int) -> None:
+    """Write examples of a session into a folder, unless they are there.
+
+    They are of `count` random touched windows, and of a third as many untouched ones.
+    """
+    target = variant.within(folder)
+    if target.exists():
+        return
+    session = changed(variant, seed)
+    truth, random = session.truth, np.random.default_rng((seed, *target.stem.encode()))
+    usable = truth.placed | ((truth.kind >= 0) & ~np.isin(truth.kind, PLACED))
+    chosen = list[Indices]()
+    for contact, most in ((1.0, count), (0.0, count // 3)):
+        rows = np.flatnonzero((truth.contact == contact) & usable)
+        chosen.append(random.choice(rows, min(most, len(rows)), replace=False))
+    rows = np.sort(np.concatenate(chosen))
+    loud = [np.sqrt(np.mean(np.square(session.window(row)))) > QUIETEST for row in rows.tolist()]
+    rows = rows[np.array(loud, bool)]
+    analyser = session.analyser()
+    cells = np.empty((len(rows), CHANNELS, CELLS), np.uint8)
+    for k, row in enumerate(rows.tolist()):
+        cells[k] = np.round(255.0 * spectrum_cells(analyser, analyser.analyse(session.window(row))))
+    # Without a touch a silent driver cannot be told.
+    kind = np.where(truth.kind[rows] < 0, ORDINARY, truth.kind[rows])
+    position = np.where(truth.contact[rows] == 1.0, truth.place[rows], np.nan)
+    save_arrays(target, cells=cells, position=position.astype(np.float64), kind=kind)
 
 
 def train_network(
-    examples: Examples, *, epochs: int, seed: int, report: Callable[[int, float], None]
+    examples: Examples,
+    *,
+    epochs: int,
+    seed: int,
+    report: Callable[[int, float], None],
+    start: Network | None = None,
 ) -> Network:
-    """Return the reader's network, trained on examples; `report` is called with each epoch and its loss."""
+    """Return the reader's network, trained on examples; `report` is called with each epoch and its loss.
+
+    It begins with random weights, or with those of `start`.
+    """
     torch: Any = torch_library()
     torch.manual_seed(seed)
     module = _module(torch)
+    if start is not None:
+        _load(torch, module, start)
     cells, kind = torch.from_numpy(examples.cells), torch.from_numpy(examples.kind)
     position = torch.tensor(examples.position, dtype=torch.float32)
     is_placed = torch.tensor(np.isin(examples.kind, PLACED))
@@ -176,7 +149,8 @@ def _module(torch: Any) -> Any:
             layers, before = list[Any](), CHANNELS + 1
             for outputs, taps, stride, dilation in zip(CHANNELS_OUT, TAPS, STRIDES, DILATIONS, strict=True):
                 pad = taps // 2 * int(dilation)
-                layers += [nn.Conv1d(before, outputs, taps, int(stride), pad, int(dilation)), nn.ReLU()]
+                form = (1, taps), (1, int(stride)), (0, pad), (1, int(dilation))
+                layers += [nn.Conv2d(before, outputs, *form), nn.ReLU()]
                 before = outputs
             cells = -(-CELLS // int(np.prod(STRIDES)))
             layers += [nn.Flatten(), nn.Linear(before * cells, HIDDEN), nn.ReLU(), nn.Dropout(DROPPED)]
@@ -184,10 +158,27 @@ def _module(torch: Any) -> Any:
 
         def forward(self, cells: Any, swapped: Any) -> tuple[Any, Any]:
             flag = swapped.float()[:, None, None].expand(-1, 1, cells.shape[2])
-            outputs = self.layers(torch.cat((cells, flag), 1))
+            inputs = torch.cat((cells, flag), 1)[:, :, None]
+            outputs = self.layers(inputs.contiguous(memory_format=torch.channels_last))
             return outputs[:, : 1 + len(POSITIONS)], outputs[:, 1 + len(POSITIONS) :]
 
-    return Module()
+    # Convolutions over a row of cells with their channels beside each other: half the time of Conv1d.
+    return Module().to(memory_format=torch.channels_last)
+
+
+def _load(torch: Any, module: Any, network: Network) -> None:
+    """Give a module the weights of a network; it sees no difference yet where the input is swapped."""
+    arrays = iter(network)
+    for layer in module.layers:
+        if not hasattr(layer, "weight"):
+            continue
+        matrix, shape = torch.from_numpy(next(arrays).T.copy()), layer.weight.shape
+        with torch.no_grad():
+            layer.weight.zero_()
+            if len(shape) == 4:
+                matrix = matrix.reshape(shape[0], shape[3], -1).transpose(1, 2)[:, :, None]
+            layer.weight[:, : matrix.shape[1]] = matrix
+            layer.bias.copy_(torch.from_numpy(next(arrays).copy()))
 
 
 def _expected(torch: Any, position: Any) -> Any:
@@ -220,8 +211,9 @@ def _exported(module: Any) -> Network:
         if not hasattr(layer, "weight"):
             continue
         matrix = layer.weight.detach().numpy()
-        if matrix.ndim == 3:
-            matrix = matrix[:, : CHANNELS if not arrays else None].transpose(2, 1, 0).reshape(-1, len(matrix))
+        if matrix.ndim == 4:
+            matrix = matrix[:, : CHANNELS if not arrays else None, 0].transpose(2, 1, 0)
+            matrix = matrix.reshape(-1, len(layer.bias))
         else:
             matrix = matrix.T
         arrays += [np.ascontiguousarray(matrix), layer.bias.detach().numpy().copy()]

@@ -18,10 +18,8 @@ def test_exactly_one_head_tells_whether_something_touches() -> None:
 
 
 @each_task
-def test_what_tells_of_touching_needs_no_touch_and_no_reference(task: Task) -> None:
+def test_what_tells_of_touching_needs_no_touch(task: Task) -> None:
     assert (task.label == CONTACT) == (not task.touched)
-    if task.label == CONTACT:
-        assert not task.context
 
 
 @each_task

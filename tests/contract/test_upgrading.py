@@ -125,7 +125,7 @@ def test_a_script_of_0_1_runs_with_warnings() -> None:
 import monochord as mc
 from monochord.core.errors import InputError
 from monochord.live.sinks.base import Moment
-from monochord.perception.model import load, save
+from monochord.perception.model import load
 from monochord.physics.sensors import load_sensor
 
 for prediction in mc.listen("touches.mcap", model="closed_form", seconds=1.3):

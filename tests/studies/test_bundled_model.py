@@ -1,4 +1,4 @@
-"""The bundled model from nothing: which builds teach what, and the export of the reader's network."""
+"""The bundled model from nothing: which builds teach what, what is true of windows, and both networks."""
 
 from pathlib import Path
 
@@ -8,23 +8,101 @@ import pytest
 from monochord.lab import assignments, load_plan
 from monochord.perception.reader import CELLS, CHANNELS, KINDS, POSITIONS
 from monochord.perception.reader.network import logits
+from monochord.physics.sensors import load_sensor
+from monochord.physics.theory import open_frequency
 
 pytest.importorskip("torch")
 
-from studies._reader_training import Examples, train_network
-from studies.bundled_model import HEADS, PLANS, READER, share_of
+from studies._memory_figures import figures
+from studies._memory_training import (
+    DENSITY,
+    INPUTS,
+    OUTPUTS,
+    Rows,
+    elapsed_input,
+    memory_inputs,
+    outputs_of,
+    peaks,
+    run_memory,
+    scaled_inputs,
+    stated_force,
+    train_memory,
+)
+from studies._reader_sessions import HOP, RATE, Variant, changed, record, sound_file
+from studies._reader_training import Examples, read_examples, train_network, write_examples
+from studies.bundled_model import HEADS, PLANS, READER, planned, share_of
+
+from studies import _memory_training
 
 ROOT = Path(__file__).parents[2]
+SEED = 0
 
 
-def test_a_build_teaches_the_reader_or_the_heads_in_all_plans() -> None:
-    share = np.array([share_of(build, 0) for build in range(6001, 6301)])
+def test_a_build_teaches_the_reader_or_the_heads_in_all_plans(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
+    share = np.array([share_of(build, SEED) for build in range(6001, 6301)])
     assert np.mean(share < READER) == pytest.approx(READER, abs=0.06)
     assert np.mean(share >= HEADS) == pytest.approx(1.0 - HEADS, abs=0.06)
-    plans = [load_plan(str(ROOT / file), list(sets)) for own in PLANS.values() for file, sets in own.items()]
     sealed = load_plan(str(ROOT / "studies/plans/sealed_8.toml"))
-    trained = {one.build for plan in plans for one in assignments(plan, 0)}
+    trained = {one.build for one in planned(PLANS, SEED)}
     assert not trained & {one.build for one in assignments(sealed, 0)}
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the recorded sound of a short session of touches."""
+    folder = tmp_path_factory.mktemp("sounds")
+    settings = ['groups=[{name="hold", grid=[3, 2], hold=0.4, builds=[3], days=[4]}]', 'world="plausible"']
+    (one,) = assignments(load_plan("small", settings), SEED)
+    record(one, folder)
+    return sound_file(one, folder)
+
+
+def test_the_truth_of_windows_is_that_of_the_session(session: Path) -> None:
+    own = changed(Variant(file=session, take=None), SEED)
+    truth, design = own.truth, load_sensor("prototype")
+    touched, untouched = truth.contact == 1.0, truth.contact == 0.0
+    begins = np.flatnonzero(np.diff(touched.astype(int)) == 1)
+    assert len(begins) == 6
+    assert untouched[0]
+    assert untouched[-1]
+    place = design.string.length * truth.place[touched]
+    assert design.range[0] - 0.003 < place.min() < place.max() < design.range[1] + 0.003
+    assert 0.0 < np.nanmax(truth.force) < 2.5
+    assert np.isnan(truth.force[untouched]).all()
+    assert (truth.kind[touched | untouched] == KINDS.index("ordinary")).all()
+    assert (truth.placed == (touched | untouched)).all()
+    # The string is read at its own pitch: its strongest partials are the untouched string's.
+    spectrum = own.analyser().analyse(own.window(3))
+    number = spectrum.frequency[:, 0] / open_frequency(own.string)
+    assert number == pytest.approx(np.round(number), abs=0.03 * number.max())
+
+
+def test_changes_last_and_are_told(session: Path) -> None:
+    plain = changed(Variant(file=session, take=None), SEED)
+    kinds = set[str]()
+    for take in range(40):
+        own = changed(Variant(file=session, take=take), SEED)
+        told = {KINDS[kind] for kind in own.truth.kind if kind >= 0} - {"ordinary"}
+        kinds |= told
+        if told:
+            first = np.flatnonzero(own.truth.kind > 0)[0]
+            assert (own.truth.kind[first:] == own.truth.kind[first]).all()
+            assert not own.truth.placed[first:].any()
+        if told == {"microphones swapped"}:
+            same = HOP * (np.flatnonzero(own.truth.kind > 0)[-1] - 1)
+            error = own.sound[::-1, same:] - plain.sound[:, same:]
+            assert np.abs(error).max() < 0.5 * np.abs(plain.sound).max()
+    assert len(kinds) >= 3
+
+
+def test_examples_are_windows_of_the_session(session: Path, tmp_path: Path) -> None:
+    variant = Variant(file=session, take=None)
+    write_examples(variant, folder=tmp_path, count=30, seed=SEED)
+    examples = read_examples([variant.within(tmp_path)])
+    assert np.isfinite(examples.position).sum() == 30
+    assert np.isnan(examples.position).sum() == 10
+    assert examples.cells.shape == (40, CHANNELS, CELLS)
 
 
 def test_the_network_learns_and_runs_as_a_kernel() -> None:
@@ -44,3 +122,80 @@ def test_the_network_learns_and_runs_as_a_kernel() -> None:
     outputs = np.array([logits(window.astype(np.float32) / 255.0, network) for window in cells[:20]])
     assert outputs.shape == (20, 1 + len(POSITIONS) + len(KINDS))
     assert np.isfinite(outputs).all()
+    again: list[float] = []
+    train_network(examples, epochs=1, seed=0, start=network, report=lambda _, loss: again.append(loss))
+    assert again[0] < losses[0]
+
+
+def _story(random: np.random.Generator, windows: int) -> Rows:
+    """Return rows of a session whose windows show a touch only while it begins and ends."""
+    contact, shown = np.zeros(windows, np.float32), np.zeros(windows)
+    for begin in range(10, windows - 30, 40):
+        contact[begin : begin + 12] = 1.0
+        shown[begin : begin + 6], shown[begin + 12 : begin + 18] = 1.0, -1.0
+    inputs = random.normal(0.0, 0.3, (windows, INPUTS))
+    inputs[:, ::8] += shown[:, np.newaxis]
+    touched, place = contact == 1.0, 0.4
+    force = random.uniform(0.8, 1.2, windows).astype(np.float32)
+    nan = np.full(windows, np.nan, np.float32)
+    return Rows(
+        inputs=inputs.astype(np.float16),
+        contact=contact,
+        place=np.where(touched, np.float32(place), nan),
+        force=np.where(touched, force, nan),
+        slip=np.where(touched, np.float32(0.0), nan),
+        kind=np.zeros(windows, np.int8),
+        placed=np.ones(windows, bool),
+        peak=np.full(windows, 0.5, np.float32),
+        mass=np.zeros(windows, np.float32),
+        untouched=np.full(windows, 0.5, np.float32),
+        session=np.zeros(windows, np.int32),
+    )
+
+
+@pytest.mark.slow
+def test_the_memory_learns_what_no_window_shows_and_its_arrays_say_the_same(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(_memory_training, "LANES", 16)
+    monkeypatch.setattr(_memory_training, "STEPS", 40)
+    monkeypatch.setattr(_memory_training, "LEARNING", 1.0e-2)
+    monkeypatch.setattr(_memory_training, "WARMING", 20)
+    random = np.random.default_rng(1)
+    stories = [_story(random, 200) for _ in range(80)]
+    arrays = train_memory(
+        Rows.joined(stories[:-10]), np.ones(70), updates=600, seed=0, report=lambda _number, _loss: None
+    )
+    outputs = [*outputs_of(arrays, stories[-10:])]
+    assert outputs[0].shape == (200, OUTPUTS)
+    result = figures(arrays, stories[-10:], ["story"] * 10)["all"]
+    # Half of a touch's windows look untouched: without memory, 6 of 40 windows are wrong.
+    assert result["memory"]["contact"] > 0.93
+    assert result["memory"]["force_n"] < 0.2
+    inputs = scaled_inputs(stories[-10].inputs, arrays["input_mean"], arrays["input_scale"])
+    reference = run_memory(arrays, inputs, np.zeros(len(inputs), np.float32))
+    assert reference == pytest.approx(outputs[0], abs=1e-4)
+
+
+def test_inputs_of_the_memory() -> None:
+    random = np.random.default_rng(0)
+    outputs = random.normal(size=(5, DENSITY + len(KINDS)))
+    measures, gaps = random.normal(size=(5, 47)), random.normal(size=(5, 3, 28))
+    inputs = memory_inputs(outputs, measures, gaps)
+    assert inputs.shape == (5, INPUTS)
+    assert np.exp(inputs[:, :102]).sum(axis=1) == pytest.approx(1.0 + 102 * 1e-4)
+    assert inputs[:, 102 : 102 + len(KINDS)].max(axis=1) == pytest.approx(0.0)
+    assert inputs[:, -84:] == pytest.approx(gaps.reshape(5, 84))
+    assert elapsed_input(np.array([0, 1, 2, 50, 500])).tolist() == pytest.approx(
+        [0, 0, 1, 5.644, 5.644], abs=1e-3
+    )
+    assert pytest.approx(0.02) == HOP / RATE
+
+
+def test_forces_and_peaks_of_outputs() -> None:
+    assert stated_force(np.array([0.0, 2.4, 2.5 * (1.0 + np.log(2.0))])) == pytest.approx([0.0, 2.4, 5.0])
+    density = np.zeros((2, DENSITY))
+    density[0, 1 + 98 : 1 + 103], density[1, 1] = 0.2, 0.6
+    place, mass = peaks(density)
+    assert place == pytest.approx([0.5, 0.0], abs=0.006)
+    assert mass == pytest.approx([1.0, 0.6], abs=0.21)

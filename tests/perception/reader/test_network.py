@@ -124,6 +124,6 @@ def test_the_kernel_computes_what_a_plain_convolution_does() -> None:
 def test_the_network_of_the_package_finds_where_two_pure_segments_meet() -> None:
     reader = Reader.of(analyser_of())
     for place in (0.27, 0.35, 0.44, 0.62, 0.7):
-        measures = reader.read(analyser_of().analyse(touched(place))).measures
+        measures, _ = reader.alone(analyser_of().analyse(touched(place)))
         assert measures[PLACE] == pytest.approx(place, abs=0.012)
         assert measures[MASS] > 0.5

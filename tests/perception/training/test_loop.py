@@ -22,7 +22,7 @@ from monochord.physics.strings import load_string
 
 torch = pytest.importorskip("torch")
 TASKS = {
-    "contact": Task(label="contact", loss="logistic", touched=False, context=False),
+    "contact": Task(label="contact", loss="logistic", touched=False),
     "force": Task(label="force", unit="N", loss="laplace", hidden=(16, 16)),
 }
 COLUMNS = tuple("abcde")
@@ -39,7 +39,7 @@ def plan(**options: float) -> TrainingSetup:
         heads={name: HeadRecord(task=task, scale=0.5) for name, task in TASKS.items()},
     )
     usual = {"rate": 0.01, "batch": 32, "epochs": 12, **options}
-    return TrainingSetup(definition=definition, optimiser=OptimiserSettings(**usual), drop=0.1, seed=5)  # pyright: ignore[reportArgumentType]
+    return TrainingSetup(definition=definition, optimiser=OptimiserSettings(**usual), seed=5)  # pyright: ignore[reportArgumentType]
 
 
 def examples(seed: int, count: int = 256, copies: int = 2) -> Examples:
@@ -55,7 +55,6 @@ def examples(seed: int, count: int = 256, copies: int = 2) -> Examples:
         session=np.arange(count) // 32,
         touch=np.arange(count) // 8,
         base=base,
-        context=np.zeros((copies, count, 0), np.float32),
         labels={"contact": contact, "force": contact * np.prod(row[:, 1:3], axis=1, dtype=np.float64)},
         masks={"contact": np.ones(count, bool), "force": contact == 1.0},
     )
@@ -173,7 +172,7 @@ def test_a_blurred_run_that_was_killed_ends_as_one_that_was_not(tmp_path: Path) 
     usual = plan(epochs=6)
     heads = {
         **usual.definition.heads,
-        "force": HeadRecord(task=dataclasses.replace(TASKS["force"], blur=0.3, drop=0.2), scale=0.5),
+        "force": HeadRecord(task=dataclasses.replace(TASKS["force"], blur=0.3), scale=0.5),
     }
     setup = dataclasses.replace(usual, definition=dataclasses.replace(usual.definition, heads=heads))
     train, validation = examples(0), examples(1)
@@ -212,7 +211,7 @@ def test_a_head_refines_a_position_and_knows_where_it_is_wrong(tmp_path: Path) -
     network = Network.of(setup.definition, {**SCALER, **weights})
     mask = judged.masks["force"]
     base = judged.base[0][mask]
-    outputs = [output["force"] for output in network.outputs(base, base[:, :0])]
+    outputs = [output["force"] for output in network.outputs(base)]
     certainty = np.array([output.certainty for output in outputs])
     wrong = judged.base[0][mask][:, 1] > 1.0
     assert certainty[~wrong].mean() > 0.9

@@ -42,12 +42,8 @@ class Task(Checked):
     touched
         Whether the label is defined only during a touch. The head then trains on windows with contact, and
         abstains without contact.
-    context
-        Whether the untouched reference is an input, in addition to the window's feature.
     columns
         Names of the feature's columns that are inputs; * matches any characters. Empty: all.
-    reference
-        Names of the reference's columns that are inputs; * matches any characters. Empty: all.
     hidden
         Units of each hidden layer (ReLU); empty for a linear head.
     weight
@@ -59,8 +55,6 @@ class Task(Checked):
         The head also learns the probability that the column is right; empty for none.
     certain
         With `refines`, the least probability at which the head states an estimate.
-    rise
-        Whether the rise of the pitch is an input too; see `monochord.perception.model.rise`.
     blur
         Standard deviation of the normal noise that training adds to the scaled inputs.
     drop
@@ -76,15 +70,12 @@ class Task(Checked):
     unit: str = ""
     loss: Loss
     touched: bool = True
-    context: bool = True
     columns: tuple[str, ...] = ()
-    reference: tuple[str, ...] = ()
     hidden: tuple[Annotated[int, Meta(ge=1, le=MAX_UNITS)], ...] = ()
     weight: Positive[float] = 1.0
     limit: Annotated[float, Meta(gt=0.0)] = math.inf
     refines: str = ""
     certain: Share = 0.97
-    rise: bool = False
     blur: NonNegative[float] = 0.0
     drop: PartialShare = 0.0
 

@@ -21,9 +21,6 @@ class Position(Head):
         "square" as in the paper; "gauss" and "laplace" state a standard error per window.
     columns
         Names of the feature's columns that are inputs; * matches any characters. Empty: all.
-    context
-        Whether the untouched reference is an input too. The ratio of both lines gives the position without
-        it.
     limit
         Largest standard error in m that the head states. Above it, the head abstains.
     refines
@@ -39,7 +36,6 @@ class Position(Head):
     hidden: tuple[int, ...] = (128, 128, 128)
     loss: Literal["square", "gauss", "laplace"] = "laplace"
     columns: tuple[str, ...] = ()
-    context: bool = True
     limit: Metres = 0.03
     refines: str = ""
     certain: float = 0.97
@@ -52,7 +48,6 @@ class Position(Head):
             unit="m",
             loss=self.loss,
             columns=self.columns,
-            context=self.context,
             hidden=self.hidden,
             weight=self.weight,
             limit=self.limit,

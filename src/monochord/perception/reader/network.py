@@ -27,7 +27,6 @@ KINDS = (
     "second string",
     "two touches",
     "driver dead",
-    "very soft",
     "detuned",
 )
 """Kinds of windows that the network distinguishes; all but the first are faults."""

@@ -1,39 +1,63 @@
-"""The reader: from the spectrum of a window to where something touches, and what is odd."""
+"""The reader: from the spectra of a stream's windows to where something touches, and what is odd."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from monochord.core.types import Floats
+from monochord.core.types import Audio, Floats
+from monochord.core.units import Seconds
 from monochord.perception.reader.cells import spectrum_cells
+from monochord.perception.reader.gaps import measure_gaps
 from monochord.perception.reader.measures import measure
+from monochord.perception.reader.memory import Memory, MemoryNetwork, bundled_memory, memory_inputs, recall
 from monochord.perception.reader.network import KINDS, POSITIONS, Network, bundled_network, logits
 from monochord.perception.spectrum import Spectrum, SpectrumAnalyser
 
 
 class Reading(NamedTuple):
-    """The reading of a window: its measures, see `measures.COLUMNS`, and the logit of each of `KINDS`."""
+    """The reading of a window and those before it.
+
+    `measures` are those of `measures.COLUMNS`, `kinds` the logit of each of `KINDS`, `gaps` the sound between
+    the lines of this window, `outputs` those of `memory.OUTPUTS`, and `summary` what all are read from.
+    """
 
     measures: Floats
     kinds: Floats
+    gaps: Floats
+    outputs: Floats
+    summary: Audio
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reader:
-    """Reads spectra of an analyser's windows; `network` is the package's by default."""
+    """Reads spectra of an analyser's windows; `network` and `memory` are the package's by default."""
 
     analyser: SpectrumAnalyser
     network: Network
+    memory: MemoryNetwork
 
     @classmethod
-    def of(cls, analyser: SpectrumAnalyser, network: Network | None = None) -> "Reader":
-        """Return the reader of an analyser's spectra."""
-        return cls(analyser=analyser, network=network or bundled_network())
+    def of(cls, analyser: SpectrumAnalyser) -> "Reader":
+        """Return the reader of an analyser's spectra, with the networks of the package."""
+        return cls(analyser=analyser, network=bundled_network(), memory=bundled_memory())
 
-    def read(self, spectrum: Spectrum) -> Reading:
-        """Return the reading of a window."""
-        own = self.analyser
-        outputs = logits(spectrum_cells(own, spectrum), self.network)
-        split = len(outputs) - len(KINDS)
-        pitch = own.bin_spacing, own.nominal, own.bending
-        measures = measure(outputs[:split], POSITIONS, *spectrum, pitch)
-        return Reading(measures, outputs[split:])
+    def alone(self, spectrum: Spectrum) -> tuple[Floats, Floats]:
+        """Return what a window alone tells: its measures, and the logits of no touch, positions and kinds."""
+        outputs = logits(spectrum_cells(self.analyser, spectrum), self.network)
+        return self._measures(outputs[: -len(KINDS)], spectrum), outputs
+
+    def read(self, memory: Memory, spectrum: Spectrum, time: Seconds) -> tuple[Memory, Reading]:
+        """Return the memory after a window that starts at a time in s, and the window's reading.
+
+        What the window alone tells enters the memory; then that pair of lines is measured which is nearest to
+        the place that both tell.
+        """
+        measures, outputs = self.alone(spectrum)
+        gaps = measure_gaps(spectrum.transform, spectrum.power, self.analyser.bin_spacing)
+        inputs = memory_inputs(outputs[: -len(KINDS)], outputs[-len(KINDS) :], measures, gaps)
+        memory, both = recall(memory, inputs, time, self.memory)
+        measures = self._measures(both.logits, spectrum)
+        return memory, Reading(measures, both.kinds, gaps, both.outputs, both.summary)
+
+    def _measures(self, logits: Floats, spectrum: Spectrum) -> Floats:
+        pitch = self.analyser.bin_spacing, self.analyser.nominal, self.analyser.bending
+        return measure(logits, POSITIONS, *spectrum, pitch)

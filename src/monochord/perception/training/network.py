@@ -27,7 +27,7 @@ class TrainingTensors:
         self.copies, self.count = examples.base.shape[:2]
         self.tasks = {name: record.task for name, record in definition.heads.items()}
         self._examples, self._definition, self._scaler = examples, definition, scaler
-        self._columns = {name: torch.tensor(definition.input_columns(name)) for name in self.tasks}
+        self._columns = {name: torch.tensor(definition.columns_of(name)) for name in self.tasks}
         self._targets: dict[str, Any] = {}
         self.masks: dict[str, Any] = {}
         for name in self.tasks:
@@ -35,16 +35,13 @@ class TrainingTensors:
             self._targets[name] = torch.from_numpy(target.astype(np.float32))
             self.masks[name] = torch.from_numpy(examples.masks[name].astype(np.float32))
 
-    def loss(self, heads: Any, batch: Any, copies: Any, shown: Any) -> Any:
+    def loss(self, heads: Any, batch: Any, copies: Any) -> Any:
         """Return the joint loss of the windows `batch` (n,) in the given copies (n,).
 
         It is lambda_c L_c + 1[c=1] (lambda_s L_s + lambda_x L_x + lambda_F L_F), with the tasks' weights.
-        `shown` (n,) says which windows have the reference as an input.
         """
         some = self._examples.at(copies.numpy(), batch.numpy())
         rows = torch_library().from_numpy(inputs_of(self._definition, self._scaler, some)[0])
-        own = torch_library().arange(rows.shape[-1]) < self._definition.widths[0]
-        rows = torch_library().where(shown[:, None] | own, rows, 0.0)
         return sum(
             task.weight
             * head_loss(
@@ -81,7 +78,7 @@ def heads_module(definition: Definition, seed: int) -> Any:
     torch.manual_seed(seed)
     heads: dict[str, Any] = {}
     for name, record in definition.heads.items():
-        units = (definition.inputs(name), *record.task.hidden, record.task.outputs)
+        units = (len(definition.columns_of(name)), *record.task.hidden, record.task.outputs)
         layers = [torch.nn.Linear(*pair) for pair in pairwise(units)]
         for layer in layers[:-1]:
             torch.nn.init.kaiming_uniform_(layer.weight, nonlinearity="relu")

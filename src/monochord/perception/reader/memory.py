@@ -1,0 +1,204 @@
+"""The reader's memory of a touch: from what each window tells to what all windows until now tell.
+
+A touch tells its place in its first 0.3 s and then fades: free partials die, both drivers hold one line, and
+what is left fits several places. Likewise an untouched string whose drivers hold mode 2 sounds like a touch
+at the middle. So the outputs of the network for a window, physics' measures and the sound between the lines
+enter a gated recurrent unit, whose state is the memory, and a last layer reads all outputs anew from both.
+
+Cho et al. (2014), Learning phrase representations using RNN encoder-decoder, EMNLP, equations 5 to 8; the
+reset gate is applied after the product with the state, as cuDNN and PyTorch do.
+"""
+
+import math
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+
+from monochord.core.kernels import kernel, part
+from monochord.core.types import Audio, Floats
+from monochord.core.units import Seconds
+from monochord.perception.reader.network import FILE, KINDS, POSITIONS
+
+TICK: Seconds = 0.02
+"""Time between two windows that enter the memory, as trained; windows in between are read with it, and leave
+it unchanged."""
+TIME_TOLERANCE: Seconds = 1e-3
+"""A window enters the memory if it is this much before its time."""
+MAX_ELAPSED: Seconds = 1.0
+"""Longest time between two windows over which the memory lasts."""
+HIDDEN = 128
+"""Size of the memory."""
+SUMMARY = 96
+"""Number of values that the outputs are read from."""
+OUTPUTS = ("force", "force spread", "slip")
+"""Outputs of the memory beside those of a window's network: force in N of the design's string, compressed
+above `LARGE_FORCE`, logarithm of its spread, and the log odds of slip."""
+LARGE_FORCE = 2.5
+"""Force F in N above which the output is ``LARGE_FORCE (1 + log(F / LARGE_FORCE))``."""
+LEAST = 1.0e-4
+"""Added to probabilities before their logarithm."""
+MAX_INPUT = 6.0
+"""Largest magnitude of an input, in standard deviations of the training."""
+
+
+class MemoryNetwork(NamedTuple):
+    """The layers around the memory: inputs are scaled, enter, change the state, and leave; each is (in, out).
+
+    Gates are in the order reset, update, candidate. The last layer's outputs are those of
+    `monochord.perception.reader.network.Network`, then `OUTPUTS`.
+    """
+
+    input_mean: Audio
+    input_scale: Audio
+    enter_1: Audio
+    enter_bias_1: Audio
+    enter_2: Audio
+    enter_bias_2: Audio
+    gates_input: Audio
+    gates_input_bias: Audio
+    gates_hidden: Audio
+    gates_hidden_bias: Audio
+    summary: Audio
+    summary_bias: Audio
+    memory_last: Audio
+    memory_last_bias: Audio
+
+
+class Memory(NamedTuple):
+    """What a stream's windows until now tell: the state of the recurrent unit, and when it last changed."""
+
+    hidden: Audio
+    time: Seconds
+
+
+def no_memory() -> Memory:
+    """Return the memory at the beginning of a stream."""
+    return Memory(np.zeros(HIDDEN, np.float32), -math.inf)
+
+
+class Recollection(NamedTuple):
+    """What a window and the memory tell together.
+
+    `logits` (1 + positions,) and `kinds` (kinds,) as the network gives them for a window alone, `outputs` of
+    `OUTPUTS` (3,), and the `summary` (`SUMMARY`,) that all are read from.
+    """
+
+    logits: Floats
+    kinds: Floats
+    outputs: Floats
+    summary: Audio
+
+
+@cache
+def bundled_memory() -> MemoryNetwork:
+    """Return the memory's network of the package."""
+    from safetensors.numpy import load  # noqa: PLC0415
+
+    arrays = load(FILE.read_bytes())
+    return MemoryNetwork(*(np.ascontiguousarray(arrays[name], np.float32) for name in MemoryNetwork._fields))
+
+
+def recall(
+    memory: Memory, inputs: Audio, time: Seconds, network: MemoryNetwork
+) -> tuple[Memory, Recollection]:
+    """Return the memory after a window that starts at a time in s, and what both tell.
+
+    `inputs` are those of `memory_inputs`. A window that starts less than `TICK` after the last one that
+    entered leaves the memory as it is; what it tells is read as if it entered. After `MAX_ELAPSED` without a
+    window nothing is remembered.
+    """
+    since = time - memory.time
+    if since > MAX_ELAPSED:
+        memory = no_memory()
+    elapsed = math.log2(max(since, TICK) / TICK) if math.isfinite(memory.time) else 0.0
+    hidden, summary, outputs = _recalled(inputs, memory.hidden, elapsed, network)
+    if since >= TICK - TIME_TOLERANCE:
+        memory = Memory(hidden, time)
+    kinds = 1 + len(POSITIONS)
+    return memory, Recollection(
+        outputs[:kinds], outputs[kinds : kinds + len(KINDS)], outputs[kinds + len(KINDS) :], summary
+    )
+
+
+@kernel()
+def memory_inputs(logits: Floats, kinds: Floats, measures: Floats, gaps: Floats) -> Audio:
+    """Return the inputs of the memory, unscaled: what a window alone tells.
+
+    These are the logarithms of the probability of no touch, of each two neighbouring positions and of the
+    last one; the kinds' logits below the largest; the measures; and the sound between the lines.
+
+    Parameters
+    ----------
+    logits, kinds
+        Outputs of the window's network, (1 + positions,) and (kinds,).
+    measures
+        Of `measures.measure`.
+    gaps
+        Of `gaps.measure_gaps`, in any shape.
+    """
+    density = np.exp(logits - logits.max())
+    density /= density.sum()
+    pairs = (density.size - 2) // 2
+    inputs = np.empty(2 + pairs + kinds.size + measures.size + gaps.size, np.float32)
+    inputs[0] = np.log(density[0] + LEAST)
+    for k in range(pairs):
+        inputs[1 + k] = np.log(density[1 + 2 * k] + density[2 + 2 * k] + LEAST)
+    inputs[1 + pairs] = np.log(density[-1] + LEAST)
+    at = 2 + pairs
+    inputs[at : at + kinds.size] = kinds - kinds.max()
+    at += kinds.size
+    inputs[at : at + measures.size] = measures
+    inputs[at + measures.size :] = gaps.ravel()
+    return inputs
+
+
+@kernel(fastmath={"contract"})
+def _recalled(
+    inputs: Audio, hidden: Audio, elapsed: float, network: MemoryNetwork
+) -> tuple[Audio, Audio, Floats]:
+    """Return the next state, the summary and the outputs."""
+    scaled = np.empty(inputs.size, np.float32)
+    for i in range(inputs.size):
+        value = (inputs[i] - network.input_mean[i]) / network.input_scale[i]
+        scaled[i] = min(max(value, -MAX_INPUT), MAX_INPUT) if np.isfinite(value) else 0.0
+    entered = _layer(scaled, network.enter_1, network.enter_bias_1)
+    _rectify(entered)
+    entered = _layer(entered, network.enter_2, network.enter_bias_2)
+    _rectify(entered)
+    timed = np.empty(entered.size + 1, np.float32)
+    timed[:-1], timed[-1] = entered, elapsed
+    given = _layer(timed, network.gates_input, network.gates_input_bias)
+    kept = _layer(hidden, network.gates_hidden, network.gates_hidden_bias)
+    size, one = hidden.size, np.float32(1.0)
+    both = np.empty(entered.size + size, np.float32)
+    both[: entered.size] = entered
+    after = both[entered.size :]
+    for k in range(size):
+        reset = one / (one + np.exp(-(given[k] + kept[k])))
+        update = one / (one + np.exp(-(given[size + k] + kept[size + k])))
+        candidate = np.tanh(given[2 * size + k] + reset * kept[2 * size + k])
+        after[k] = (one - update) * candidate + update * hidden[k]
+    summary = _layer(both, network.summary, network.summary_bias)
+    _rectify(summary)
+    outputs = _layer(summary, network.memory_last, network.memory_last_bias)
+    return after.copy(), summary, outputs.astype(np.float64)
+
+
+@part()
+def _layer(values: Audio, weights: Audio, bias: Audio) -> Audio:
+    """Return the sums (outputs,) of a layer over values (inputs,)."""
+    sums = bias.copy()
+    for i in range(values.size):
+        value = values[i]
+        if value != 0.0:
+            weight = weights[i]
+            for o in range(sums.size):
+                sums[o] += value * weight[o]
+    return sums
+
+
+@part()
+def _rectify(values: Audio) -> None:
+    for i in range(values.size):
+        values[i] = max(values[i], np.float32(0.0))
