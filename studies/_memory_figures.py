@@ -43,8 +43,8 @@ def figures(arrays: Mapping[str, Audio], sessions: Sequence[Rows], groups: Seque
     """
     told = dict[str, list[dict[str, NDArray[Any]]]]()
     for rows, group, outputs in zip(sessions, groups, outputs_of(arrays, sessions), strict=True):
-        density = probabilities(outputs[:, :DENSITY])
-        peak, mass = peaks(density)
+        alone = probabilities(rows.density.astype(np.float32))
+        over_time = probabilities(outputs[:, :DENSITY])
         scored = {
             "contact": rows.contact,
             "place": rows.place,
@@ -52,8 +52,8 @@ def figures(arrays: Mapping[str, Audio], sessions: Sequence[Rows], groups: Seque
             "slip": rows.slip,
             "placed": rows.placed,
             "released": _released(rows.contact),
-            "alone": np.stack((rows.untouched, rows.peak, rows.mass), axis=1),
-            "memory": np.stack((density[:, 0], peak, mass), axis=1),
+            "alone": np.stack((alone[:, 0], *peaks(alone)), axis=1),
+            "memory": np.stack((over_time[:, 0], *peaks(over_time)), axis=1),
             "stated": np.stack((stated_force(outputs[:, FORCE]), outputs[:, SLIP]), axis=1),
             "kind": rows.kind,
             "kinds": probabilities(outputs[:, DENSITY:FORCE]),

@@ -6,13 +6,14 @@ that the windows before have left, so that it knows rests and releases of any le
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 from studies._reader_sessions import HOP, MASKED, ORDINARY, RATE, Variant, changed, save_arrays
+from studies._reader_training import KIND_WEIGHT, LINEAR_FORCE, PRESSES, press_loss
 
 from monochord.core.types import Audio, Floats, Indices
 from monochord.perception.reader import (
@@ -21,10 +22,7 @@ from monochord.perception.reader import (
     KINDS,
     POSITIONS,
     Network,
-    logits,
-    measure,
-    measure_gaps,
-    spectrum_cells,
+    Reader,
 )
 from monochord.perception.training import torch_library
 
@@ -33,28 +31,22 @@ DENSITY = 1 + len(POSITIONS)
 """Outputs of the density: no touch, then every position."""
 FOLDED = 1 + (len(POSITIONS) + 1) // 2
 """Inputs of the density: no touch, then positions by twos; the last is alone."""
-LEAST = 1.0e-4
-"""Added to probabilities before their logarithm."""
 PARTS = {
     "density": slice(0, FOLDED),
     "kinds": slice(FOLDED, FOLDED + len(KINDS)),
     "measures": slice(FOLDED + len(KINDS), FOLDED + len(KINDS) + len(COLUMNS)),
-    "gaps": slice(FOLDED + len(KINDS) + len(COLUMNS), None),
+    "gaps": slice(FOLDED + len(KINDS) + len(COLUMNS), FOLDED + len(KINDS) + len(COLUMNS) + 3 * BANDS),
+    "hidden": slice(FOLDED + len(KINDS) + len(COLUMNS) + 3 * BANDS, None),
 }
 """Where a window's inputs come from."""
-INPUTS = FOLDED + len(KINDS) + len(COLUMNS) + 3 * BANDS
-OUTPUTS = DENSITY + len(KINDS) + 3
-"""Density, kinds, force, log spread of the force, and logit of slip."""
-FORCE, SPREAD, SLIP = range(OUTPUTS - 3, OUTPUTS)
+OUTPUTS = DENSITY + len(KINDS) + PRESSES + 1
+"""Density, kinds, force, log spread of the force, logit of slip, and that of the trust in a window alone."""
+FORCE, _, SLIP, TRUST = range(OUTPUTS - 4, OUTPUTS)
 LARGEST = 6.0
 """Largest input after scaling."""
 ENTERED, HIDDEN = (160, 96), 128
 SHORTEST, LONGEST = HOP / RATE, 1.0
 """Range in s of the time between two windows; a longer one counts as `LONGEST`."""
-LINEAR_FORCE = 2.5
-"""Force in N up to which the network states it linearly, and above which its logarithm."""
-SPREADS = (-5.0, 3.0)
-"""Range of the logarithm of the force's spread."""
 WIDTH = 0.006
 """Standard deviation of a position's label, over the length."""
 LANES, STEPS = 64, 80
@@ -67,35 +59,29 @@ FRESH_SHARE, LATE_SHARE = 0.02, 0.2
 """Share of stretches that begin without memory, and of sessions that begin at a random time."""
 NOISE, GAIN_STD = 0.03, 0.15
 """Deviation of inputs after scaling, save positions, and of each microphone's gain in decades of power."""
-DROPPED = {"density": 0.03, "kinds": 0.02, "measures": 0.03, "gaps": 0.06}
+DROPPED = {"density": 0.03, "kinds": 0.02, "measures": 0.03, "gaps": 0.06, "hidden": 0.03}
 """Share of stretches without a part of the inputs."""
 LEARNING, DECAY, WARMING, LONGEST_GRADIENT = 2.0e-3, 1.0e-2, 100, 1.0
-KIND_WEIGHT, SLIP_WEIGHT = 0.5, 0.5
-
-
-_NOISE = np.full(INPUTS, NOISE, np.float32)
-_NOISE[[PARTS["measures"].start + COLUMNS.index(name) for name in ("place", "position")]] = 0.0
+EXACT = [PARTS["measures"].start + COLUMNS.index(name) for name in ("place", "position")]
+"""Inputs that get no noise."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rows:
     """Windows (n,) of sessions one after another, as the memory learns them.
 
-    `inputs` (n, `INPUTS`) are not scaled; the truth is as in `studies._reader_sessions.Truth`. `peak`, `mass`
-    and `untouched` are what the window alone says: position over the length, its probability, and that of no
-    touch. `session` (n,) counts sessions.
+    `inputs` (n, inputs) are not scaled, and `density` (n, `DENSITY`) is the window's own, its logarithm; the
+    truth is as in `studies._reader_sessions.Truth`. `session` (n,) counts sessions.
     """
 
     inputs: Half
+    density: Half
     contact: Audio
     place: Audio
     force: Audio
     slip: Audio
     kind: NDArray[np.int8]
     placed: NDArray[np.bool_]
-    peak: Audio
-    mass: Audio
-    untouched: Audio
     session: NDArray[np.int32]
 
     @classmethod
@@ -108,23 +94,6 @@ class Rows:
         )
 
 
-def memory_inputs(outputs: Floats, measures: Floats, gaps: Floats) -> Floats:
-    """Return what the memory gets of windows, (n, `INPUTS`), before scaling.
-
-    Parameters
-    ----------
-    outputs
-        Of the network of single windows, (n, 1 + positions + kinds).
-    measures, gaps
-        Of the windows, (n, columns) and (n, 3, bands).
-    """
-    density = probabilities(outputs[:, :DENSITY])
-    pairs = density[:, 1:-1].reshape(len(density), -1, 2).sum(axis=2)
-    folded = np.log(np.concatenate((density[:, :1], pairs, density[:, -1:]), axis=1) + LEAST)
-    kinds = outputs[:, DENSITY:] - outputs[:, DENSITY:].max(axis=1, keepdims=True)
-    return np.concatenate((folded, kinds, measures, gaps.reshape(len(gaps), -1)), axis=1)
-
-
 def probabilities(outputs: NDArray[Any]) -> NDArray[Any]:
     """Return probabilities (n, k) from their logits."""
     shares = np.exp(outputs - outputs.max(axis=1, keepdims=True))
@@ -132,7 +101,7 @@ def probabilities(outputs: NDArray[Any]) -> NDArray[Any]:
 
 
 def scaled_inputs(inputs: NDArray[Any], mean: Audio, scale: Audio) -> Audio:
-    """Return inputs (n, `INPUTS`) as the memory gets them; those that are not numbers become zero."""
+    """Return inputs (n, inputs) as the memory gets them; those that are not numbers become zero."""
     values = np.nan_to_num((inputs - mean) / scale, nan=0.0, posinf=LARGEST, neginf=-LARGEST)
     return np.clip(values, -LARGEST, LARGEST).astype(np.float32)
 
@@ -167,30 +136,20 @@ def write_rows(variant: Variant, *, network: Network, folder: Path, seed: int) -
     if target.exists():
         return
     session = changed(variant, seed)
-    analyser, count = session.analyser(), session.recording.windows
-    outputs = np.empty((count, DENSITY + len(KINDS)))
-    measures, gaps = np.empty((count, len(COLUMNS))), np.empty((count, 3, BANDS))
-    pitch = analyser.bin_spacing, analyser.nominal, analyser.bending
-    for k in range(count):
-        spectrum = analyser.analyse(session.window(k))
-        outputs[k] = logits(spectrum_cells(analyser, spectrum), network)
-        measures[k] = measure(outputs[k, :DENSITY], POSITIONS, *spectrum, pitch)
-        gaps[k] = measure_gaps(spectrum.transform, spectrum.power, analyser.bin_spacing)
-    density = probabilities(outputs[:, :DENSITY])
-    peak, mass = peaks(density)
-    truth = session.truth
+    analyser, truth = session.analyser(), session.truth
+    reader = replace(Reader.of(analyser), network=network)
+    windows = (analyser.analyse(session.window(k)) for k in range(session.recording.windows))
+    told = [reader.inputs(window)[:2] for window in windows]
     save_arrays(
         target,
-        inputs=memory_inputs(outputs, measures, gaps).astype(np.float16),
+        inputs=np.array([inputs for inputs, _ in told], np.float16),
+        density=np.array([density for _, density in told], np.float16),
         contact=truth.contact,
         place=truth.place,
         force=truth.force,
         slip=truth.slip,
         kind=truth.kind.astype(np.int8),
         placed=truth.placed,
-        peak=peak.astype(np.float32),
-        mass=mass.astype(np.float32),
-        untouched=density[:, 0].astype(np.float32),
     )
 
 
@@ -201,23 +160,26 @@ def read_rows(file: Path) -> Rows:
     return Rows(session=np.zeros(len(own["contact"]), np.int32), **own)
 
 
-def memory_module(torch: Any) -> Any:
-    """Return the network, with random weights."""
+def memory_module(torch: Any, inputs: int) -> Any:
+    """Return the network of so many inputs, with random weights."""
     nn = torch.nn
 
     class Memory(nn.Module):
         def __init__(self) -> None:
             super().__init__()
             first, second = ENTERED
-            self.enter_1, self.enter_2 = nn.Linear(INPUTS, first), nn.Linear(first, second)
+            self.enter_1, self.enter_2 = nn.Linear(inputs, first), nn.Linear(first, second)
             self.gates = nn.GRU(second + 1, HIDDEN, batch_first=True)
             self.summary, self.last = nn.Linear(second + HIDDEN, second), nn.Linear(second, OUTPUTS)
 
-        def forward(self, inputs: Any, elapsed: Any, state: Any) -> tuple[Any, Any]:
+        def forward(self, inputs: Any, density: Any, elapsed: Any, state: Any) -> tuple[Any, Any]:
             entered = torch.relu(self.enter_2(torch.relu(self.enter_1(inputs))))
             hidden, state = self.gates(torch.cat((entered, elapsed[..., None]), -1), state)
             summary = torch.relu(self.summary(torch.cat((entered, hidden), -1)))
-            return self.last(summary), state
+            outputs = self.last(summary)
+            weight = 2.0 * torch.sigmoid(outputs[..., TRUST:])
+            told = outputs[..., :DENSITY] + weight * density
+            return torch.cat((told, outputs[..., DENSITY:]), -1), state
 
     return Memory()
 
@@ -265,30 +227,6 @@ def load_memory(torch: Any, module: Any, arrays: Mapping[str, Audio]) -> None:
     with torch.no_grad():
         for name, tensor in own.items():
             tensor.copy_(torch.from_numpy(arrays[name].T.copy()))
-
-
-def run_memory(arrays: Mapping[str, Audio], inputs: Audio, elapsed: Audio) -> Audio:
-    """Return the outputs (n, `OUTPUTS`) of successive windows, from scaled inputs (n, `INPUTS`), in NumPy."""
-    state, outputs = np.zeros(HIDDEN, np.float32), list[Audio]()
-
-    def entered(window: NDArray[Any]) -> NDArray[Any]:
-        first = np.maximum(window @ arrays["enter_1"] + arrays["enter_bias_1"], 0.0)
-        return np.maximum(first @ arrays["enter_2"] + arrays["enter_bias_2"], 0.0)
-
-    def open_share(values: NDArray[Any]) -> NDArray[Any]:
-        return 1.0 / (1.0 + np.exp(-values))
-
-    for window, since in zip(inputs, elapsed, strict=True):
-        own = entered(window)
-        gates = np.append(own, since) @ arrays["gates_input"] + arrays["gates_input_bias"]
-        before = state @ arrays["gates_hidden"] + arrays["gates_hidden_bias"]
-        (reset, update, new), (old_reset, old_update, old) = np.split(gates, 3), np.split(before, 3)
-        update = open_share(update + old_update)
-        new = np.tanh(new + open_share(reset + old_reset) * old)
-        state = ((1.0 - update) * new + update * state).astype(np.float32)
-        summary = np.maximum(np.concatenate((own, state)) @ arrays["summary"] + arrays["summary_bias"], 0.0)
-        outputs.append(summary @ arrays["memory_last"] + arrays["memory_last_bias"])
-    return np.array(outputs, np.float32)
 
 
 @dataclass(frozen=True, slots=True)
@@ -347,7 +285,7 @@ def train_memory(
     """
     torch: Any = torch_library()
     torch.manual_seed(seed)
-    random, module = np.random.default_rng(seed), memory_module(torch)
+    random, module = np.random.default_rng(seed), memory_module(torch, rows.inputs.shape[1])
     sample = rows.inputs[:: max(len(rows.inputs) // 200_000, 1)].astype(np.float32)
     mean, scale = np.nanmean(sample, axis=0), np.nanstd(sample, axis=0) + np.float32(1.0e-3)
     if start is not None:
@@ -364,7 +302,8 @@ def train_memory(
         inputs = scaled_inputs(rows.inputs[stretch.rows.ravel()], mean, scale)
         inputs = _varied(inputs.reshape(LANES, STEPS, -1), scale, random)
         state = state * torch.from_numpy(~stretch.fresh).float()[None, :, None]
-        outputs, state = module(torch.from_numpy(inputs), torch.from_numpy(stretch.elapsed), state)
+        density = torch.from_numpy(rows.density[stretch.rows].astype(np.float32))
+        outputs, state = module(torch.from_numpy(inputs), density, torch.from_numpy(stretch.elapsed), state)
         state = state.detach()
         loss = _loss(torch, outputs.reshape(LANES * STEPS, -1), rows, stretch, of_kind)
         optimiser.zero_grad()
@@ -381,8 +320,10 @@ def train_memory(
 
 
 def _varied(inputs: Audio, scale: Audio, random: np.random.Generator) -> Audio:
-    """Return inputs (lanes, steps, `INPUTS`) with noise, other gains, and without some parts, in place."""
-    inputs += _NOISE * random.standard_normal(inputs.shape, np.float32)
+    """Return inputs (lanes, steps, inputs) with noise, other gains, and without some parts, in place."""
+    exact = inputs[..., EXACT]
+    inputs += np.float32(NOISE) * random.standard_normal(inputs.shape, np.float32)
+    inputs[..., EXACT] = exact
     first, bands = PARTS["gaps"].start, BANDS
     for microphone in range(2):
         gain = np.float32(GAIN_STD) * random.standard_normal((len(inputs), 1, 1), np.float32)
@@ -417,34 +358,21 @@ def _loss(torch: Any, outputs: Any, rows: Rows, stretch: _Stretch, of_kind: Any)
     loss = loss + KIND_WEIGHT * functional.cross_entropy(
         outputs[known][:, DENSITY:FORCE], torch.from_numpy(kind)[known], of_kind
     )
-    force = rows.force[own]
-    pressed = chosen(np.isfinite(force) & rows.placed[own])
-    if len(pressed):
-        linear = torch.from_numpy(force)[pressed].clamp(min=0.0)
-        target = torch.where(
-            linear < LINEAR_FORCE,
-            linear,
-            LINEAR_FORCE * (1.0 + torch.log(linear.clamp(min=1.0) / LINEAR_FORCE)),
-        )
-        spread = outputs[pressed][:, SPREAD].clamp(*SPREADS)
-        loss = loss + ((outputs[pressed][:, FORCE] - target).abs() * torch.exp(-spread) + spread).mean()
-    slip = rows.slip[own]
-    slipping = chosen(np.isfinite(slip) & rows.placed[own])
-    if len(slipping):
-        target = torch.from_numpy(slip)[slipping]
-        loss = loss + SLIP_WEIGHT * functional.binary_cross_entropy_with_logits(
-            outputs[slipping][:, SLIP], target
-        )
-    return loss
+    known = rows.placed[own] & counts
+    force, slip = (np.where(known, values[own], np.float32(np.nan)) for values in (rows.force, rows.slip))
+    return loss + press_loss(torch, outputs[:, FORCE:TRUST], force, slip)
 
 
 def outputs_of(arrays: Mapping[str, Audio], sessions: Sequence[Rows]) -> Iterator[Audio]:
     """Yield the memory's outputs (n, `OUTPUTS`) for each session, every 20 ms from its beginning."""
     torch: Any = torch_library()
-    module = memory_module(torch)
+    module = memory_module(torch, len(arrays["input_mean"]))
     load_memory(torch, module, arrays)
     with torch.no_grad():
         for session in sessions:
             inputs = scaled_inputs(session.inputs, arrays["input_mean"], arrays["input_scale"])
-            outputs, _ = module(torch.from_numpy(inputs)[None], torch.zeros(1, len(inputs)), None)
+            density = torch.from_numpy(session.density.astype(np.float32))
+            outputs, _ = module(
+                torch.from_numpy(inputs)[None], density[None], torch.zeros(1, len(inputs)), None
+            )
             yield outputs[0].numpy()

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from studies._reader_sessions import DRIVER_DEAD, ORDINARY, Variant, changed, save_arrays
 
-from monochord.core.types import Floats, Indices
+from monochord.core.types import Audio, Floats, Indices
 from monochord.perception.reader import (
     CELLS,
     CHANNELS,
@@ -36,17 +36,31 @@ RESPONSE, KNOTS = 0.08, 6
 """Standard deviation of a microphone's response, in levels, at this many points along the axis: 6 dB."""
 MASKS, WIDEST = 3, 60
 """Number of dropped bands of a window, and cells of the widest."""
+KEPT = 1 + len(POSITIONS) + len(KINDS)
+"""Outputs of the network that the package has."""
 CHANNELS_OUT, TAPS, HIDDEN, DROPPED = (12, 16, 24, 32, 8), (9, 5, 5, 3, 1), 96, 0.3
-BATCH, RATE, DECAY, KIND_WEIGHT = 512, 3.0e-3, 0.1, 0.5
+BATCH, RATE, DECAY = 512, 3.0e-3, 0.1
+KIND_WEIGHT, SLIP_WEIGHT = 0.5, 0.5
+LINEAR_FORCE = 2.5
+"""Force in N up to which networks state it linearly, and above which its logarithm."""
+SPREADS = (-5.0, 3.0)
+"""Range of the logarithm of the force's spread."""
+PRESSES = 3
+"""Outputs beside density and kinds: force, log spread of the force, and logit of slip."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Examples:
-    """Windows (n,) as the network learns them; positions are over the length, NaN of untouched windows."""
+    """Windows (n,) as the network learns them; positions are over the length, NaN of untouched windows.
+
+    `force` and `slip` are as in `studies._reader_sessions.Truth`.
+    """
 
     cells: Cells
     position: Floats
     kind: Indices
+    force: Audio
+    slip: Audio
 
     @classmethod
     def joined(cls, parts: list["Examples"]) -> "Examples":
@@ -88,7 +102,15 @@ def write_examples(variant: Variant, *, folder: Path, count: int, seed: int) -> 
     # Without a touch a silent driver cannot be told.
     kind = np.where(truth.kind[rows] < 0, ORDINARY, truth.kind[rows])
     position = np.where(truth.contact[rows] == 1.0, truth.place[rows], np.nan)
-    save_arrays(target, cells=cells, position=position.astype(np.float64), kind=kind)
+    known = truth.placed[rows]
+    save_arrays(
+        target,
+        cells=cells,
+        position=position.astype(np.float64),
+        kind=kind,
+        force=np.where(known, truth.force[rows], np.nan),
+        slip=np.where(known, truth.slip[rows], np.nan),
+    )
 
 
 def train_network(
@@ -126,11 +148,15 @@ def train_network(
             inputs = cells[rows].float() / 255.0
             inputs = torch.where(swapped[:, None, None], inputs[:, SWAPPED], inputs)
             inputs = _varied(torch, inputs.roll(int(torch.randint(-1, 2, ())), 2))
-            where, odd = module(inputs, swapped)
-            own = torch.where(swapped, 1.0 - position[rows], position[rows])
-            misplaced = -(_expected(torch, own) * torch.log_softmax(where, 1)).sum(1)[is_placed[rows]]
+            where, odd, pressed = module(inputs, swapped)
+            place = torch.where(swapped, 1.0 - position[rows], position[rows])
+            misplaced = -(_expected(torch, place) * torch.log_softmax(where, 1)).sum(1)[is_placed[rows]]
             of_kind = torch.where(swapped, mirror[kind[rows]], kind[rows])
             loss = misplaced.mean() + KIND_WEIGHT * torch.nn.functional.cross_entropy(odd, of_kind, weight)
+            # The package leaves these outputs out; the hidden layer, which the memory gets, is to know them.
+            loss = loss + press_loss(
+                torch, pressed, examples.force[rows.numpy()], examples.slip[rows.numpy()]
+            )
             optimiser.zero_grad()
             loss.backward()
             optimiser.step()
@@ -138,6 +164,26 @@ def train_network(
             total += float(loss.detach()) * len(rows)
         report(epoch + 1, total / len(kind))
     return _exported(module.eval())
+
+
+def press_loss(torch: Any, outputs: Any, force: Audio, slip: Audio) -> Any:
+    """Return the loss of force and slip, from outputs (n, `PRESSES`); the truth (n,) is NaN where unknown."""
+    loss, functional = torch.zeros(()), torch.nn.functional
+    pressed, told = np.flatnonzero(np.isfinite(force)), np.flatnonzero(np.isfinite(slip))
+    if len(pressed):
+        value, spread = outputs[pressed][:, 0], outputs[pressed][:, 1].clamp(*SPREADS)
+        target = torch.from_numpy(compressed_force(force[pressed]))
+        loss = loss + ((value - target).abs() * torch.exp(-spread) + spread).mean()
+    if len(told):
+        odds, truth = outputs[told][:, 2], torch.from_numpy(slip[told])
+        loss = loss + SLIP_WEIGHT * functional.binary_cross_entropy_with_logits(odds, truth)
+    return loss
+
+
+def compressed_force(force: Audio) -> Audio:
+    """Return forces in N as networks state them."""
+    large = LINEAR_FORCE * (1.0 + np.log(np.maximum(force, LINEAR_FORCE) / LINEAR_FORCE))
+    return np.where(force < LINEAR_FORCE, np.maximum(force, 0.0), large).astype(np.float32)
 
 
 def _module(torch: Any) -> Any:
@@ -154,13 +200,13 @@ def _module(torch: Any) -> Any:
                 before = outputs
             cells = -(-CELLS // int(np.prod(STRIDES)))
             layers += [nn.Flatten(), nn.Linear(before * cells, HIDDEN), nn.ReLU(), nn.Dropout(DROPPED)]
-            self.layers = nn.Sequential(*layers, nn.Linear(HIDDEN, 1 + len(POSITIONS) + len(KINDS)))
+            self.layers = nn.Sequential(*layers, nn.Linear(HIDDEN, KEPT + PRESSES))
 
-        def forward(self, cells: Any, swapped: Any) -> tuple[Any, Any]:
+        def forward(self, cells: Any, swapped: Any) -> tuple[Any, Any, Any]:
             flag = swapped.float()[:, None, None].expand(-1, 1, cells.shape[2])
             inputs = torch.cat((cells, flag), 1)[:, :, None]
             outputs = self.layers(inputs.contiguous(memory_format=torch.channels_last))
-            return outputs[:, : 1 + len(POSITIONS)], outputs[:, 1 + len(POSITIONS) :]
+            return outputs[:, : 1 + len(POSITIONS)], outputs[:, 1 + len(POSITIONS) : KEPT], outputs[:, KEPT:]
 
     # Convolutions over a row of cells with their channels beside each other: half the time of Conv1d.
     return Module().to(memory_format=torch.channels_last)
@@ -177,8 +223,9 @@ def _load(torch: Any, module: Any, network: Network) -> None:
             layer.weight.zero_()
             if len(shape) == 4:
                 matrix = matrix.reshape(shape[0], shape[3], -1).transpose(1, 2)[:, :, None]
-            layer.weight[:, : matrix.shape[1]] = matrix
-            layer.bias.copy_(torch.from_numpy(next(arrays).copy()))
+            layer.weight[: len(matrix), : matrix.shape[1]] = matrix
+            bias = torch.from_numpy(next(arrays).copy())
+            layer.bias[: len(bias)] = bias
 
 
 def _expected(torch: Any, position: Any) -> Any:
@@ -216,5 +263,6 @@ def _exported(module: Any) -> Network:
             matrix = matrix.reshape(-1, len(layer.bias))
         else:
             matrix = matrix.T
-        arrays += [np.ascontiguousarray(matrix), layer.bias.detach().numpy().copy()]
+        bias, kept = layer.bias.detach().numpy(), KEPT if layer is module.layers[-1] else None
+        arrays += [np.ascontiguousarray(matrix[:, :kept]), bias[:kept].copy()]
     return Network(*arrays)

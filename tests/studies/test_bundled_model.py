@@ -5,9 +5,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from monochord.core.types import Audio
 from monochord.lab import assignments, load_plan
-from monochord.perception.reader import CELLS, CHANNELS, KINDS, POSITIONS
-from monochord.perception.reader.network import logits
+from monochord.perception.reader import (
+    BANDS,
+    CELLS,
+    CHANNELS,
+    COLUMNS,
+    KINDS,
+    POSITIONS,
+    MemoryNetwork,
+    no_memory,
+)
+from monochord.perception.reader.memory import memory_inputs, recall
+from monochord.perception.reader.network import activations
 from monochord.physics.sensors import load_sensor
 from monochord.physics.theory import open_frequency
 
@@ -16,15 +27,12 @@ pytest.importorskip("torch")
 from studies._memory_figures import figures
 from studies._memory_training import (
     DENSITY,
-    INPUTS,
     OUTPUTS,
+    PARTS,
     Rows,
     elapsed_input,
-    memory_inputs,
     outputs_of,
     peaks,
-    run_memory,
-    scaled_inputs,
     stated_force,
     train_memory,
 )
@@ -36,6 +44,7 @@ from studies import _memory_training
 
 ROOT = Path(__file__).parents[2]
 SEED = 0
+INPUTS = 102 + len(KINDS) + len(COLUMNS) + 3 * BANDS + 96
 
 
 def test_a_build_teaches_the_reader_or_the_heads_in_all_plans(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -115,11 +124,14 @@ def test_the_network_learns_and_runs_as_a_kernel() -> None:
             for channel, share in enumerate((place, 1.0 - place)):
                 cell = round(np.log(1.0 / share / 0.3) / 0.003)
                 window[[channel, 2 + channel], cell - 1 : cell + 2] = 255
-    examples = Examples(cells=cells, position=position, kind=np.zeros(2048, np.int64))
+    force = np.where(np.isfinite(position), 3.0, np.nan).astype(np.float32)
+    examples = Examples(
+        cells=cells, position=position, kind=np.zeros(2048, np.int64), force=force, slip=force - 3.0
+    )
     losses: list[float] = []
     network = train_network(examples, epochs=6, seed=0, report=lambda _, loss: losses.append(loss))
     assert losses[-1] < 0.8 * losses[0]
-    outputs = np.array([logits(window.astype(np.float32) / 255.0, network) for window in cells[:20]])
+    outputs = np.array([activations(window.astype(np.float32) / 255.0, network)[1] for window in cells[:20]])
     assert outputs.shape == (20, 1 + len(POSITIONS) + len(KINDS))
     assert np.isfinite(outputs).all()
     again: list[float] = []
@@ -140,15 +152,13 @@ def _story(random: np.random.Generator, windows: int) -> Rows:
     nan = np.full(windows, np.nan, np.float32)
     return Rows(
         inputs=inputs.astype(np.float16),
+        density=np.full((windows, DENSITY), -5.0, np.float16),
         contact=contact,
         place=np.where(touched, np.float32(place), nan),
         force=np.where(touched, force, nan),
         slip=np.where(touched, np.float32(0.0), nan),
         kind=np.zeros(windows, np.int8),
         placed=np.ones(windows, bool),
-        peak=np.full(windows, 0.5, np.float32),
-        mass=np.zeros(windows, np.float32),
-        untouched=np.full(windows, 0.5, np.float32),
         session=np.zeros(windows, np.int32),
     )
 
@@ -172,20 +182,29 @@ def test_the_memory_learns_what_no_window_shows_and_its_arrays_say_the_same(
     # Half of a touch's windows look untouched: without memory, 6 of 40 windows are wrong.
     assert result["memory"]["contact"] > 0.93
     assert result["memory"]["force_n"] < 0.2
-    inputs = scaled_inputs(stories[-10].inputs, arrays["input_mean"], arrays["input_scale"])
-    reference = run_memory(arrays, inputs, np.zeros(len(inputs), np.float32))
-    assert reference == pytest.approx(outputs[0], abs=1e-4)
+    network, memory, told = MemoryNetwork(**arrays), no_memory(), list[Audio]()
+    for k, (row, density) in enumerate(zip(stories[-10].inputs, stories[-10].density, strict=True)):
+        memory, both = recall(memory, np.float32(row), np.float32(density), k * HOP / RATE, network)
+        told.append(np.concatenate((both.logits, both.kinds, both.outputs)))
+    assert np.array(told) == pytest.approx(outputs[0], abs=1e-3)
 
 
 def test_inputs_of_the_memory() -> None:
     random = np.random.default_rng(0)
-    outputs = random.normal(size=(5, DENSITY + len(KINDS)))
-    measures, gaps = random.normal(size=(5, 47)), random.normal(size=(5, 3, 28))
-    inputs = memory_inputs(outputs, measures, gaps)
-    assert inputs.shape == (5, INPUTS)
-    assert np.exp(inputs[:, :102]).sum(axis=1) == pytest.approx(1.0 + 102 * 1e-4)
-    assert inputs[:, 102 : 102 + len(KINDS)].max(axis=1) == pytest.approx(0.0)
-    assert inputs[:, -84:] == pytest.approx(gaps.reshape(5, 84))
+    hidden, logits, kinds = (
+        random.random(96).astype(np.float32),
+        random.normal(size=DENSITY),
+        random.normal(size=10),
+    )
+    measures, gaps = random.normal(size=len(COLUMNS)), random.normal(size=(3, BANDS))
+    inputs, density = memory_inputs(hidden, logits, kinds, measures, gaps)
+    assert inputs.shape == (INPUTS,)
+    assert np.exp(density).sum() == pytest.approx(1.0 + DENSITY * 1e-4)
+    assert np.exp(inputs[PARTS["density"]]).sum() == pytest.approx(1.0 + 102 * 1e-4)
+    assert inputs[PARTS["kinds"]].max() == pytest.approx(0.0)
+    assert inputs[PARTS["measures"]] == pytest.approx(measures)
+    assert inputs[PARTS["gaps"]] == pytest.approx(gaps.ravel())
+    assert inputs[PARTS["hidden"]] == pytest.approx(hidden)
     assert elapsed_input(np.array([0, 1, 2, 50, 500])).tolist() == pytest.approx(
         [0, 0, 1, 5.644, 5.644], abs=1e-3
     )

@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 
 from monochord.core.types import Audio
-from monochord.perception.reader import KINDS, MemoryNetwork, no_memory
+from monochord.perception.reader import KINDS, POSITIONS, MemoryNetwork, no_memory
 from monochord.perception.reader.memory import (
     HIDDEN,
     MAX_ELAPSED,
     MAX_INPUT,
     SUMMARY,
     TICK,
+    TRUST,
     Memory,
     Recollection,
     bundled_memory,
@@ -25,11 +26,16 @@ def inputs(seed: int, count: int) -> Audio:
     return (network.input_mean + network.input_scale * noise).astype(np.float32)
 
 
+def density(rows: Audio) -> Audio:
+    """Return made-up log densities (count, 1 + positions) of windows with these inputs."""
+    return np.resize(-np.abs(rows), (len(rows), 1 + len(POSITIONS))).astype(np.float32)
+
+
 def after(rows: Audio, times: list[float]) -> list[tuple[Memory, Recollection]]:
     """Return memory and outputs after each of these windows."""
     memory, results = no_memory(), list[tuple[Memory, Recollection]]()
-    for row, time in zip(rows, times, strict=True):
-        results.append(recall(memory, row, time, bundled_memory()))
+    for row, own, time in zip(rows, density(rows), times, strict=True):
+        results.append(recall(memory, row, own, time, bundled_memory()))
         memory = results[-1][0]
     return results
 
@@ -54,6 +60,8 @@ def by_torch(network: MemoryNetwork, rows: Audio, elapsed: list[float]) -> tuple
         both = torch.cat((entered, torch.stack(states)), 1)
         summary = torch.relu(both @ tensors["summary"] + tensors["summary_bias"])
         outputs = summary @ tensors["memory_last"] + tensors["memory_last_bias"]
+        own = torch.from_numpy(density(rows))
+        outputs[:, : own.shape[1]] += 2.0 * torch.sigmoid(outputs[:, TRUST:]) * own
     return torch.stack(states).numpy(), outputs.numpy()
 
 
@@ -83,7 +91,7 @@ def test_windows_between_two_ticks_leave_the_memory_as_it_is() -> None:
 
 def test_nothing_is_remembered_after_a_pause() -> None:
     rows = inputs(2, 3)
-    fresh = recall(no_memory(), rows[2], 0.0, bundled_memory())
+    fresh = recall(no_memory(), rows[2], density(rows)[2], 0.0, bundled_memory())
     late = after(rows, [0.0, 0.02, 0.03 + MAX_ELAPSED])[2]
     soon = after(rows, [0.0, 0.02, 0.02 + MAX_ELAPSED])[2]
     assert late[1].logits.tobytes() == fresh[1].logits.tobytes()

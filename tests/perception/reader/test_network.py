@@ -14,8 +14,8 @@ from monochord.perception.reader.network import (
     POSITIONS,
     STRIDES,
     Network,
+    activations,
     bundled_network,
-    logits,
 )
 from monochord.perception.reader.reader import Reader
 from monochord.perception.spectrum import SpectrumAnalyser
@@ -87,7 +87,7 @@ def test_a_silent_microphone_leaves_its_cells_empty() -> None:
     window[1] = 0.0
     cells = seen(window)
     assert not cells[[1, 3]].any()
-    assert np.isfinite(logits(cells, bundled_network())).all()
+    assert np.isfinite(activations(cells, bundled_network())[1]).all()
 
 
 def random_network(seed: int = 0) -> Network:
@@ -95,7 +95,7 @@ def random_network(seed: int = 0) -> Network:
     return Network(*(random.normal(0.0, 0.1, shape).astype(np.float32) for shape in shapes))
 
 
-def plain_logits(cells: Audio, network: Network) -> Floats:
+def plain_outputs(cells: Audio, network: Network) -> Floats:
     """Return the network's outputs by a sum for each number, in double precision."""
     values: Floats = cells.astype(float)
     arrays = [array.astype(float) for array in network]
@@ -116,14 +116,16 @@ def plain_logits(cells: Audio, network: Network) -> Floats:
 def test_the_kernel_computes_what_a_plain_convolution_does() -> None:
     cells = np.random.default_rng(1).random((CHANNELS, CELLS)).astype(np.float32)
     network = random_network(1)
-    outputs = logits(cells, network)
+    hidden, outputs = activations(cells, network)
+    assert hidden.min() >= 0.0
+    assert hidden @ network.last + network.last_bias == pytest.approx(outputs, abs=1e-4)
     assert outputs.shape == (1 + len(POSITIONS) + len(KINDS),)
-    np.testing.assert_allclose(outputs, plain_logits(cells, network), rtol=1e-4, atol=1e-4)
+    np.testing.assert_allclose(outputs, plain_outputs(cells, network), rtol=1e-4, atol=1e-4)
 
 
 def test_the_network_of_the_package_finds_where_two_pure_segments_meet() -> None:
     reader = Reader.of(analyser_of())
     for place in (0.27, 0.35, 0.44, 0.62, 0.7):
-        measures, _ = reader.alone(analyser_of().analyse(touched(place)))
+        measures, _, _ = reader.alone(analyser_of().analyse(touched(place)))
         assert measures[PLACE] == pytest.approx(place, abs=0.012)
         assert measures[MASS] > 0.5

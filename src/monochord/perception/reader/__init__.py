@@ -4,7 +4,7 @@ from monochord.perception.reader.cells import CELLS, CHANNELS, spectrum_cells
 from monochord.perception.reader.gaps import BANDS, measure_gaps
 from monochord.perception.reader.measures import COLUMNS, measure
 from monochord.perception.reader.memory import Memory, MemoryNetwork, no_memory
-from monochord.perception.reader.network import DILATIONS, FILE, KINDS, POSITIONS, STRIDES, Network, logits
+from monochord.perception.reader.network import DILATIONS, FILE, KINDS, POSITIONS, STRIDES, Network
 from monochord.perception.reader.reader import Reader, Reading
 from monochord.perception.spectrum import SpectrumAnalyser
 
@@ -24,7 +24,6 @@ __all__ = [
     "Reader",
     "Reading",
     "SpectrumAnalyser",
-    "logits",
     "measure",
     "measure_gaps",
     "no_memory",

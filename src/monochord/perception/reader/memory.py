@@ -2,8 +2,9 @@
 
 A touch tells its place in its first 0.3 s and then fades: free partials die, both drivers hold one line, and
 what is left fits several places. Likewise an untouched string whose drivers hold mode 2 sounds like a touch
-at the middle. So the outputs of the network for a window, physics' measures and the sound between the lines
-enter a gated recurrent unit, whose state is the memory, and a last layer reads all outputs anew from both.
+at the middle. So what the network makes of a window, physics' measures and the sound between the lines enter
+a gated recurrent unit, whose state is the memory, and a last layer reads all outputs anew from both. To its
+density it adds the window's own, by as much as it trusts the window.
 
 Cho et al. (2014), Learning phrase representations using RNN encoder-decoder, EMNLP, equations 5 to 8; the
 reset gate is applied after the product with the state, as cuDNN and PyTorch do.
@@ -31,9 +32,11 @@ HIDDEN = 128
 """Size of the memory."""
 SUMMARY = 96
 """Number of values that the outputs are read from."""
-OUTPUTS = ("force", "force spread", "slip")
+OUTPUTS = ("force", "force spread", "slip", "trust")
 """Outputs of the memory beside those of a window's network: force in N of the design's string, compressed
-above `LARGE_FORCE`, logarithm of its spread, and the log odds of slip."""
+above `LARGE_FORCE`, logarithm of its spread, the log odds of slip, and those of half the weight with which
+the window's own log density is added."""
+TRUST = 1 + len(POSITIONS) + len(KINDS) + OUTPUTS.index("trust")
 LARGE_FORCE = 2.5
 """Force F in N above which the output is ``LARGE_FORCE (1 + log(F / LARGE_FORCE))``."""
 LEAST = 1.0e-4
@@ -81,7 +84,7 @@ class Recollection(NamedTuple):
     """What a window and the memory tell together.
 
     `logits` (1 + positions,) and `kinds` (kinds,) as the network gives them for a window alone, `outputs` of
-    `OUTPUTS` (3,), and the `summary` (`SUMMARY`,) that all are read from.
+    `OUTPUTS` (4,), and the `summary` (`SUMMARY`,) that all are read from.
     """
 
     logits: Floats
@@ -100,19 +103,19 @@ def bundled_memory() -> MemoryNetwork:
 
 
 def recall(
-    memory: Memory, inputs: Audio, time: Seconds, network: MemoryNetwork
+    memory: Memory, inputs: Audio, density: Audio, time: Seconds, network: MemoryNetwork
 ) -> tuple[Memory, Recollection]:
     """Return the memory after a window that starts at a time in s, and what both tell.
 
-    `inputs` are those of `memory_inputs`. A window that starts less than `TICK` after the last one that
-    entered leaves the memory as it is; what it tells is read as if it entered. After `MAX_ELAPSED` without a
-    window nothing is remembered.
+    `inputs` and `density` are those of `memory_inputs`. A window that starts less than `TICK` after the last
+    one that entered leaves the memory as it is; what it tells is read as if it entered. After `MAX_ELAPSED`
+    without a window nothing is remembered.
     """
     since = time - memory.time
     if since > MAX_ELAPSED:
         memory = no_memory()
     elapsed = math.log2(max(since, TICK) / TICK) if math.isfinite(memory.time) else 0.0
-    hidden, summary, outputs = _recalled(inputs, memory.hidden, elapsed, network)
+    hidden, summary, outputs = _recalled(inputs, density, memory.hidden, elapsed, network)
     if since >= TICK - TIME_TOLERANCE:
         memory = Memory(hidden, time)
     kinds = 1 + len(POSITIONS)
@@ -122,16 +125,19 @@ def recall(
 
 
 @kernel()
-def memory_inputs(logits: Floats, kinds: Floats, measures: Floats, gaps: Floats) -> Audio:
-    """Return the inputs of the memory, unscaled: what a window alone tells.
+def memory_inputs(
+    hidden: Audio, logits: Floats, kinds: Floats, measures: Floats, gaps: Floats
+) -> tuple[Audio, Audio]:
+    """Return the inputs of the memory, unscaled, and the log density (1 + positions,): what a window tells.
 
-    These are the logarithms of the probability of no touch, of each two neighbouring positions and of the
-    last one; the kinds' logits below the largest; the measures; and the sound between the lines.
+    Inputs are the logarithms of the probability of no touch, of each two neighbouring positions and of the
+    last one; the kinds' logits below the largest; the measures; the sound between the lines; and the hidden
+    layer of the window's network.
 
     Parameters
     ----------
-    logits, kinds
-        Outputs of the window's network, (1 + positions,) and (kinds,).
+    hidden, logits, kinds
+        Of the window's network, (hidden,), (1 + positions,) and (kinds,).
     measures
         Of `measures.measure`.
     gaps
@@ -140,7 +146,7 @@ def memory_inputs(logits: Floats, kinds: Floats, measures: Floats, gaps: Floats)
     density = np.exp(logits - logits.max())
     density /= density.sum()
     pairs = (density.size - 2) // 2
-    inputs = np.empty(2 + pairs + kinds.size + measures.size + gaps.size, np.float32)
+    inputs = np.empty(2 + pairs + kinds.size + measures.size + gaps.size + hidden.size, np.float32)
     inputs[0] = np.log(density[0] + LEAST)
     for k in range(pairs):
         inputs[1 + k] = np.log(density[1 + 2 * k] + density[2 + 2 * k] + LEAST)
@@ -149,13 +155,15 @@ def memory_inputs(logits: Floats, kinds: Floats, measures: Floats, gaps: Floats)
     inputs[at : at + kinds.size] = kinds - kinds.max()
     at += kinds.size
     inputs[at : at + measures.size] = measures
-    inputs[at + measures.size :] = gaps.ravel()
-    return inputs
+    at += measures.size
+    inputs[at : at + gaps.size] = gaps.ravel()
+    inputs[at + gaps.size :] = hidden
+    return inputs, np.log(density + LEAST).astype(np.float32)
 
 
 @kernel(fastmath={"contract"})
 def _recalled(
-    inputs: Audio, hidden: Audio, elapsed: float, network: MemoryNetwork
+    inputs: Audio, density: Audio, hidden: Audio, elapsed: float, network: MemoryNetwork
 ) -> tuple[Audio, Audio, Floats]:
     """Return the next state, the summary and the outputs."""
     scaled = np.empty(inputs.size, np.float32)
@@ -182,6 +190,9 @@ def _recalled(
     summary = _layer(both, network.summary, network.summary_bias)
     _rectify(summary)
     outputs = _layer(summary, network.memory_last, network.memory_last_bias)
+    weight = np.float32(2.0) / (one + np.exp(-outputs[TRUST]))
+    for k in range(density.size):
+        outputs[k] += weight * density[k]
     return after.copy(), summary, outputs.astype(np.float64)
 
 

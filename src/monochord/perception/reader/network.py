@@ -67,15 +67,17 @@ def bundled_network() -> Network:
 
 
 @kernel()
-def logits(cells: Audio, network: Network) -> Floats:
-    """Return the network's outputs (1 + positions + kinds,) for a window's cells (`CHANNELS`, `CELLS`)."""
+def activations(cells: Audio, network: Network) -> tuple[Audio, Floats]:
+    """Return the hidden layer and the outputs (1 + positions + kinds,) for cells (`CHANNELS`, `CELLS`)."""
     values = _convolved(cells, network.convolution_1, network.bias_1, STRIDES[0], DILATIONS[0])
     values = _convolved(values, network.convolution_2, network.bias_2, STRIDES[1], DILATIONS[1])
     values = _convolved(values, network.convolution_3, network.bias_3, STRIDES[2], DILATIONS[2])
     values = _convolved(values, network.convolution_4, network.bias_4, STRIDES[3], DILATIONS[3])
     values = _convolved(values, network.convolution_5, network.bias_5, STRIDES[4], DILATIONS[4])
     hidden = _connected(values.ravel(), network.hidden, network.hidden_bias)
-    return _connected(hidden, network.last, network.last_bias).astype(np.float64)
+    for o in range(hidden.size):
+        hidden[o] = max(hidden[o], np.float32(0.0))
+    return hidden, _connected(hidden, network.last, network.last_bias).astype(np.float64)
 
 
 @part(fastmath={"contract"})

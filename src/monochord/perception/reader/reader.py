@@ -9,7 +9,7 @@ from monochord.perception.reader.cells import spectrum_cells
 from monochord.perception.reader.gaps import measure_gaps
 from monochord.perception.reader.measures import measure
 from monochord.perception.reader.memory import Memory, MemoryNetwork, bundled_memory, memory_inputs, recall
-from monochord.perception.reader.network import KINDS, POSITIONS, Network, bundled_network, logits
+from monochord.perception.reader.network import KINDS, POSITIONS, Network, activations, bundled_network
 from monochord.perception.spectrum import Spectrum, SpectrumAnalyser
 
 
@@ -40,10 +40,17 @@ class Reader:
         """Return the reader of an analyser's spectra, with the networks of the package."""
         return cls(analyser=analyser, network=bundled_network(), memory=bundled_memory())
 
-    def alone(self, spectrum: Spectrum) -> tuple[Floats, Floats]:
-        """Return what a window alone tells: its measures, and the logits of no touch, positions and kinds."""
-        outputs = logits(spectrum_cells(self.analyser, spectrum), self.network)
-        return self._measures(outputs[: -len(KINDS)], spectrum), outputs
+    def alone(self, spectrum: Spectrum) -> tuple[Floats, Audio, Floats]:
+        """Return what a window alone tells: its measures, and the network's hidden layer and outputs."""
+        hidden, outputs = activations(spectrum_cells(self.analyser, spectrum), self.network)
+        return self._measures(outputs[: -len(KINDS)], spectrum), hidden, outputs
+
+    def inputs(self, spectrum: Spectrum) -> tuple[Audio, Audio, Floats]:
+        """Return what a window gives the memory (`memory_inputs`), and its sound between the lines."""
+        measures, hidden, outputs = self.alone(spectrum)
+        gaps = measure_gaps(spectrum.transform, spectrum.power, self.analyser.bin_spacing)
+        told = memory_inputs(hidden, outputs[: -len(KINDS)], outputs[-len(KINDS) :], measures, gaps)
+        return *told, gaps
 
     def read(self, memory: Memory, spectrum: Spectrum, time: Seconds) -> tuple[Memory, Reading]:
         """Return the memory after a window that starts at a time in s, and the window's reading.
@@ -51,10 +58,8 @@ class Reader:
         What the window alone tells enters the memory; then that pair of lines is measured which is nearest to
         the place that both tell.
         """
-        measures, outputs = self.alone(spectrum)
-        gaps = measure_gaps(spectrum.transform, spectrum.power, self.analyser.bin_spacing)
-        inputs = memory_inputs(outputs[: -len(KINDS)], outputs[-len(KINDS) :], measures, gaps)
-        memory, both = recall(memory, inputs, time, self.memory)
+        inputs, density, gaps = self.inputs(spectrum)
+        memory, both = recall(memory, inputs, density, time, self.memory)
         measures = self._measures(both.logits, spectrum)
         return memory, Reading(measures, both.kinds, gaps, both.outputs, both.summary)
 
