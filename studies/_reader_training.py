@@ -11,13 +11,15 @@ from studies._reader_sessions import DRIVER_DEAD, ORDINARY, Variant, changed, sa
 
 from monochord.core.types import Audio, Floats, Indices
 from monochord.perception.reader import (
+    BASIS,
     CELLS,
     CHANNELS,
-    DILATIONS,
+    FIRST,
     KINDS,
+    PARTIALS,
     POSITIONS,
-    STRIDES,
     Network,
+    segments,
     spectrum_cells,
 )
 from monochord.perception.training import torch_library
@@ -38,9 +40,23 @@ MASKS, WIDEST = 3, 60
 """Number of dropped bands of a window, and cells of the widest."""
 KEPT = 1 + len(POSITIONS) + len(KINDS)
 """Outputs of the network that the package has."""
-CHANNELS_OUT, TAPS, HIDDEN, DROPPED = (12, 16, 24, 32, 8), (9, 5, 5, 3, 1), 96, 0.3
-BATCH, RATE, DECAY = 512, 3.0e-3, 0.1
-KIND_WEIGHT, SLIP_WEIGHT = 0.5, 0.5
+LINES, COMBS, OVERVIEW, HIDDEN, PLACE, DROPPED = 12, 16, (16, 8), 64, (24, 16), 0.3
+"""Channels of lines, combs, overview, hidden layer and places, and the share of the hidden ones that is
+dropped."""
+NAMES = {
+    "convolution_1.bias": "bias_1",
+    "convolution_2.bias": "bias_2",
+    "comb.bias": "comb_bias",
+    "overview_1.bias": "overview_bias_1",
+    "overview_2.bias": "overview_bias_2",
+    "hidden.bias": "hidden_bias",
+    "place_hidden.bias": "place_bias",
+    "along.bias": "along_bias",
+    "last.bias": "last_bias",
+}
+"""Names of the package's arrays for those of biases."""
+BATCH, RATE, DECAY, LONGEST_GRADIENT = 256, 3.0e-3, 0.05, 1.0
+KIND_WEIGHT, SLIP_WEIGHT, PRESS_WEIGHT = 0.5, 0.5, 0.3
 LINEAR_FORCE = 2.5
 """Force in N up to which networks state it linearly, and above which its logarithm."""
 SPREADS = (-5.0, 3.0)
@@ -153,12 +169,13 @@ def train_network(
             misplaced = -(_expected(torch, place) * torch.log_softmax(where, 1)).sum(1)[is_placed[rows]]
             of_kind = torch.where(swapped, mirror[kind[rows]], kind[rows])
             loss = misplaced.mean() + KIND_WEIGHT * torch.nn.functional.cross_entropy(odd, of_kind, weight)
-            # The package leaves these outputs out; the hidden layer, which the memory gets, is to know them.
+            # The package leaves these outputs out; what they are read from, the memory gets.
             loss = loss + press_loss(
                 torch, pressed, examples.force[rows.numpy()], examples.slip[rows.numpy()]
             )
             optimiser.zero_grad()
             loss.backward()
+            torch.nn.utils.clip_grad_norm_(module.parameters(), LONGEST_GRADIENT)
             optimiser.step()
             schedule.step()
             total += float(loss.detach()) * len(rows)
@@ -187,45 +204,76 @@ def compressed_force(force: Audio) -> Audio:
 
 
 def _module(torch: Any) -> Any:
-    nn = torch.nn
+    """Return the network with random weights; its parameters are named as the package's arrays."""
+    nn, positions = torch.nn, len(POSITIONS)
+    combed, places = len(PARTIALS), 2 * COMBS + len(BASIS)
+    partials = np.arange(FIRST, CELLS // 2)[:, np.newaxis] + PARTIALS
+    partials = torch.from_numpy(np.minimum(partials, CELLS // 2).ravel())  # beyond the end are zeros
+    below, above = (torch.from_numpy(each) for each in segments())
+    basis = torch.from_numpy(BASIS.T.copy())
 
     class Module(nn.Module):
         def __init__(self) -> None:
             super().__init__()
-            layers, before = list[Any](), CHANNELS + 1
-            for outputs, taps, stride, dilation in zip(CHANNELS_OUT, TAPS, STRIDES, DILATIONS, strict=True):
-                pad = taps // 2 * int(dilation)
-                form = (1, taps), (1, int(stride)), (0, pad), (1, int(dilation))
-                layers += [nn.Conv2d(before, outputs, *form), nn.ReLU()]
-                before = outputs
-            cells = -(-CELLS // int(np.prod(STRIDES)))
-            layers += [nn.Flatten(), nn.Linear(before * cells, HIDDEN), nn.ReLU(), nn.Dropout(DROPPED)]
-            self.layers = nn.Sequential(*layers, nn.Linear(HIDDEN, KEPT + PRESSES))
+            # Convolutions over a row of cells with their channels beside each other: half of Conv1d's time.
+            self.convolution_1 = nn.Conv2d(CHANNELS + 1, LINES, (1, 9), (1, 2), (0, 4))
+            self.convolution_2 = nn.Conv2d(LINES, LINES, (1, 3), 1, (0, 1))
+            self.comb = nn.Linear(LINES * combed, COMBS)
+            self.overview_1 = nn.Conv2d(LINES, OVERVIEW[0], (1, 5), (1, 4), (0, 2))
+            self.overview_2 = nn.Conv2d(OVERVIEW[0], OVERVIEW[1], (1, 5), (1, 2), (0, 2))
+            self.hidden = nn.Linear(OVERVIEW[1] * -(-CELLS // 16), HIDDEN)
+            self.place = nn.Linear(places, PLACE[0], bias=False)
+            self.place_hidden = nn.Linear(HIDDEN, PLACE[0])
+            self.along = nn.Conv1d(*PLACE, 5, padding=2)
+            self.score = nn.Linear(PLACE[1], 1, bias=False)
+            self.last = nn.Linear(HIDDEN + 2 * PLACE[1], KEPT - positions + PRESSES)
+            self.dropout = nn.Dropout(DROPPED)
 
         def forward(self, cells: Any, swapped: Any) -> tuple[Any, Any, Any]:
-            flag = swapped.float()[:, None, None].expand(-1, 1, cells.shape[2])
-            inputs = torch.cat((cells, flag), 1)[:, :, None]
-            outputs = self.layers(inputs.contiguous(memory_format=torch.channels_last))
-            return outputs[:, : 1 + len(POSITIONS)], outputs[:, 1 + len(POSITIONS) : KEPT], outputs[:, KEPT:]
+            """Return density (n, 1 + positions), kinds (n, kinds) and presses (n, `PRESSES`) of windows."""
+            count, relu = len(cells), torch.relu
+            flag = swapped.float()[:, None, None].expand(-1, 1, CELLS)
+            inputs = torch.cat((cells, flag), 1)[:, :, None].contiguous(memory_format=torch.channels_last)
+            lines = relu(self.convolution_2(relu(self.convolution_1(inputs))))
+            overview = relu(self.overview_2(relu(self.overview_1(lines)))).flatten(1)
+            hidden = self.dropout(relu(self.hidden(overview)))
+            rows = torch.nn.functional.pad(lines[:, :, 0].transpose(1, 2), (0, 0, 0, 1))
+            combs = rows.index_select(1, partials).view(count, -1, LINES * combed)
+            combs = relu(self.comb(combs))
+            both = [
+                combs.index_select(1, own) * (1.0 - part)[:, None]
+                + combs.index_select(1, own + 1) * part[:, None]
+                for own, part in zip(below, above, strict=True)
+            ]
+            where = torch.where(swapped[:, None, None], basis.flip(0), basis)
+            features = self.place(torch.cat((*both, where), 2)) + self.place_hidden(hidden)[:, None]
+            features = relu(self.along(relu(features).transpose(1, 2)).transpose(1, 2))
+            scores = self.score(features)[..., 0]
+            mean = (torch.softmax(scores, 1)[..., None] * features).sum(1)
+            last = self.last(torch.cat((hidden, mean, features.amax(1)), 1))
+            kinds = 1 + len(KINDS)
+            return torch.cat((last[:, :1], scores), 1), last[:, 1:kinds], last[:, kinds:]
 
-    # Convolutions over a row of cells with their channels beside each other: half the time of Conv1d.
     return Module().to(memory_format=torch.channels_last)
+
+
+def _arrays(module: Any) -> dict[str, Any]:
+    """Return a network's weights and biases by the names of the package's arrays."""
+    return {NAMES.get(name, name.removesuffix(".weight")): own for name, own in module.named_parameters()}
 
 
 def _load(torch: Any, module: Any, network: Network) -> None:
     """Give a module the weights of a network; it sees no difference yet where the input is swapped."""
-    arrays = iter(network)
-    for layer in module.layers:
-        if not hasattr(layer, "weight"):
-            continue
-        matrix, shape = torch.from_numpy(next(arrays).T.copy()), layer.weight.shape
+    for name, own in _arrays(module).items():
+        array = torch.from_numpy(getattr(network, name).T.copy())
         with torch.no_grad():
-            layer.weight.zero_()
-            if len(shape) == 4:
-                matrix = matrix.reshape(shape[0], shape[3], -1).transpose(1, 2)[:, :, None]
-            layer.weight[: len(matrix), : matrix.shape[1]] = matrix
-            bias = torch.from_numpy(next(arrays).copy())
-            layer.bias[: len(bias)] = bias
+            own.zero_()
+            if own.ndim > 2:
+                array = array.reshape(len(own), own.shape[-1], -1).transpose(1, 2)
+                array = array.reshape(*array.shape[:2], *own.shape[2:])
+                own[:, : array.shape[1]] = array
+            else:
+                own[: len(array)] = array
 
 
 def _expected(torch: Any, position: Any) -> Any:
@@ -253,16 +301,15 @@ def _varied(torch: Any, inputs: Any) -> Any:
 
 def _exported(module: Any) -> Network:
     """Return the network in the package's format, which never swaps its input."""
-    arrays = list[Any]()
-    for layer in module.layers:
-        if not hasattr(layer, "weight"):
-            continue
-        matrix = layer.weight.detach().numpy()
-        if matrix.ndim == 4:
-            matrix = matrix[:, : CHANNELS if not arrays else None, 0].transpose(2, 1, 0)
-            matrix = matrix.reshape(-1, len(layer.bias))
+    arrays = dict[str, Any]()
+    for name, own in _arrays(module).items():
+        array = own.detach().numpy()
+        if array.ndim > 2:
+            array = array.reshape(*array.shape[:2], -1)
+            array = array[:, : CHANNELS if name == "convolution_1" else None].transpose(2, 1, 0)
+            array = array.reshape(-1, array.shape[2])
         else:
-            matrix = matrix.T
-        bias, kept = layer.bias.detach().numpy(), KEPT if layer is module.layers[-1] else None
-        arrays += [np.ascontiguousarray(matrix[:, :kept]), bias[:kept].copy()]
-    return Network(*arrays)
+            array = array.T
+        kept = KEPT - len(POSITIONS) if name in {"last", "last_bias"} else None
+        arrays[name] = np.ascontiguousarray(array[..., :kept], np.float32).copy()
+    return Network(**arrays)

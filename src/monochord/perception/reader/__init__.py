@@ -4,20 +4,30 @@ from monochord.perception.reader.cells import CELLS, CHANNELS, spectrum_cells
 from monochord.perception.reader.gaps import BANDS, measure_gaps
 from monochord.perception.reader.measures import COLUMNS, measure
 from monochord.perception.reader.memory import Memory, MemoryNetwork, no_memory
-from monochord.perception.reader.network import DILATIONS, FILE, KINDS, POSITIONS, STRIDES, Network
+from monochord.perception.reader.network import (
+    BASIS,
+    FILE,
+    FIRST,
+    KINDS,
+    PARTIALS,
+    POSITIONS,
+    Network,
+    segments,
+)
 from monochord.perception.reader.reader import Reader, Reading
 from monochord.perception.spectrum import SpectrumAnalyser
 
 __all__ = [
     "BANDS",
+    "BASIS",
     "CELLS",
     "CHANNELS",
     "COLUMNS",
-    "DILATIONS",
     "FILE",
+    "FIRST",
     "KINDS",
+    "PARTIALS",
     "POSITIONS",
-    "STRIDES",
     "Memory",
     "MemoryNetwork",
     "Network",
@@ -27,5 +37,6 @@ __all__ = [
     "measure",
     "measure_gaps",
     "no_memory",
+    "segments",
     "spectrum_cells",
 ]

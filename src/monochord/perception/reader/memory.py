@@ -19,7 +19,7 @@ import numpy as np
 from monochord.core.kernels import kernel, part
 from monochord.core.types import Audio, Floats
 from monochord.core.units import Seconds
-from monochord.perception.reader.network import FILE, KINDS, POSITIONS
+from monochord.perception.reader.network import FILE, KINDS, POSITIONS, layer
 
 TICK: Seconds = 0.02
 """Time between two windows that enter the memory, as trained; windows in between are read with it, and leave
@@ -170,14 +170,14 @@ def _recalled(
     for i in range(inputs.size):
         value = (inputs[i] - network.input_mean[i]) / network.input_scale[i]
         scaled[i] = min(max(value, -MAX_INPUT), MAX_INPUT) if np.isfinite(value) else 0.0
-    entered = _layer(scaled, network.enter_1, network.enter_bias_1)
+    entered = layer(scaled, network.enter_1, network.enter_bias_1)
     _rectify(entered)
-    entered = _layer(entered, network.enter_2, network.enter_bias_2)
+    entered = layer(entered, network.enter_2, network.enter_bias_2)
     _rectify(entered)
     timed = np.empty(entered.size + 1, np.float32)
     timed[:-1], timed[-1] = entered, elapsed
-    given = _layer(timed, network.gates_input, network.gates_input_bias)
-    kept = _layer(hidden, network.gates_hidden, network.gates_hidden_bias)
+    given = layer(timed, network.gates_input, network.gates_input_bias)
+    kept = layer(hidden, network.gates_hidden, network.gates_hidden_bias)
     size, one = hidden.size, np.float32(1.0)
     both = np.empty(entered.size + size, np.float32)
     both[: entered.size] = entered
@@ -187,26 +187,13 @@ def _recalled(
         update = one / (one + np.exp(-(given[size + k] + kept[size + k])))
         candidate = np.tanh(given[2 * size + k] + reset * kept[2 * size + k])
         after[k] = (one - update) * candidate + update * hidden[k]
-    summary = _layer(both, network.summary, network.summary_bias)
+    summary = layer(both, network.summary, network.summary_bias)
     _rectify(summary)
-    outputs = _layer(summary, network.memory_last, network.memory_last_bias)
+    outputs = layer(summary, network.memory_last, network.memory_last_bias)
     weight = np.float32(2.0) / (one + np.exp(-outputs[TRUST]))
     for k in range(density.size):
         outputs[k] += weight * density[k]
     return after.copy(), summary, outputs.astype(np.float64)
-
-
-@part()
-def _layer(values: Audio, weights: Audio, bias: Audio) -> Audio:
-    """Return the sums (outputs,) of a layer over values (inputs,)."""
-    sums = bias.copy()
-    for i in range(values.size):
-        value = values[i]
-        if value != 0.0:
-            weight = weights[i]
-            for o in range(sums.size):
-                sums[o] += value * weight[o]
-    return sums
 
 
 @part()
