@@ -32,7 +32,9 @@ SURE = 0.05
 ALL = "all"
 
 
-def figures(arrays: Mapping[str, Audio], sessions: Sequence[Rows], groups: Sequence[str]) -> dict[str, Any]:
+def figures(
+    arrays: Mapping[str, Audio], sessions: Sequence[Rows], groups: Sequence[str], horizon: int = 0
+) -> dict[str, Any]:
     """Return the figures of each group of sessions, and of all: "alone" of single windows, and "memory".
 
     `contact` is the share of right contact; of touches within `RANGE`: `answered`, `right` of the answered
@@ -42,7 +44,7 @@ def figures(arrays: Mapping[str, Audio], sessions: Sequence[Rows], groups: Seque
     kind is told, and `alarm` that of ordinary ones that are told to be odd.
     """
     told = dict[str, list[dict[str, NDArray[Any]]]]()
-    for rows, group, outputs in zip(sessions, groups, outputs_of(arrays, sessions), strict=True):
+    for rows, group, outputs in zip(sessions, groups, outputs_of(arrays, sessions, horizon), strict=True):
         alone = probabilities(rows.density.astype(np.float32))
         over_time = probabilities(outputs[:, :DENSITY])
         scored = {

@@ -277,11 +277,12 @@ def train_memory(
     seed: int,
     report: Callable[[int, float], None],
     start: Mapping[str, Audio] | None = None,
+    horizon: int = 0,
 ) -> dict[str, Audio]:
     """Return the arrays of the memory, trained on rows of sessions that are chosen with a weight (sessions,).
 
     `report` is called with the number of updates and the mean loss since. It begins with random weights, or
-    with those of `start`.
+    with those of `start`. It remembers no more than `horizon` windows, a divisor of `STEPS`; 0 for no limit.
     """
     torch: Any = torch_library()
     torch.manual_seed(seed)
@@ -302,9 +303,14 @@ def train_memory(
         inputs = scaled_inputs(rows.inputs[stretch.rows.ravel()], mean, scale)
         inputs = _varied(inputs.reshape(LANES, STEPS, -1), scale, random)
         state = state * torch.from_numpy(~stretch.fresh).float()[None, :, None]
-        density = torch.from_numpy(rows.density[stretch.rows].astype(np.float32))
-        outputs, state = module(torch.from_numpy(inputs), density, torch.from_numpy(stretch.elapsed), state)
-        state = state.detach()
+        density, elapsed = rows.density[stretch.rows].astype(np.float32), stretch.elapsed
+        if horizon:
+            elapsed.reshape(-1, horizon)[:, 0] = 0.0
+            given = (each.reshape(-1, horizon, *each.shape[2:]) for each in (inputs, density, elapsed))
+            outputs, _ = module(*map(torch.from_numpy, given), None)
+        else:
+            outputs, state = module(*map(torch.from_numpy, (inputs, density, elapsed)), state)
+            state = state.detach()
         loss = _loss(torch, outputs.reshape(LANES * STEPS, -1), rows, stretch, of_kind)
         optimiser.zero_grad()
         loss.backward()
@@ -363,16 +369,23 @@ def _loss(torch: Any, outputs: Any, rows: Rows, stretch: _Stretch, of_kind: Any)
     return loss + press_loss(torch, outputs[:, FORCE:TRUST], force, slip)
 
 
-def outputs_of(arrays: Mapping[str, Audio], sessions: Sequence[Rows]) -> Iterator[Audio]:
-    """Yield the memory's outputs (n, `OUTPUTS`) for each session, every 20 ms from its beginning."""
+def outputs_of(arrays: Mapping[str, Audio], sessions: Sequence[Rows], horizon: int = 0) -> Iterator[Audio]:
+    """Yield the memory's outputs (n, `OUTPUTS`) for each session, every 20 ms from its beginning.
+
+    With a `horizon` each window is read with that many windows or up to half of them less.
+    """
     torch: Any = torch_library()
     module = memory_module(torch, len(arrays["input_mean"]))
     load_memory(torch, module, arrays)
     with torch.no_grad():
         for session in sessions:
             inputs = scaled_inputs(session.inputs, arrays["input_mean"], arrays["input_scale"])
-            density = torch.from_numpy(session.density.astype(np.float32))
-            outputs, _ = module(
-                torch.from_numpy(inputs)[None], density[None], torch.zeros(1, len(inputs)), None
-            )
-            yield outputs[0].numpy()
+            density, count = session.density.astype(np.float32), len(inputs)
+            outputs = np.empty((count, OUTPUTS), np.float32)
+            kept = max(horizon // 2, 1) if horizon else count
+            for first in range(0, count, kept):
+                begin, end = max(first + kept - horizon, 0) if horizon else 0, min(first + kept, count)
+                given = (inputs[begin:end], density[begin:end], np.zeros(end - begin, np.float32))
+                told, _ = module(*(torch.from_numpy(each)[None] for each in given), None)
+                outputs[first:end] = told[0, first - begin :].numpy()
+            yield outputs

@@ -187,6 +187,15 @@ def test_the_memory_learns_what_no_window_shows_and_its_arrays_say_the_same(
         memory, both = recall(memory, np.float32(row), np.float32(density), k * HOP / RATE, network)
         told.append(np.concatenate((both.logits, both.kinds, both.outputs)))
     assert np.array(told) == pytest.approx(outputs[0], abs=1e-3)
+    (alone,) = outputs_of(arrays, stories[-10:-9], 1)
+    for k in (0, 25, 199):
+        row, density = (each[k].astype(np.float32) for each in (stories[-10].inputs, stories[-10].density))
+        assert recall(no_memory(), row, density, 0.0, network)[1].logits == pytest.approx(
+            alone[k, :DENSITY], abs=1e-3
+        )
+    (short,) = outputs_of(arrays, stories[-10:-9], 40)
+    assert short[:40] == pytest.approx(outputs[0][:40], abs=1e-4)
+    assert np.abs(short - outputs[0]).max() > 1e-3
 
 
 def test_inputs_of_the_memory() -> None:
