@@ -56,7 +56,7 @@ class Following(Measured):
     model
         The folder of a model, or the name of a bundled one.
     builds
-        Seeds of the virtual sensors, of the world `plausible_1`, that are touched at random.
+        Seeds of the virtual sensors, of the world `plausible`, that are touched at random.
     seconds
         Duration of each, or largest duration of each session, in s.
     seed
@@ -121,7 +121,7 @@ class Following(Measured):
         """Run all sources through the model and draw the curves."""
         page = style.canvas(110.0)
         panels = page.subplot_mosaic([["A", "B"], ["C", "D"]])
-        where = "sessions" if self.sessions else "simulated, world plausible_1"
+        where = "sessions" if self.sessions else "simulated, world plausible"
         for letters, name in (("AC", NAMES[0]), ("BD", NAMES[1])):
             delay, alarms = (panels[letter] for letter in letters)
             style.dress(delay, letters[0], f"onset of {name} ({where})", "", "delay (ms)")
@@ -155,7 +155,7 @@ class Following(Measured):
             SOURCES.build(
                 "twin",
                 {
-                    "world": "plausible_1",
+                    "world": "plausible",
                     "build": build,
                     "seed": self.seed + build,
                     "speed": 0.0,

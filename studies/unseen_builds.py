@@ -1,7 +1,7 @@
 """Accuracy of a model on builds outside its training, by number of known touches.
 
 Makes the rows of `docs/results/builds.json` from sessions of a sealed plan, such as those that
-``monochord collect studies/plans/sealed_7.toml`` renders, in some 40 minutes on two cores:
+``monochord collect studies/plans/sealed_8.toml`` renders, in some 40 minutes on two cores:
 ``python -m studies.unseen_builds MODEL --sessions FILES --rows FILE``.
 
 The model is adapted to the first touches of each session, or of all sessions of a build, and scored on the

@@ -11,20 +11,25 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import monochord as mc
 from monochord import cli
+from monochord.capture.sources import SOURCES
 from monochord.core.config import load_toml
 from monochord.core.errors import InputError
-from monochord.lab.plan import assignments
+from monochord.core.types import Block
+from monochord.lab.plan import Group, assignments
 from monochord.lab.plans import load_plan
 from monochord.live import LiveRun
 from monochord.perception.training.settings import TrainingSettings
 from monochord.physics.sensors import load_sensor, sensor_design, sensor_tuning
+from monochord.sessions import SessionWriter
 from monochord.sessions.check import check
 
 V0_1 = Path(__file__).parents[1] / "fixtures" / "v0_1"
@@ -101,6 +106,35 @@ def test_a_session_with_labels_is_read() -> None:
     assert (about.object, about.material, about.notes) == ("a rod", "plastic", "one touch")
     assert about.string is not None
     assert about.string.tension == pytest.approx(64.9057088, abs=1e-6)
+
+
+def test_a_session_of_a_world_that_is_gone_is_read_checked_and_evaluated(tmp_path: Path) -> None:
+    session, file = mc.read_session(V0_1 / "touches.mcap"), tmp_path / "touches.mcap"
+    about = replace(session.description, more={"world": "plausible_1", "mount": ""})
+    with SessionWriter(file, about, session.clock) as writer:
+        writer.audio(Block(samples=session.audio.samples[:], start=0, adc_time=0.0))
+        writer.labels(session.labels.time, dict(session.labels.columns))
+    assert mc.read_session(file).description.more["world"] == "plausible_1"
+    assert check(file).faults == ()
+    (row,) = (
+        row
+        for row in mc.evaluate(sessions=file, baselines=False).tree()["table"]
+        if row["state"] == "touched"
+    )
+    assert row["position"]["mae"]["value"] < 5e-4
+
+
+def test_a_world_that_is_gone_is_refused_with_what_to_take() -> None:
+    world: Any = "plausible_1"
+    one_line = r"^option '.*' = 'plausible_1': expected ideal, plausible.*; did you mean 'plausible'\?$"
+    for ask in (
+        lambda: mc.VirtualSensor(world=world),
+        lambda: SOURCES.build("twin", {"world": world}),
+        lambda: load_plan("small", [f"world={world}"]),
+        lambda: Group(name="hold", world=world),
+    ):
+        with pytest.raises(InputError, match=one_line):
+            ask()
 
 
 def test_a_sensor_as_tuned_is_read() -> None:
