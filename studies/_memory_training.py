@@ -282,7 +282,8 @@ def train_memory(
     """Return the arrays of the memory, trained on rows of sessions that are chosen with a weight (sessions,).
 
     `report` is called with the number of updates and the mean loss since. It begins with random weights, or
-    with those of `start`. It remembers no more than `horizon` windows, a divisor of `STEPS`; 0 for no limit.
+    with those of `start`. It remembers no more windows than its horizon,
+    a divisor of `STEPS`; 0 for no limit.
     """
     torch: Any = torch_library()
     torch.manual_seed(seed)

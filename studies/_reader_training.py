@@ -231,15 +231,14 @@ def _module(torch: Any) -> Any:
 
         def forward(self, cells: Any, swapped: Any) -> tuple[Any, Any, Any]:
             """Return density (n, 1 + positions), kinds (n, kinds) and presses (n, `PRESSES`) of windows."""
-            count, relu = len(cells), torch.relu
             flag = swapped.float()[:, None, None].expand(-1, 1, CELLS)
             inputs = torch.cat((cells, flag), 1)[:, :, None].contiguous(memory_format=torch.channels_last)
-            lines = relu(self.convolution_2(relu(self.convolution_1(inputs))))
-            overview = relu(self.overview_2(relu(self.overview_1(lines)))).flatten(1)
-            hidden = self.dropout(relu(self.hidden(overview)))
+            lines = torch.relu(self.convolution_2(torch.relu(self.convolution_1(inputs))))
+            overview = torch.relu(self.overview_2(torch.relu(self.overview_1(lines)))).flatten(1)
+            hidden = self.dropout(torch.relu(self.hidden(overview)))
             rows = torch.nn.functional.pad(lines[:, :, 0].transpose(1, 2), (0, 0, 0, 1))
-            combs = rows.index_select(1, partials).view(count, -1, LINES * combed)
-            combs = relu(self.comb(combs))
+            combs = rows.index_select(1, partials).view(len(cells), -1, LINES * combed)
+            combs = torch.relu(self.comb(combs))
             both = [
                 combs.index_select(1, own) * (1.0 - part)[:, None]
                 + combs.index_select(1, own + 1) * part[:, None]
@@ -247,7 +246,7 @@ def _module(torch: Any) -> Any:
             ]
             where = torch.where(swapped[:, None, None], basis.flip(0), basis)
             features = self.place(torch.cat((*both, where), 2)) + self.place_hidden(hidden)[:, None]
-            features = relu(self.along(relu(features).transpose(1, 2)).transpose(1, 2))
+            features = torch.relu(self.along(torch.relu(features).transpose(1, 2)).transpose(1, 2))
             scores = self.score(features)[..., 0]
             mean = (torch.softmax(scores, 1)[..., None] * features).sum(1)
             last = self.last(torch.cat((hidden, mean, features.amax(1)), 1))

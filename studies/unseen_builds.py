@@ -48,7 +48,7 @@ from monochord.lab import run_all
 from monochord.metrics import normal_coverage
 from monochord.perception.estimators import ESTIMATORS
 from monochord.perception.estimators.base import Estimator
-from monochord.perception.model import Model, save
+from monochord.perception.model import Model
 from monochord.perception.model import load as load_model
 from monochord.perception.training import (
     REMEDY,
@@ -254,7 +254,7 @@ def _curves(group: Group, *, rivals: _Rivals, touches: tuple[int, ...], labels: 
         estimators: list[Estimator] = []
         for count in counts:
             home = scratch / f"model_{count}"
-            save(_adapted(rivals.model, dataset, known[count], group.objects, replayed_rows), home)
+            _adapted(rivals.model, dataset, known[count], group.objects, replayed_rows).save(home)
             estimators.append(ESTIMATORS.build("model", {"path": str(home)}))
         replayed: list[list[Results]] = [[] for _ in counts]
         by_session = [{each.sessions[0]: each for each in _by_string(every)} for every in others]

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monochord.core.kernels import kernel, part
+from monochord.core.kernels import kernel
 from monochord.core.types import Audio, Floats
 from monochord.core.units import Seconds
 from monochord.perception.reader.network import FILE, KINDS, POSITIONS, layer
@@ -170,15 +170,14 @@ def _recalled(
     for i in range(inputs.size):
         value = (inputs[i] - network.input_mean[i]) / network.input_scale[i]
         scaled[i] = min(max(value, -MAX_INPUT), MAX_INPUT) if np.isfinite(value) else 0.0
-    entered = layer(scaled, network.enter_1, network.enter_bias_1)
-    _rectify(entered)
-    entered = layer(entered, network.enter_2, network.enter_bias_2)
-    _rectify(entered)
+    zero, one = np.float32(0.0), np.float32(1.0)
+    entered = np.maximum(layer(scaled, network.enter_1, network.enter_bias_1), zero)
+    entered = np.maximum(layer(entered, network.enter_2, network.enter_bias_2), zero)
     timed = np.empty(entered.size + 1, np.float32)
     timed[:-1], timed[-1] = entered, elapsed
     given = layer(timed, network.gates_input, network.gates_input_bias)
     kept = layer(hidden, network.gates_hidden, network.gates_hidden_bias)
-    size, one = hidden.size, np.float32(1.0)
+    size = hidden.size
     both = np.empty(entered.size + size, np.float32)
     both[: entered.size] = entered
     after = both[entered.size :]
@@ -187,16 +186,9 @@ def _recalled(
         update = one / (one + np.exp(-(given[size + k] + kept[size + k])))
         candidate = np.tanh(given[2 * size + k] + reset * kept[2 * size + k])
         after[k] = (one - update) * candidate + update * hidden[k]
-    summary = layer(both, network.summary, network.summary_bias)
-    _rectify(summary)
+    summary = np.maximum(layer(both, network.summary, network.summary_bias), zero)
     outputs = layer(summary, network.memory_last, network.memory_last_bias)
     weight = np.float32(2.0) / (one + np.exp(-outputs[TRUST]))
     for k in range(density.size):
         outputs[k] += weight * density[k]
     return after.copy(), summary, outputs.astype(np.float64)
-
-
-@part()
-def _rectify(values: Audio) -> None:
-    for i in range(values.size):
-        values[i] = max(values[i], np.float32(0.0))

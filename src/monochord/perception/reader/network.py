@@ -120,9 +120,7 @@ def activations(cells: Audio, network: Network) -> tuple[Audio, Floats]:
     lines = _convolved(lines, network.convolution_2, _filled(network.bias_2, lines, 1), 1, THREE)
     seen = _convolved(lines, network.overview_1, _filled(network.overview_bias_1, lines, 4), 4, FIVE)
     seen = _convolved(seen, network.overview_2, _filled(network.overview_bias_2, seen, 2), 2, FIVE)
-    hidden = layer(seen.ravel(), network.hidden, network.hidden_bias)
-    for o in range(hidden.size):
-        hidden[o] = max(hidden[o], np.float32(0.0))
+    hidden = np.maximum(layer(seen.ravel(), network.hidden, network.hidden_bias), np.float32(0.0))
     high = lines[:, FIRST:]
     combs = _convolved(high, network.comb, _filled(network.comb_bias, high, 1), 1, PARTIALS)
     size, positions = combs.shape[0], BASIS.shape[1]
