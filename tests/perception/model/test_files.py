@@ -126,6 +126,22 @@ def test_a_text_with_an_unknown_word_is_refused(folder: Path) -> None:
         load(folder)
 
 
+@pytest.mark.parametrize("version", [3, 4])
+def test_a_model_of_an_earlier_format_is_read_unless_it_saw_the_untouched_string(
+    folder: Path, drawn: Model, version: int
+) -> None:
+    file = folder / "model.json"
+    tree = json.loads(file.read_text())
+    for head in tree["heads"].values():
+        head["task"] |= {"context": True, "reference": [], "rise": False}
+    earlier = {**tree, "format": version, "reference": None}
+    file.write_text(json.dumps(earlier))
+    assert load(folder).definition == dataclasses.replace(drawn.definition, weights=tree["weights"])
+    file.write_text(json.dumps({**earlier, "reference": {"feature": tree["feature"]}}))
+    with pytest.raises(InputError, match=r"row of the untouched string.*train"):
+        load(folder)
+
+
 @pytest.mark.parametrize("inside", ["", "perceiver"])
 def test_a_folder_of_an_older_format_is_refused_with_what_to_do(tmp_path: Path, inside: str) -> None:
     (tmp_path / inside).mkdir(exist_ok=True)

@@ -16,7 +16,7 @@ from monochord.core.units import Metres, Samples
 from monochord.perception.heads.base import CONTACT, POSITION, Task
 from monochord.perception.model.faults import FAULTS
 
-FORMAT, OLDEST = 5, 5
+FORMAT, OLDEST = 5, 3
 """Version of the format of a model's folder, and the oldest that is read."""
 CLIP = 8.0
 """Largest magnitude of a scaled column, in standard deviations of the training. Without it, a column that
