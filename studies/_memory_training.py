@@ -39,9 +39,10 @@ PARTS = {
     "hidden": slice(FOLDED + len(KINDS) + len(COLUMNS) + 3 * BANDS, None),
 }
 """Where a window's inputs come from."""
-OUTPUTS = DENSITY + len(KINDS) + PRESSES + 1
-"""Density, kinds, force, log spread of the force, logit of slip, and that of the trust in a window alone."""
-FORCE, _, SLIP, TRUST = range(OUTPUTS - 4, OUTPUTS)
+OUTPUTS = DENSITY + len(KINDS) + PRESSES + 2
+"""Density, kinds, force, log spread of the force, and logits: of slip, of the trust in the density that is
+held, and of its renewal."""
+FORCE, _, SLIP, TRUST, RENEWAL = range(OUTPUTS - 5, OUTPUTS)
 LARGEST = 6.0
 """Largest input after scaling."""
 ENTERED, HIDDEN = (160, 96), 128
@@ -172,14 +173,21 @@ def memory_module(torch: Any, inputs: int) -> Any:
             self.gates = nn.GRU(second + 1, HIDDEN, batch_first=True)
             self.summary, self.last = nn.Linear(second + HIDDEN, second), nn.Linear(second, OUTPUTS)
 
-        def forward(self, inputs: Any, density: Any, elapsed: Any, state: Any) -> tuple[Any, Any]:
+        def forward(self, inputs: Any, density: Any, elapsed: Any, state: Any = None) -> tuple[Any, Any]:
+            """Return outputs and the state: of the recurrent unit, and the density that is held."""
+            state, own = (None, density[:, 0]) if state is None else state
             entered = torch.relu(self.enter_2(torch.relu(self.enter_1(inputs))))
             hidden, state = self.gates(torch.cat((entered, elapsed[..., None]), -1), state)
             summary = torch.relu(self.summary(torch.cat((entered, hidden), -1)))
             outputs = self.last(summary)
-            weight = 2.0 * torch.sigmoid(outputs[..., TRUST:])
-            told = outputs[..., :DENSITY] + weight * density
-            return torch.cat((told, outputs[..., DENSITY:]), -1), state
+            weight = 2.0 * torch.sigmoid(outputs[..., TRUST:RENEWAL])
+            renewal = torch.sigmoid(outputs[..., RENEWAL:])
+            steps = list[Any]()
+            for step in range(density.shape[1]):
+                own = torch.lerp(own, density[:, step], renewal[:, step])
+                steps.append(own)
+            told = outputs[..., :DENSITY] + weight * torch.stack(steps, 1)
+            return torch.cat((told, outputs[..., DENSITY:]), -1), (state, own)
 
     return Memory()
 
@@ -282,8 +290,8 @@ def train_memory(
     """Return the arrays of the memory, trained on rows of sessions that are chosen with a weight (sessions,).
 
     `report` is called with the number of updates and the mean loss since. It begins with random weights, or
-    with those of `start`. It remembers no more windows than its horizon,
-    a divisor of `STEPS`; 0 for no limit.
+    with those of `start`. It remembers no more windows than its
+    horizon, a divisor of `STEPS`; 0 for no limit.
     """
     torch: Any = torch_library()
     torch.manual_seed(seed)
@@ -296,22 +304,24 @@ def train_memory(
     kinds = np.bincount(rows.kind[rows.kind >= 0], minlength=len(KINDS)).clip(min=1)
     of_kind = torch.tensor(np.sqrt(kinds[ORDINARY] / kinds).clip(max=10.0), dtype=torch.float32)
     optimiser = torch.optim.AdamW(module.parameters(), LEARNING, weight_decay=DECAY)
-    state, total = torch.zeros(1, LANES, HIDDEN), 0.0
+    state, held, total = torch.zeros(1, LANES, HIDDEN), torch.zeros(LANES, DENSITY), 0.0
     for number, stretch in enumerate(_stretches(rows.session, weight, random), 1):
         progress = min(number / WARMING, 1.0) * 0.5 * (1.0 + math.cos(math.pi * (number - 1) / updates))
         for group in optimiser.param_groups:
             group["lr"] = LEARNING * progress
         inputs = scaled_inputs(rows.inputs[stretch.rows.ravel()], mean, scale)
         inputs = _varied(inputs.reshape(LANES, STEPS, -1), scale, random)
-        state = state * torch.from_numpy(~stretch.fresh).float()[None, :, None]
         density, elapsed = rows.density[stretch.rows].astype(np.float32), stretch.elapsed
         if horizon:
             elapsed.reshape(-1, horizon)[:, 0] = 0.0
             given = (each.reshape(-1, horizon, *each.shape[2:]) for each in (inputs, density, elapsed))
-            outputs, _ = module(*map(torch.from_numpy, given), None)
+            outputs, _ = module(*map(torch.from_numpy, given))
         else:
-            outputs, state = module(*map(torch.from_numpy, (inputs, density, elapsed)), state)
-            state = state.detach()
+            fresh = torch.from_numpy(stretch.fresh)[:, None]
+            held = torch.where(fresh, torch.from_numpy(density[:, 0]), held)
+            given = map(torch.from_numpy, (inputs, density, elapsed))
+            outputs, state = module(*given, (state * ~fresh, held))
+            state, held = (each.detach() for each in state)
         loss = _loss(torch, outputs.reshape(LANES * STEPS, -1), rows, stretch, of_kind)
         optimiser.zero_grad()
         loss.backward()
@@ -387,6 +397,6 @@ def outputs_of(arrays: Mapping[str, Audio], sessions: Sequence[Rows], horizon: i
             for first in range(0, count, kept):
                 begin, end = max(first + kept - horizon, 0) if horizon else 0, min(first + kept, count)
                 given = (inputs[begin:end], density[begin:end], np.zeros(end - begin, np.float32))
-                told, _ = module(*(torch.from_numpy(each)[None] for each in given), None)
+                told, _ = module(*(torch.from_numpy(each)[None] for each in given))
                 outputs[first:end] = told[0, first - begin :].numpy()
             yield outputs

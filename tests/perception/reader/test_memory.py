@@ -9,6 +9,7 @@ from monochord.perception.reader.memory import (
     HIDDEN,
     MAX_ELAPSED,
     MAX_INPUT,
+    RENEWAL,
     SUMMARY,
     TICK,
     TRUST,
@@ -62,7 +63,10 @@ def by_torch(network: MemoryNetwork, rows: Audio, elapsed: list[float]) -> tuple
         summary = torch.relu(both @ tensors["summary"] + tensors["summary_bias"])
         outputs = summary @ tensors["memory_last"] + tensors["memory_last_bias"]
         own = torch.from_numpy(density(rows))
-        outputs[:, : own.shape[1]] += 2.0 * torch.sigmoid(outputs[:, TRUST:]) * own
+        held, share = own[0], torch.sigmoid(outputs[:, RENEWAL])
+        for step in range(len(rows)):
+            held = (1.0 - share[step]) * held + share[step] * own[step]
+            outputs[step, : len(held)] += 2.0 * torch.sigmoid(outputs[step, TRUST]) * held
     return torch.stack(states).numpy(), outputs.numpy()
 
 

@@ -3,8 +3,10 @@
 A touch tells its place in its first 0.3 s and then fades: free partials die, both drivers hold one line, and
 what is left fits several places. Likewise an untouched string whose drivers hold mode 2 sounds like a touch
 at the middle. So what the network makes of a window, physics' measures and the sound between the lines enter
-a gated recurrent unit, whose state is the memory, and a last layer reads all outputs anew from both. To its
-density it adds the window's own, by as much as it trusts the window.
+a gated recurrent unit, whose state is the memory, and a last layer reads all outputs anew from both. Beside
+it a density of the place is held: a gate says how much of it each window's own density replaces, little
+while a touch rests, all while it slides. The last layer's density is added to that, by as much as it is
+trusted.
 
 Cho et al. (2014), Learning phrase representations using RNN encoder-decoder, EMNLP, equations 5 to 8; the
 reset gate is applied after the product with the state, as cuDNN and PyTorch do.
@@ -32,11 +34,11 @@ HIDDEN = 128
 """Size of the memory."""
 SUMMARY = 96
 """Number of values that the outputs are read from."""
-OUTPUTS = ("force", "force spread", "slip", "trust")
+OUTPUTS = ("force", "force spread", "slip", "trust", "renewal")
 """Outputs of the memory beside those of a window's network: force in N of the design's string, compressed
-above `LARGE_FORCE`, logarithm of its spread, the log odds of slip, and those of half the weight with which
-the window's own log density is added."""
-TRUST = 1 + len(POSITIONS) + len(KINDS) + OUTPUTS.index("trust")
+above `LARGE_FORCE`, logarithm of its spread, and log odds: of slip, of half the weight with which the held
+log density is added, and of the share of it that a window's own replaces."""
+TRUST, RENEWAL = (1 + len(POSITIONS) + len(KINDS) + OUTPUTS.index(name) for name in ("trust", "renewal"))
 LARGE_FORCE = 2.5
 """Force F in N above which the output is ``LARGE_FORCE (1 + log(F / LARGE_FORCE))``."""
 LEAST = 1.0e-4
@@ -69,22 +71,26 @@ class MemoryNetwork(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """What a stream's windows until now tell: the state of the recurrent unit, and when it last changed."""
+    """What a stream's windows until now tell.
+
+    The state of the recurrent unit, the log density (1 + positions,) held, and when both last changed.
+    """
 
     hidden: Audio
+    held: Audio
     time: Seconds
 
 
 def no_memory() -> Memory:
     """Return the memory at the beginning of a stream."""
-    return Memory(np.zeros(HIDDEN, np.float32), -math.inf)
+    return Memory(np.zeros(HIDDEN, np.float32), np.zeros(0, np.float32), -math.inf)
 
 
 class Recollection(NamedTuple):
     """What a window and the memory tell together.
 
     `logits` (1 + positions,) and `kinds` (kinds,) as the network gives them for a window alone, `outputs` of
-    `OUTPUTS` (4,), and the `summary` (`SUMMARY`,) that all are read from.
+    `OUTPUTS` (5,), and the `summary` (`SUMMARY`,) that all are read from.
     """
 
     logits: Floats
@@ -115,9 +121,10 @@ def recall(
     if since > MAX_ELAPSED:
         memory = no_memory()
     elapsed = math.log2(max(since, TICK) / TICK) if math.isfinite(memory.time) else 0.0
-    hidden, summary, outputs = _recalled(inputs, density, memory.hidden, elapsed, network)
+    before = memory.held if memory.held.size else density
+    hidden, held, summary, outputs = _recalled(inputs, density, memory.hidden, before, elapsed, network)
     if since >= TICK - TIME_TOLERANCE:
-        memory = Memory(hidden, time)
+        memory = Memory(hidden, held, time)
     kinds = 1 + len(POSITIONS)
     return memory, Recollection(
         outputs[:kinds], outputs[kinds : kinds + len(KINDS)], outputs[kinds + len(KINDS) :], summary
@@ -163,9 +170,9 @@ def memory_inputs(
 
 @kernel(fastmath={"contract"})
 def _recalled(
-    inputs: Audio, density: Audio, hidden: Audio, elapsed: float, network: MemoryNetwork
-) -> tuple[Audio, Audio, Floats]:
-    """Return the next state, the summary and the outputs."""
+    inputs: Audio, density: Audio, hidden: Audio, held: Audio, elapsed: float, network: MemoryNetwork
+) -> tuple[Audio, Audio, Audio, Floats]:
+    """Return the next state, the density that is held from now on, the summary and the outputs."""
     scaled = np.empty(inputs.size, np.float32)
     for i in range(inputs.size):
         value = (inputs[i] - network.input_mean[i]) / network.input_scale[i]
@@ -189,6 +196,7 @@ def _recalled(
     summary = np.maximum(layer(both, network.summary, network.summary_bias), zero)
     outputs = layer(summary, network.memory_last, network.memory_last_bias)
     weight = np.float32(2.0) / (one + np.exp(-outputs[TRUST]))
+    held = held + (density - held) / (one + np.exp(-outputs[RENEWAL]))
     for k in range(density.size):
-        outputs[k] += weight * density[k]
-    return after.copy(), summary, outputs.astype(np.float64)
+        outputs[k] += weight * held[k]
+    return after.copy(), held, summary, outputs.astype(np.float64)
