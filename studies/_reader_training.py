@@ -18,6 +18,7 @@ from monochord.perception.reader import (
     KINDS,
     PARTIALS,
     POSITIONS,
+    STRIDE,
     Network,
     segments,
     spectrum_cells,
@@ -43,6 +44,8 @@ KEPT = 1 + len(POSITIONS) + len(KINDS)
 LINES, COMBS, OVERVIEW, HIDDEN, PLACE, DROPPED = 12, 16, (16, 8), 64, (24, 16), 0.3
 """Channels of lines, combs, overview, hidden layer and places, and the share of the hidden ones that is
 dropped."""
+OVERVIEW_STRIDES = 4, 2
+"""Cells from one output of the overview's convolutions to the next."""
 NAMES = {
     "convolution_1.bias": "bias_1",
     "convolution_2.bias": "bias_2",
@@ -207,8 +210,10 @@ def _module(torch: Any) -> Any:
     """Return the network with random weights; its parameters are named as the package's arrays."""
     nn, positions = torch.nn, len(POSITIONS)
     combed, places = len(PARTIALS), 2 * COMBS + len(BASIS)
-    partials = np.arange(FIRST, CELLS // 2)[:, np.newaxis] + PARTIALS
-    partials = torch.from_numpy(np.minimum(partials, CELLS // 2).ravel())  # beyond the end are zeros
+    coarse = -(-CELLS // STRIDE)
+    overview = -(-coarse // (OVERVIEW_STRIDES[0] * OVERVIEW_STRIDES[1]))
+    partials = np.arange(FIRST, coarse)[:, np.newaxis] + PARTIALS
+    partials = torch.from_numpy(np.minimum(partials, coarse).ravel())  # beyond the end are zeros
     below, above = (torch.from_numpy(each) for each in segments())
     basis = torch.from_numpy(BASIS.T.copy())
 
@@ -216,12 +221,12 @@ def _module(torch: Any) -> Any:
         def __init__(self) -> None:
             super().__init__()
             # Convolutions over a row of cells with their channels beside each other: half of Conv1d's time.
-            self.convolution_1 = nn.Conv2d(CHANNELS + 1, LINES, (1, 9), (1, 2), (0, 4))
+            self.convolution_1 = nn.Conv2d(CHANNELS + 1, LINES, (1, 9), (1, STRIDE), (0, 4))
             self.convolution_2 = nn.Conv2d(LINES, LINES, (1, 3), 1, (0, 1))
             self.comb = nn.Linear(LINES * combed, COMBS)
-            self.overview_1 = nn.Conv2d(LINES, OVERVIEW[0], (1, 5), (1, 4), (0, 2))
-            self.overview_2 = nn.Conv2d(OVERVIEW[0], OVERVIEW[1], (1, 5), (1, 2), (0, 2))
-            self.hidden = nn.Linear(OVERVIEW[1] * -(-CELLS // 16), HIDDEN)
+            self.overview_1 = nn.Conv2d(LINES, OVERVIEW[0], (1, 5), (1, OVERVIEW_STRIDES[0]), (0, 2))
+            self.overview_2 = nn.Conv2d(OVERVIEW[0], OVERVIEW[1], (1, 5), (1, OVERVIEW_STRIDES[1]), (0, 2))
+            self.hidden = nn.Linear(OVERVIEW[1] * overview, HIDDEN)
             self.place = nn.Linear(places, PLACE[0], bias=False)
             self.place_hidden = nn.Linear(HIDDEN, PLACE[0])
             self.along = nn.Conv1d(*PLACE, 5, padding=2)

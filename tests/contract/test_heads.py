@@ -53,6 +53,6 @@ def test_a_quantity_may_have_one_standard_error_for_all(name: str) -> None:
 
 @pytest.mark.parametrize("loss", ["logistic", "square"])
 def test_a_position_is_refined_with_a_learned_standard_error_alone(loss: Loss) -> None:
-    assert Task(label="position", unit="m", loss="laplace", refines="position").outputs == 3
+    assert Task(label="position", unit="m", loss="laplace", refines="position").outputs == 2
     with pytest.raises(InputError, match="refines"):
         Task(label="position", unit="m", loss=loss, refines="position")

@@ -14,6 +14,7 @@ from monochord.perception.reader.network import (
     KINDS,
     PARTIALS,
     POSITIONS,
+    STRIDE,
     Network,
     activations,
     bundled_network,
@@ -106,7 +107,7 @@ def plain_outputs(cells: Audio, network: Network) -> tuple[Floats, Floats]:
         columns = [padded[:, at : at + taps].T.ravel() for at in range(0, values.shape[1], stride)]
         return np.maximum(np.array(columns) @ weights + bias, 0.0).T
 
-    lines = convolved(cells.astype(float), own.convolution_1, own.bias_1, 2)
+    lines = convolved(cells.astype(float), own.convolution_1, own.bias_1, STRIDE)
     lines = convolved(lines, own.convolution_2, own.bias_2, 1)
     overview = convolved(lines, own.overview_1, own.overview_bias_1, 4)
     overview = convolved(overview, own.overview_2, own.overview_bias_2, 2)
@@ -114,7 +115,7 @@ def plain_outputs(cells: Audio, network: Network) -> tuple[Floats, Floats]:
     padded = np.pad(lines, ((0, 0), (0, CELLS)))
     combs = np.array([padded[:, at + PARTIALS].T.ravel() for at in range(FIRST, lines.shape[1])])
     combs = np.maximum(combs @ own.comb + own.comb_bias, 0.0).T
-    axis = np.log(LOWEST) + 2 * STEP * np.arange(FIRST, lines.shape[1])
+    axis = np.log(LOWEST) + STRIDE * STEP * np.arange(FIRST, lines.shape[1])
     both = np.concatenate(
         [
             [np.interp(-np.log(np.maximum(share, 0.05)), axis, comb) for comb in combs]

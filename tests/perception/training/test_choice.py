@@ -71,7 +71,7 @@ def test_a_regression_learns_a_probability(rows: tuple[Audio, Floats, Floats], m
 
 
 @ALONE
-def test_a_position_that_is_refined_is_certain_only_where_the_column_is_right(method: Method) -> None:
+def test_a_wrong_position_does_not_disturb_what_is_learned_of_right_ones(method: Method) -> None:
     rng = np.random.default_rng(0)
     inputs = rng.normal(size=(900, 2)).astype(np.float32)
     wrong = inputs[:, 1] > 1.0  # a wrong pair of lines: 80 mm off, in units of 1 mm
@@ -80,9 +80,7 @@ def test_a_position_that_is_refined_is_certain_only_where_the_column_is_right(me
     fitted = fit_regression(method, task, Windows.of(inputs, target, np.arange(900)))
     right = ~wrong & (inputs[:, 1] < 0.7)
     assert np.abs(fitted.first(inputs) - target)[right].mean() < 0.15
-    certainty = inputs @ fitted.weight[2] + fitted.bias[2]
-    assert np.mean(certainty[right] > 0.0) > 0.99
-    assert np.mean(certainty[inputs[:, 1] > 1.3] > 0.0) == 0.0
+    assert fitted.weight.shape == (2, 2)
 
 
 def drawn(count: int, columns: int = 40) -> Windows:

@@ -7,6 +7,7 @@ import numpy as np
 from monochord.core.types import Audio, Signal
 from monochord.core.units import Samples, Seconds
 from monochord.perception.features.base import Extractor, Feature, RecurrentExtractor
+from monochord.perception.heads.base import CERTAINTY
 from monochord.perception.reader.gaps import COLUMNS as GAPS
 from monochord.perception.reader.measures import COLUMNS as MEASURES
 from monochord.perception.reader.memory import OUTPUTS, SUMMARY, Memory, no_memory
@@ -16,6 +17,7 @@ from monochord.perception.spectrum import Spectrum, SpectrumAnalyser
 
 COLUMNS = (
     *MEASURES,
+    CERTAINTY,
     *(f"kind {kind}" for kind in KINDS),
     *GAPS,
     *(f"touch {output}" for output in OUTPUTS),
@@ -27,10 +29,11 @@ COLUMNS = (
 class Reading(Feature):
     """What the reader tells: one network on both microphones' spectra, and a memory of the windows before.
 
-    Columns: those of `monochord.perception.reader.measures.measure`; the logit of each kind of window,
-    ordinary or with a fault; the sound between the lines of `monochord.perception.reader.gaps`, which a
-    sliding touch makes on any build; force and slip; and a summary of the memory. All are relative to the
-    string's own pitch and length. The bundled model uses this feature.
+    Columns: those of `monochord.perception.reader.measures.measure`; the probability that their position is
+    right; the logit of each kind of window, ordinary or with a fault; the sound between the lines of
+    `monochord.perception.reader.gaps`, which a sliding touch makes on any build; force and slip; and a
+    summary of the memory. All are relative to the string's own pitch and length. The bundled model uses this
+    feature.
 
     Examples
     --------
@@ -64,6 +67,6 @@ class _Extractor(RecurrentExtractor):
         return no_memory()
 
     def step(self, memory: Memory, spectrum: Spectrum, time: Seconds) -> tuple[Memory, Audio]:
-        memory, (measures, kinds, gaps, outputs, summary) = self._reader.read(memory, spectrum, time)
-        parts = measures, kinds, gaps.ravel(), outputs, summary
+        memory, told = self._reader.read(memory, spectrum, time)
+        parts = told.measures, (told.certainty,), told.kinds, told.gaps.ravel(), told.outputs, told.summary
         return memory, np.concatenate(parts, dtype=np.float32, casting="same_kind")

@@ -20,6 +20,8 @@ CONTACT = "contact"
 """The contact label. Every head that is defined only during a touch depends on it."""
 REFINED_SCALE: Metres = 1e-3
 """Scale of the error of a position that a head refines."""
+CERTAINTY = "certainty"
+"""Name of the column with the probability that the position which a head refines is right."""
 RIGHT_WITHIN: Metres = 5e-3
 """Largest error of a position that counts as right."""
 POSITION = "position"
@@ -51,8 +53,8 @@ class Task(Checked):
     limit
         Largest standard error that the head states, in `unit`. Above it, the head abstains.
     refines
-        Name of a column with a position over the string's length, which the head corrects by a learned error.
-        The head also learns the probability that the column is right; empty for none.
+        Name of a column with a position over the string's length, which the head corrects by a learned error;
+        empty for none. The feature tells in a column `CERTAINTY` how probably that position is right.
     certain
         With `refines`, the least probability at which the head states an estimate.
     blur
@@ -75,7 +77,7 @@ class Task(Checked):
     weight: Positive[float] = 1.0
     limit: Annotated[float, Meta(gt=0.0)] = math.inf
     refines: str = ""
-    certain: Share = 0.97
+    certain: Share = 0.9
     blur: NonNegative[float] = 0.0
     drop: PartialShare = 0.0
 
@@ -92,8 +94,8 @@ class Task(Checked):
 
     @property
     def outputs(self) -> int:
-        """Number of outputs: the value, the logarithm of a learned spread, and with `refines` a logit."""
-        return 1 + (self.loss in LEARNED_SPREADS) + bool(self.refines)
+        """Number of outputs: the value, and the logarithm of a learned spread."""
+        return 1 + (self.loss in LEARNED_SPREADS)
 
 
 class Head(Checked, ABC):

@@ -25,7 +25,7 @@ class Position(Head):
         Largest standard error in m that the head states. Above it, the head abstains.
     refines
         Name of a column with a position over the string's length, such as ``position`` of the feature
-        reading. The head learns its error, and the probability that it is right within 5 mm.
+        reading, which also tells how probably it is right within 5 mm. The head learns its error.
     certain
         With `refines`, the least probability at which the head states a position.
     drop
@@ -38,7 +38,7 @@ class Position(Head):
     columns: tuple[str, ...] = ()
     limit: Metres = 0.03
     refines: str = ""
-    certain: float = 0.97
+    certain: float = 0.9
     drop: float = 0.0
 
     def task(self) -> Task:

@@ -13,7 +13,7 @@ from monochord.core.identity import SensorIdentity
 from monochord.core.ranges import Checked, Finite, NonNegative, Positive, Whole
 from monochord.core.types import StringParams
 from monochord.core.units import Metres, Samples
-from monochord.perception.heads.base import CONTACT, POSITION, Task
+from monochord.perception.heads.base import CERTAINTY, CONTACT, POSITION, Task
 from monochord.perception.model.faults import FAULTS
 
 FORMAT, OLDEST = 5, 3
@@ -272,8 +272,9 @@ class Definition(Checked):
         column, columns = self.heads[name].task.refines, self.feature.columns
         if not column:
             return None
-        if column not in columns or self.string is None:
-            lacks = f"the column '{column}'" if column not in columns else "a string of known length"
+        missing = [f"the column '{each}'" for each in (column, CERTAINTY) if each not in columns]
+        if missing or self.string is None:
+            lacks = missing[0] if missing else "a string of known length"
             given = f"refines = '{column}' for the head '{name}' without {lacks}"
             raise InputError(given, "a position over the string's length", "use the feature reading")
         return columns.index(column)

@@ -12,7 +12,7 @@ from monochord.core.kernels import kernel, part
 from monochord.core.reasons import Reason
 from monochord.core.types import Audio, Estimate, Indices
 from monochord.metrics import DECISION
-from monochord.perception.heads.base import Loss
+from monochord.perception.heads.base import CERTAINTY, Loss
 from monochord.perception.model.correction import Correction
 from monochord.perception.model.definition import Definition, HeadRecord
 from monochord.perception.model.forest import forest_sums
@@ -81,6 +81,7 @@ class Network:
     """The scaling of the inputs and the layers of all heads, in the order of `names`.
 
     `forests` holds the nodes (n, 3) of the trees that add to the first output of a head, by its number.
+    `certainty` is the column with each head's certainty; None for a head that refines no position.
     """
 
     scaling: Scaling
@@ -88,6 +89,7 @@ class Network:
     names: tuple[str, ...]
     heads: tuple[Layers, ...]
     forests: Mapping[int, Audio]
+    certainty: tuple[int | None, ...]
 
     @classmethod
     def of(cls, definition: Definition, weights: Mapping[str, Audio]) -> "Network":
@@ -113,6 +115,10 @@ class Network:
                 for number, name in enumerate(names)
                 if definition.heads[name].nodes
             },
+            certainty=tuple(
+                definition.feature.columns.index(CERTAINTY) if definition.heads[name].task.refines else None
+                for name in names
+            ),
         )
 
     def outputs(self, rows: Audio) -> list[dict[str, Output]]:
@@ -127,10 +133,10 @@ class Network:
                 outputs[:, number, 0] += forest_sums(inputs.take(self.heads[number].columns, 1), nodes)
         return [
             {
-                name: Output(value, log_spread, 1.0 / (1.0 + math.exp(min(-logit, MAX_LOGIT))))
-                for name, (value, log_spread, logit) in zip(self.names, row, strict=True)
+                name: Output(value, log_spread, 1.0 if column is None else float(row[column]))
+                for name, column, (value, log_spread) in zip(self.names, self.certainty, own, strict=True)
             }
-            for row in outputs.tolist()
+            for own, row in zip(outputs.tolist(), rows, strict=True)
         ]
 
 
@@ -168,9 +174,8 @@ def _inputs(rows: Audio, scaling: Scaling, clip: float) -> Audio:
 
 @kernel()
 def _outputs(rows: Audio, scaling: Scaling, clip: float, heads: tuple[Layers, ...]) -> Audio:
-    """Return the outputs (n, heads, 3): a head with fewer has 0 for its spread, and certainty."""
-    outputs = np.zeros((rows.shape[0], len(heads), 3), np.float32)
-    outputs[:, :, 2] = MAX_LOGIT
+    """Return the outputs (n, heads, 2): a head with one has 0 for its spread."""
+    outputs = np.zeros((rows.shape[0], len(heads), 2), np.float32)
     inputs = _inputs(rows, scaling, clip)
     for h in range(len(heads)):
         values, at = inputs, 0

@@ -11,6 +11,7 @@ from monochord.perception.reader.network import (
     KINDS,
     PARTIALS,
     POSITIONS,
+    STRIDE,
     Network,
     segments,
 )
@@ -28,6 +29,7 @@ __all__ = [
     "KINDS",
     "PARTIALS",
     "POSITIONS",
+    "STRIDE",
     "Memory",
     "MemoryNetwork",
     "Network",

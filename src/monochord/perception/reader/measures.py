@@ -113,6 +113,13 @@ def measure(
     return row
 
 
+@kernel()
+def probability_near(logits: Floats, positions: Floats, place: float, reach: float) -> float:
+    """Return the probability of a touch within reach of a place; arguments as in `measure`."""
+    probability = np.exp(logits - logits.max())
+    return probability[1:][np.abs(positions - place) <= reach].sum() / probability.sum()
+
+
 @part()
 def _measure_density(row: Floats, logits: Floats, positions: Floats) -> None:
     probability = np.exp(logits - logits.max())

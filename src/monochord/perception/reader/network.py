@@ -36,8 +36,10 @@ KINDS = (
     "detuned",
 )
 """Kinds of windows that the network distinguishes; all but the first are faults."""
-COARSE = 2 * STEP
-"""Distance in log(f / f0) of the cells that the first convolution gives."""
+STRIDE = 3
+"""Cells from one output of the first convolution to the next."""
+COARSE = STRIDE * STEP
+"""Distance in log(f / f0) of these outputs."""
 FIRST = int(-np.log(LOWEST) / COARSE) - 5
 """The first of these in which a segment's fundamental may lie: just below the open string's."""
 PARTIALS = np.round(np.log(np.arange(1, 7)) / COARSE).astype(np.int64)
@@ -116,7 +118,7 @@ def activations(cells: Audio, network: Network) -> tuple[Audio, Floats]:
     The former are the hidden layer, and of the features of positions their mean by the density and their
     maximum. Cells are (`CHANNELS`, `CELLS`).
     """
-    lines = _convolved(cells, network.convolution_1, _filled(network.bias_1, cells, 2), 2, NINE)
+    lines = _convolved(cells, network.convolution_1, _filled(network.bias_1, cells, STRIDE), STRIDE, NINE)
     lines = _convolved(lines, network.convolution_2, _filled(network.bias_2, lines, 1), 1, THREE)
     seen = _convolved(lines, network.overview_1, _filled(network.overview_bias_1, lines, 4), 4, FIVE)
     seen = _convolved(seen, network.overview_2, _filled(network.overview_bias_2, seen, 2), 2, FIVE)

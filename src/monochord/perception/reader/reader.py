@@ -7,20 +7,25 @@ from monochord.core.types import Audio, Floats
 from monochord.core.units import Seconds
 from monochord.perception.reader.cells import spectrum_cells
 from monochord.perception.reader.gaps import measure_gaps
-from monochord.perception.reader.measures import measure
+from monochord.perception.reader.measures import PLACE, measure, probability_near
 from monochord.perception.reader.memory import Memory, MemoryNetwork, bundled_memory, memory_inputs, recall
 from monochord.perception.reader.network import KINDS, POSITIONS, Network, activations, bundled_network
 from monochord.perception.spectrum import Spectrum, SpectrumAnalyser
+
+RIGHT_WITHIN = 0.025
+"""Largest error over the length of a place that counts as right: 5 mm of the design's string."""
 
 
 class Reading(NamedTuple):
     """The reading of a window and those before it.
 
-    `measures` are those of `measures.COLUMNS`, `kinds` the logit of each of `KINDS`, `gaps` the sound between
-    the lines of this window, `outputs` those of `memory.OUTPUTS`, and `summary` what all are read from.
+    `measures` are those of `measures.COLUMNS`, `certainty` the probability that something touches within
+    `RIGHT_WITHIN` of the place, `kinds` the logit of each of `KINDS`, `gaps` the sound between the lines of
+    this window, `outputs` those of `memory.OUTPUTS`, and `summary` what all are read from.
     """
 
     measures: Floats
+    certainty: float
     kinds: Floats
     gaps: Floats
     outputs: Floats
@@ -61,7 +66,8 @@ class Reader:
         inputs, density, gaps = self.inputs(spectrum)
         memory, both = recall(memory, inputs, density, time, self.memory)
         measures = self._measures(both.logits, spectrum)
-        return memory, Reading(measures, both.kinds, gaps, both.outputs, both.summary)
+        certainty = probability_near(both.logits, POSITIONS, measures[PLACE], RIGHT_WITHIN)
+        return memory, Reading(measures, certainty, both.kinds, gaps, both.outputs, both.summary)
 
     def _measures(self, logits: Floats, spectrum: Spectrum) -> Floats:
         pitch = self.analyser.bin_spacing, self.analyser.nominal, self.analyser.bending

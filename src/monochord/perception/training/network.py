@@ -11,7 +11,6 @@ from monochord.perception.heads.base import REFINED_SCALE, RIGHT_WITHIN, Task
 from monochord.perception.model.definition import Definition
 from monochord.perception.training._torch import torch_library
 from monochord.perception.training.examples import Examples, inputs_of, targets_of
-from monochord.perception.training.regression import LIKELY_RIGHT
 
 MAX_REFINED_LOSS = 20.0
 """Largest loss of a window from the error of a refined position."""
@@ -85,8 +84,6 @@ def heads_module(definition: Definition, seed: int) -> Any:
             torch.nn.init.zeros_(layer.bias)
         torch.nn.init.zeros_(layers[-1].weight)
         torch.nn.init.zeros_(layers[-1].bias)
-        if record.task.refines:
-            layers[-1].bias.data[2] = LIKELY_RIGHT
         heads[name] = torch.nn.ModuleList(layers)
     return torch.nn.ModuleDict(heads)
 
@@ -120,15 +117,15 @@ def head_loss(task: Task, output: Any, target: Any, mask: Any) -> Any:
     window is weighted by its spread to the power `SPREAD_POWER`, without a gradient; otherwise windows with a
     large spread would hardly be learned.
 
-    A head that refines a position learns its error where the position is right within `RIGHT_WITHIN`, and has
-    the logistic loss for whether it is.
+    A head that refines a position learns its error where the position is right within `RIGHT_WITHIN`: a wrong
+    one tells nothing of the error of right ones.
 
     Parameters
     ----------
     task
         Task of the head.
     output
-        Tensor (..., n, outputs): a logit, or a scaled quantity, the logarithm of its spread and a logit.
+        Tensor (..., n, outputs): a logit, or a scaled quantity and the logarithm of its spread.
     target
         Tensor (n,): 0 or 1, or the quantity in the same scale.
     mask
@@ -156,10 +153,6 @@ def head_loss(task: Task, output: Any, target: Any, mask: Any) -> Any:
             each = error.abs() * torch.exp(-log_spread) + log_spread
             each = each * torch.exp(SPREAD_POWER * log_spread).detach()
         if task.refines:
-            # A wrong position tells nothing of the error of right ones.
             right = (target.abs() < RIGHT_WITHIN / REFINED_SCALE).float()
-            is_right = torch.nn.functional.binary_cross_entropy_with_logits(
-                output[..., 2], right, reduction="none"
-            )
-            each = (each * right).clamp(max=MAX_REFINED_LOSS) + is_right
+            each = (each * right).clamp(max=MAX_REFINED_LOSS)
     return (each * mask).sum() / mask.sum().clamp(min=1.0)  # of all members, which share no weights
