@@ -49,6 +49,16 @@ def test_damage_in_any_file_is_detected_on_opening(own: Dataset) -> None:
     assert len(open_dataset(own.path)) == len(own)
 
 
+@pytest.mark.parametrize(
+    "files", ['[""]', '["ab"]', "[[]]", "[3]", '[{"bytes": 2}]', "3", '{"a": 3}', '{"a": []}']
+)
+def test_checksums_in_another_form_are_one_line(own: Dataset, files: str) -> None:
+    file = own.path / "manifest.json"
+    tree = json.loads(file.read_text())
+    file.write_text(json.dumps({**tree, "files": "FILES"}).replace('"FILES"', files))
+    refused(lambda: open_dataset(own.path), "manifest.json")
+
+
 def test_of_much_sound_a_draw_is_looked_at_and_the_audit_looks_at_all(make: Make) -> None:
     sound = 0.1 * np.random.default_rng(0).normal(size=(2, 1_200_000)).astype(np.float32)
     dataset = make({"long": {"samples": sound}}, hop=1.0)

@@ -188,8 +188,16 @@ def _packed(name: str, value: Any) -> Any:
             Part, (from_tree(Part, each, f"{FILE}.parts[{number}]") for number, each in enumerate(value))
         )
     if name == "files" and isinstance(value, Iterator):
-        return Files((file, from_tree(FileSums, sums, f"{FILE}.files.{file}")) for file, sums in value)
+        return Files(map(_sums, value))
     return value
+
+
+def _sums(entry: Any) -> tuple[str, FileSums]:
+    """Return a file's name and checksums from an entry, which is a pair in an object, and none in a list."""
+    if not isinstance(entry, tuple):
+        raise InputError(f"{FILE}.files with {entry!r:.40}", "the name and checksums of each file", REMEDY)
+    file, sums = entry
+    return file, from_tree(FileSums, sums, f"{FILE}.files.{file}")
 
 
 def _put(stream: TextIO, brackets: str, entries: Iterable[tuple[str, Part | FileSums]]) -> None:

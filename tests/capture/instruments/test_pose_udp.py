@@ -80,6 +80,7 @@ def test_the_position_alone_will_do(port: int, robot: socket.socket) -> None:
         b'{"position": [1, 2, 3], "stamp": NaN}',
         b'{"position": [1, 2, ' + b"9" * 4000 + b"]}",
         b'{"position": [1, 2, 3], "more": ' + b"[" * 1900 + b"]" * 1900 + b"}",
+        b'{"position": [1, 2, 3], "\xb1": 4}',
         b"[" * 4000,
         b" " * 60_000,
         b" " * 9000,
@@ -92,6 +93,13 @@ def test_what_is_no_pose_is_counted_and_passed_over(port: int, robot: socket.soc
         got = poll(connection)
         assert got.time.size == 1
         assert connection.health.faulty == 1
+
+
+@pytest.mark.parametrize("unread", [b'"\xb1"', b"1e999", b"-0e-400"])
+def test_a_pose_beside_what_is_not_read_is_read(port: int, robot: socket.socket, unread: bytes) -> None:
+    with PoseUdp(address=str(port)).open() as connection:
+        robot.send(b'{"position": [1, 2, 3], "more": ' + unread + b"}")
+        assert poll(connection).time.size == 1
 
 
 def test_gaps_repeats_and_restarts_are_distinguished(port: int, robot: socket.socket) -> None:

@@ -19,6 +19,8 @@ from monochord.core.units import Hertz
 MAX_HEADS = 64
 """Most sets of names that are remembered as judged."""
 _log = logging.getLogger("monochord")
+_FIELDS = msgspec.json.Decoder(dict[str, msgspec.Raw])
+"""Reads the names of a datagram, and no value."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,7 +66,11 @@ class _PoseUdpConnection(JsonConnection[_Pose]):
 
     def _read(self, text: bytes) -> _Pose | None:
         pose = super()._read(text)
-        return pose if pose and self._is_clear(frozenset(msgspec.json.decode(text))) else None
+        try:
+            names = frozenset(_FIELDS.decode(text)) if pose else frozenset[str]()
+        except (msgspec.DecodeError, UnicodeDecodeError):  # of a name that is not read
+            return None
+        return pose if pose and self._is_clear(names) else None
 
     def _is_clear(self, names: frozenset[str]) -> bool:
         """Return whether the names of a datagram leave no doubt about its rotation; log those not read."""
