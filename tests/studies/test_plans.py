@@ -71,13 +71,6 @@ def test_the_eighth_sealed_plan_has_every_class_of_mount_and_both_ways_of_leadin
     assert min(ends(group.hold)[0] for group in wide) >= 2.0
 
 
-def test_the_next_training_has_300_builds_of_the_world_plausible() -> None:
-    plan = plan_of("builds_2")
-    builds = {build for group in plan.groups if not group.design for build in _builds(group)}
-    assert len(builds) == 300
-    assert plan.world == "plausible"
-
-
 @pytest.mark.parametrize("plan", SEALED)
 def test_each_build_of_a_sealed_plan_has_100_touches_to_know_and_100_to_score(plan: str) -> None:
     sessions = assignments(plan_of(plan))

@@ -197,7 +197,10 @@ def test_weights_decay_in_heads_with_hidden_layers_alone(tmp_path: Path) -> None
 def refining(scale: float = 1e-3) -> TrainingSetup:
     """Return the setup of a position head that refines the first column, as certain as the second."""
     usual = plan(epochs=30)
-    task = dataclasses.replace(TASKS["force"], label="position", unit="m", refines="a", columns=("cert*", "c"))
+    columns = ("cert*", "c")
+    task = dataclasses.replace(TASKS["force"], label="position", unit="m", refines="a", columns=columns)
+        TASKS["force"], label="position", unit="m", refines="a", columns=("cert*", "c")
+    )
     heads = {**usual.definition.heads, "force": HeadRecord(task=task, scale=scale)}
     string = load_string("prototype").string
     feature = dataclasses.replace(usual.definition.feature, columns=("a", CERTAINTY, "c"))
