@@ -199,8 +199,6 @@ def refining(scale: float = 1e-3) -> TrainingSetup:
     usual = plan(epochs=30)
     columns = ("cert*", "c")
     task = dataclasses.replace(TASKS["force"], label="position", unit="m", refines="a", columns=columns)
-        TASKS["force"], label="position", unit="m", refines="a", columns=("cert*", "c")
-    )
     heads = {**usual.definition.heads, "force": HeadRecord(task=task, scale=scale)}
     string = load_string("prototype").string
     feature = dataclasses.replace(usual.definition.feature, columns=("a", CERTAINTY, "c"))
