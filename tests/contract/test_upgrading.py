@@ -150,7 +150,7 @@ def test_a_sensor_as_tuned_is_read() -> None:
 
 
 def test_a_model_is_refused_with_what_to_do() -> None:
-    with pytest.raises(InputError, match=r"model\.json of format 2: expected format 3 or 4.*train it again"):
+    with pytest.raises(InputError, match=r"model\.json of format 2: expected format 3 to 5.*train it again"):
         mc.load(V0_1 / "model")
 
 
@@ -221,23 +221,23 @@ def test_a_configuration_of_live_runs(home: Path, capsys: pytest.CaptureFixture[
 
 
 def test_settings_of_live_mean_what_they_did(home: Path) -> None:
-    with pytest.warns(DeprecationWarning, match="have no effect") as said:
+    with pytest.warns(DeprecationWarning, match="has no effect") as said:
         settings = LiveRun.read({**load_toml(home / "live.toml"), "sinks": {}})
     assert [str(each.message) for each in said] == [
-        "filter.position.offset, sliding, resting, believe have no effect: position is averaged",
-        "filter.force.offset, common, change have no effect: force is averaged",
+        "filter.position has no effect: position is that of the window",
+        "filter.force has no effect: force is that of the window",
     ]
     assert settings.resolved()["source"] == {
         "name": "session", "path": "touches.mcap", "block": 512, "speed": 0.0, "aligned": True,
     }  # fmt: skip
     assert (settings.window.length, settings.window.hop) == (0.1, 0.01)
     assert (settings.filter.contact.dwell, settings.filter.slip.on) == (0.03, 0.15)
-    assert (settings.filter.position.gate, settings.filter.force.coast) == (5.0, 0.3)
     assert (settings.health.appear, settings.health.clear) == (1.0, 1.0)
 
 
 def test_settings_of_a_training_mean_what_they_did() -> None:
-    settings = TrainingSettings.read(load_toml(V0_1 / "train.toml"))
+    with pytest.warns(DeprecationWarning, match="context has no effect"):
+        settings = TrainingSettings.read(load_toml(V0_1 / "train.toml"))
     assert (settings.sensor, settings.seed, settings.feature["name"]) == ("prototype", 3, "fft_harmonic")
     assert {name: task.hidden for name, task in settings.tasks().items()} == {
         "contact": (), "slip": (), "position": (16,), "force": (16,),

@@ -17,6 +17,7 @@ from monochord.perception.spectrum import Spectrum, SpectrumAnalyser
 
 COLUMNS = (
     *MEASURES,
+    "touched",
     CERTAINTY,
     *(f"kind {kind}" for kind in KINDS),
     *GAPS,
@@ -29,11 +30,11 @@ COLUMNS = (
 class Reading(Feature):
     """What the reader tells: one network on both microphones' spectra, and a memory of the windows before.
 
-    Columns: those of `monochord.perception.reader.measures.measure`; the probability that their position is
-    right; the logit of each kind of window, ordinary or with a fault; the sound between the lines of
-    `monochord.perception.reader.gaps`, which a sliding touch makes on any build; force and slip; and a
-    summary of the memory. All are relative to the string's own pitch and length. The bundled model uses this
-    feature.
+    Columns: those of `monochord.perception.reader.measures.measure`; the log odds of a touch, and the
+    probability that the position is right; the logit of each kind of window, ordinary or with a fault; the
+    sound between the lines of `monochord.perception.reader.gaps`, which a sliding touch makes on any build;
+    force and slip; and a summary of the memory. All are relative to the string's own pitch and length. The
+    bundled model uses this feature.
 
     Examples
     --------
@@ -68,5 +69,6 @@ class _Extractor(RecurrentExtractor):
 
     def step(self, memory: Memory, spectrum: Spectrum, time: Seconds) -> tuple[Memory, Audio]:
         memory, told = self._reader.read(memory, spectrum, time)
-        parts = told.measures, (told.certainty,), told.kinds, told.gaps.ravel(), told.outputs, told.summary
+        touch = told.touched, told.certainty
+        parts = told.measures, touch, told.kinds, told.gaps.ravel(), told.outputs, told.summary
         return memory, np.concatenate(parts, dtype=np.float32, casting="same_kind")

@@ -7,7 +7,7 @@ from monochord.core.types import Audio, Floats
 from monochord.core.units import Seconds
 from monochord.perception.reader.cells import spectrum_cells
 from monochord.perception.reader.gaps import measure_gaps
-from monochord.perception.reader.measures import PLACE, measure, probability_near
+from monochord.perception.reader.measures import PLACE, measure, touch_near
 from monochord.perception.reader.memory import Memory, MemoryNetwork, bundled_memory, memory_inputs, recall
 from monochord.perception.reader.network import KINDS, POSITIONS, Network, activations, bundled_network
 from monochord.perception.spectrum import Spectrum, SpectrumAnalyser
@@ -19,12 +19,14 @@ RIGHT_WITHIN = 0.025
 class Reading(NamedTuple):
     """The reading of a window and those before it.
 
-    `measures` are those of `measures.COLUMNS`, `certainty` the probability that something touches within
-    `RIGHT_WITHIN` of the place, `kinds` the logit of each of `KINDS`, `gaps` the sound between the lines of
-    this window, `outputs` those of `memory.OUTPUTS`, and `summary` what all are read from.
+    `measures` are those of `measures.COLUMNS`, `touched` the log odds that something touches, `certainty` the
+    probability that something does within `RIGHT_WITHIN` of the place, `kinds` the logit of each of `KINDS`,
+    `gaps` the sound between the lines of this window, `outputs` those of `memory.OUTPUTS`, and `summary` what
+    all are read from.
     """
 
     measures: Floats
+    touched: float
     certainty: float
     kinds: Floats
     gaps: Floats
@@ -66,8 +68,8 @@ class Reader:
         inputs, density, gaps = self.inputs(spectrum)
         memory, both = recall(memory, inputs, density, time, self.memory)
         measures = self._measures(both.logits, spectrum)
-        certainty = probability_near(both.logits, POSITIONS, measures[PLACE], RIGHT_WITHIN)
-        return memory, Reading(measures, certainty, both.kinds, gaps, both.outputs, both.summary)
+        near = touch_near(both.logits, POSITIONS, measures[PLACE], RIGHT_WITHIN)
+        return memory, Reading(measures, *near, both.kinds, gaps, both.outputs, both.summary)
 
     def _measures(self, logits: Floats, spectrum: Spectrum) -> Floats:
         pitch = self.analyser.bin_spacing, self.analyser.nominal, self.analyser.bending
