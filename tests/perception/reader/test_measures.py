@@ -92,5 +92,5 @@ def test_certainty_is_the_probability_of_a_touch_within_reach_of_the_place() -> 
     logits[0], logits[1 + 100], logits[1 + 104], logits[1 + 140] = np.log((0.1, 0.4, 0.3, 0.2))
     for place, near in ((0.5, 0.7), (0.7, 0.2), (0.1, 0.0)):
         touched, certainty = touch_near(logits, POSITIONS, place, 0.025)
-        assert touched == pytest.approx(np.log(9.0), abs=1e-5)
+        assert touched == pytest.approx(np.log(0.901 / 0.101), abs=1e-5)
         assert certainty == pytest.approx(near, abs=1e-6)

@@ -22,8 +22,8 @@ DENSE_REACH, RIVAL_DISTANCE = 2, 6
 """Positions to either side of the densest that count as the same, and from which on another is a rival."""
 LEAST = 1.0e-6
 """Added to probabilities before their logarithm."""
-LEAST_OF_ODDS = 1.0e-9
-"""Added to both probabilities of log odds before their logarithms."""
+LEAST_OF_ODDS = 1.0e-3
+"""Added to both probabilities of log odds before their logarithms: no window is surer than 1000 to 1."""
 MIN_POWER = 1.0e-16
 """Added to powers before their logarithm."""
 MAX_DETUNING, SAME_PITCH, MAX_PARTIAL, AUDIBLE = 0.04, 0.002, 8.0, 1.0e-3
