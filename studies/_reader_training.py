@@ -263,7 +263,8 @@ def _module(torch: Any) -> Any:
 
 def _arrays(module: Any) -> dict[str, Any]:
     """Return a network's weights and biases by the names of the package's arrays."""
-    return {NAMES.get(name, name.removesuffix(".weight")): own for name, own in module.named_parameters()}
+    named: dict[str, Any] = dict(module.named_parameters())
+    return {NAMES.get(name, name.removesuffix(".weight")): own for name, own in named.items()}
 
 
 def _load(torch: Any, module: Any, network: Network) -> None:

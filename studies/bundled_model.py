@@ -239,11 +239,24 @@ def train_heads(
     report("trained the heads")
 
 
+def is_ordinary(session: Assignment) -> bool:
+    """Return whether nothing about a session is a fault, and no two objects touch."""
+    deviation, group = session.deviation, session.group
+    faults = deviation.swapped, deviation.dead_microphone, deviation.dead_driver
+    return not any((*faults, group.second, group.driver_dies, group.detuned))
+
+
 def heads_split(data: Path, sessions: Sequence[Assignment], seed: int) -> Path:
-    """Write the split of the heads' dataset."""
-    dataset, builds = open_dataset(data), {one.name: one.build or 0 for one in sessions}
-    share = np.array([share_of(builds[part.name], seed) for part in dataset.manifest.parts])[dataset.session]
-    rows = {"train": share < HEADS, "validation": share >= HEADS, "test": share < 0.0}
+    """Write the split of the heads' dataset: limits of faults are what ordinary sessions do not exceed."""
+    dataset, own = open_dataset(data), {one.name: one for one in sessions}
+    each = [own[part.name] for part in dataset.manifest.parts]
+    share = np.array([share_of(one.build or 0, seed) for one in each])[dataset.session]
+    ordinary = np.array([is_ordinary(one) for one in each])[dataset.session]
+    rows = {
+        "train": ordinary & (share < HEADS),
+        "validation": ordinary & (share >= HEADS),
+        "test": ~ordinary,
+    }
     parts = {name: np.flatnonzero(each) for name, each in rows.items()}
     file = data.with_name("heads_split.json")
     Split(by="build", parts=parts, seed=seed, dataset=dataset.checksum).write(file)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from studies._command import draw
-from studies._onsets import Onsets, Recorded, WithNoise, errors, jump_latency, onsets, record
+from studies._onsets import Onsets, Recorded, WithNoise, errors, onsets, record
 
 from monochord.capture.sources import SOURCES
 from monochord.capture.sources.base import Source
@@ -49,7 +49,7 @@ class Following(Measured):
     Solid lines: over time, as live. Dashed lines: each window separately. Thick lines are the median delay,
     thin lines the 95th percentile, from the true onset to the end of the deciding window; without noise, with
     music, and with a geared motor. The JSON output also holds the errors of position and force with and
-    without the filter, held and moving, and the latency of a jump. Simulated, unless sessions are given.
+    without the filter, held and moving. Simulated, unless sessions are given.
 
     Parameters
     ----------
@@ -94,10 +94,9 @@ class Following(Measured):
             raise InputError(f"seconds {self.seconds:g}", "1 s or more")
 
     def numbers(self) -> dict[str, Any]:
-        """Return curves by noise, name and method, errors by noise and quantity, and a jump's latency."""
+        """Return curves by noise, name and method, and errors by noise and quantity."""
         return {
             "simulated": not self.sessions,
-            "jump": jump_latency(self.filter),
             "curves": {
                 noise: {
                     name: {

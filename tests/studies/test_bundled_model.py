@@ -17,8 +17,8 @@ from monochord.perception.reader import (
     MemoryNetwork,
     no_memory,
 )
-from monochord.perception.reader.memory import memory_inputs, recall
-from monochord.perception.reader.network import activations
+from monochord.perception.reader.memory import recall
+from monochord.perception.reader.network import activations, memory_inputs
 from monochord.physics.sensors import load_sensor
 from monochord.physics.theory import open_frequency
 
@@ -184,8 +184,9 @@ def test_the_memory_learns_what_no_window_shows_and_its_arrays_say_the_same(
     assert result["memory"]["force_n"] < 0.2
     network, memory, told = MemoryNetwork(**arrays), no_memory(), list[Audio]()
     for k, (row, density) in enumerate(zip(stories[-10].inputs, stories[-10].density, strict=True)):
-        memory, both = recall(memory, np.float32(row), np.float32(density), k * HOP / RATE, network)
-        told.append(np.concatenate((both.logits, both.kinds, both.outputs)))
+        now = row.astype(np.float32), density.astype(np.float32)
+        memory, both = recall(memory, *now, k * HOP / RATE, network)
+        told.append(np.concatenate((both.logits, both.kinds, both.outputs), dtype=np.float32))
     assert np.array(told) == pytest.approx(outputs[0], abs=1e-3)
     (alone,) = outputs_of(arrays, stories[-10:-9], 1)
     for k in (0, 25, 199):

@@ -8,16 +8,14 @@ from monochord.perception.reader import KINDS, POSITIONS, MemoryNetwork, no_memo
 from monochord.perception.reader.memory import (
     HIDDEN,
     MAX_ELAPSED,
-    MAX_INPUT,
-    RENEWAL,
     SUMMARY,
     TICK,
-    TRUST,
     Memory,
     Recollection,
     bundled_memory,
     recall,
 )
+from monochord.perception.reader.network import MAX_INPUT, RENEWAL, TRUST
 
 
 def inputs(seed: int, count: int) -> Audio:

@@ -1,6 +1,7 @@
 """The cells that the reader's network sees, and its arithmetic against a plain one."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -99,7 +100,7 @@ def random_network(seed: int = 0) -> Network:
 
 def plain_outputs(cells: Audio, network: Network) -> tuple[Floats, Floats]:
     """Return what the last layer sees and the outputs, by sums of products in double precision."""
-    own = Network(*(array.astype(float) for array in network))
+    own: Any = Network(*(array.astype(float) for array in network))  # pyright: ignore[reportArgumentType]
 
     def convolved(values: Floats, weights: Floats, bias: Floats, stride: int) -> Floats:
         taps = len(weights) // len(values)
@@ -127,7 +128,7 @@ def plain_outputs(cells: Audio, network: Network) -> tuple[Floats, Floats]:
     places = convolved(places, own.along, own.along_bias, 1)
     scores = own.score[:, 0] @ places
     density = np.exp(scores) / np.exp(scores).sum()
-    seen = np.concatenate((hidden, places @ density, places.max(axis=1)))
+    seen: Floats = np.concatenate((hidden, places @ density, places.max(axis=1)))
     last = seen @ own.last + own.last_bias
     return seen, np.concatenate((last[:1], scores, last[1:]))
 
@@ -146,7 +147,8 @@ def test_what_is_learned_of_one_position_holds_at_all() -> None:
     """Weights that add up a comb's own cell at both ends score highest wherever two segments meet."""
     arrays = {name: np.zeros_like(array) for name, array in bundled_network()._asdict().items()}
     for microphone in range(2):
-        arrays["convolution_1"][4 * 4 + 2 + microphone, microphone] = 1.0  # prominences, the middle tap
+        for tap in (3, 4, 5):  # levels of the cells from one output to the next
+            arrays["convolution_1"][4 * tap + microphone, microphone] = 1.0
         arrays["convolution_2"][12 + microphone, microphone] = 1.0
         arrays["comb"][microphone, microphone] = 1.0  # a fundamental
     size = len(arrays["comb_bias"])

@@ -10,8 +10,8 @@ from monochord.perception.features.base import Extractor, Feature, RecurrentExtr
 from monochord.perception.heads.base import CERTAINTY
 from monochord.perception.reader.gaps import COLUMNS as GAPS
 from monochord.perception.reader.measures import COLUMNS as MEASURES
-from monochord.perception.reader.memory import OUTPUTS, SUMMARY, Memory, no_memory
-from monochord.perception.reader.network import KINDS
+from monochord.perception.reader.memory import SUMMARY, Memory, no_memory
+from monochord.perception.reader.network import KINDS, OUTPUTS
 from monochord.perception.reader.reader import Reader
 from monochord.perception.spectrum import Spectrum, SpectrumAnalyser
 

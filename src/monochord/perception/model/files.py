@@ -127,8 +127,9 @@ def _of_this_format(tree: dict[str, Any], file: Path) -> dict[str, Any]:
     heads = tree.get("heads")
     for head in heads.values() if isinstance(heads, dict) else ():
         task = head.get("task") if isinstance(head, dict) else None
-        for name in EARLIER_OPTIONS if isinstance(task, dict) else ():
-            task.pop(name, None)
+        if isinstance(task, dict):
+            for name in EARLIER_OPTIONS:
+                task.pop(name, None)
     return {**tree, "format": FORMAT}
 
 

@@ -131,7 +131,8 @@ class Model(Checked):
         InputError
             If the pitch deviates from the training's by more than a tuning can be estimated.
         """
-        return replace(self, string=self.prepared.tuned(string).string)
+        own = self.prepared.tuned(string).string
+        return self if own == self.string else replace(self, string=own)
 
     @checked
     def within(self, sensing_range: Pair[Finite[Metres]]) -> "Model":

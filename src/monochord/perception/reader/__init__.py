@@ -3,7 +3,7 @@
 from monochord.perception.reader.cells import CELLS, CHANNELS, spectrum_cells
 from monochord.perception.reader.gaps import BANDS, measure_gaps
 from monochord.perception.reader.measures import COLUMNS, measure
-from monochord.perception.reader.memory import Memory, MemoryNetwork, no_memory
+from monochord.perception.reader.memory import Memory, no_memory
 from monochord.perception.reader.network import (
     BASIS,
     FILE,
@@ -12,6 +12,7 @@ from monochord.perception.reader.network import (
     PARTIALS,
     POSITIONS,
     STRIDE,
+    MemoryNetwork,
     Network,
     segments,
 )

@@ -8,8 +8,16 @@ from monochord.core.units import Seconds
 from monochord.perception.reader.cells import spectrum_cells
 from monochord.perception.reader.gaps import measure_gaps
 from monochord.perception.reader.measures import PLACE, measure, touch_near
-from monochord.perception.reader.memory import Memory, MemoryNetwork, bundled_memory, memory_inputs, recall
-from monochord.perception.reader.network import KINDS, POSITIONS, Network, activations, bundled_network
+from monochord.perception.reader.memory import Memory, bundled_memory, recall
+from monochord.perception.reader.network import (
+    KINDS,
+    POSITIONS,
+    MemoryNetwork,
+    Network,
+    activations,
+    bundled_network,
+    memory_inputs,
+)
 from monochord.perception.spectrum import Spectrum, SpectrumAnalyser
 
 RIGHT_WITHIN = 0.025
