@@ -94,11 +94,25 @@ def test_outside_the_sensing_range_all_that_a_touch_tells_is_withheld(drawn: Mod
     assert estimates_in(model.prepared, reading)["position"].reason is Reason.OUTSIDE_RANGE
 
 
-def test_force_is_withheld_with_a_position_that_is_not_certain(drawn: Model) -> None:
+def with_certainty(drawn: Model) -> Model:
+    """Return the model with a position that has to be certain by 0.9."""
     record = drawn.definition.heads["position"]
     task = dataclasses.replace(record.task, certain=0.9)
     heads = {**drawn.definition.heads, "position": dataclasses.replace(record, task=task)}
-    model = dataclasses.replace(drawn, definition=dataclasses.replace(drawn.definition, heads=heads))
+    return dataclasses.replace(drawn, definition=dataclasses.replace(drawn.definition, heads=heads))
+
+
+def test_a_silent_driver_withholds_no_position_that_is_certain(drawn: Model) -> None:
+    model, silent = with_certainty(drawn), FAULTS["driver dead"].reason
+    for certainty, reason in ((0.95, ""), (0.85, silent)):
+        reading = WindowReading(ModelState(), outputs(9.0, certainty=certainty), silent)
+        estimates = estimates_in(model.prepared, reading)
+        assert {estimates[name].reason for name in ("slip", "position", "force")} == {reason}
+        assert estimates["contact"].valid
+
+
+def test_force_is_withheld_with_a_position_that_is_not_certain(drawn: Model) -> None:
+    model = with_certainty(drawn)
     for certainty, reason in ((0.95, ""), (0.85, Reason.TWO_CANDIDATES)):
         estimates = estimates_in(
             model.prepared, WindowReading(ModelState(), outputs(9.0, certainty=certainty), "")

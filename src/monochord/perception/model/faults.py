@@ -20,12 +20,13 @@ class Fault(NamedTuple):
     """How a fault is reported.
 
     A fault `of_touch` is detected in touched windows alone. Contact stays reliable where `contact_reliable`
-    says so.
+    says so, and all estimates, where the position is certain, with `place_reliable`.
     """
 
     reason: Reason
     of_touch: bool = False
     contact_reliable: bool = False
+    place_reliable: bool = False
 
 
 FAULTS: Mapping[str, Fault] = {
@@ -36,7 +37,7 @@ FAULTS: Mapping[str, Fault] = {
     "hum": Fault(Reason.HUM),
     "second string": Fault(Reason.TWO_STRINGS),
     "two touches": Fault(Reason.TWO_TOUCHES),
-    "driver dead": Fault(Reason.DRIVER_SILENT, of_touch=True, contact_reliable=True),
+    "driver dead": Fault(Reason.DRIVER_SILENT, of_touch=True, contact_reliable=True, place_reliable=True),
     "detuned": Fault(Reason.OUT_OF_TUNE, of_touch=True),
 }
 """All faults by the names of their kinds of windows."""

@@ -161,7 +161,8 @@ def estimates_in(model: PreparedModel, reading: WindowReading) -> dict[str, Esti
     """Return the estimates of a window.
 
     Outside the sensing range, every head that requires a touch abstains. Where the position is not certain,
-    force is not either. With a fault, every head abstains, except contact where it stays reliable.
+    force is not either. With a fault, every head abstains, except contact where it stays reliable; a silent
+    driver withholds no position that is certain.
     """
     heads, gate, reason = model.definition.heads, model.gate, reading.reason
     if not reading.outputs:
@@ -171,6 +172,8 @@ def estimates_in(model: PreparedModel, reading: WindowReading) -> dict[str, Esti
     contact, fault = estimates[gate], OF_REASON.get(reason)
     touched, kept = contact.valid and contact.value >= DECISION, set[str]()
     place = _no_place_reason(model, reading, estimates) if touched else ""
+    if touched and not place and fault and fault.place_reliable:
+        return estimates
     if place is Reason.OUTSIDE_RANGE and (not reason or (fault and (fault.reason.brief or fault.of_touch))):
         # Outside the sensing range one touch may sound like two, or as if its driver were silent.
         reason, kept = place, {name for name, record in heads.items() if not record.task.touched}
