@@ -92,7 +92,7 @@ def test_a_simulation_onto_a_full_disk_leaves_what_was_there(
 
 @pytest.mark.usefixtures("small_files")
 def test_a_model_onto_a_full_disk_leaves_nothing(tmp_path: Path) -> None:
-    with pytest.raises(OSError, match="weights"):
+    with pytest.raises(InputError, match="File too large"):
         load("demo").save(tmp_path / "mine")
     assert not [*tmp_path.iterdir()]
 
