@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from monochord.capture.sources.base import Source, Stream
 from monochord.core.errors import InputError
-from monochord.core.types import Audio, Block, Estimate, Floats, Prediction, Signal, StreamHealth, Truth
+from monochord.core.types import Audio, Block, Floats, Prediction, Signal, StreamHealth, Truth
 from monochord.core.units import Samples, Seconds
 from monochord.live import FilterSettings, FilterState, LiveRun, LiveStream, SwitchSettings, Tracked, step
 from monochord.metrics import detection_delays, false_alarms, stretches
@@ -37,8 +37,6 @@ TIME_TOLERANCE: Seconds = 1e-6
 """Times closer than this are equal, in s."""
 MIN_SPEED = 5.0e-3
 """Smallest speed along the string, in m/s, of a touch that moves."""
-JUMP = 30
-"""Windows of a touch before it jumps."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -322,19 +320,3 @@ def _errors(take: Recorded, name: str, settings: FilterSettings) -> tuple[Floats
     rows = np.isfinite(truth)
     columns = (raw[:, 0] - truth, raw[:, 1], own[:, 0] - truth, own[:, 1], speed)
     return tuple(each[rows] for each in columns)
-
-
-def jump_latency(settings: FilterSettings, hop: Seconds = 0.01) -> Seconds:
-    """Return how long after the first window that shows it a jump from 80 to 140 mm is tracked, in s.
-
-    >>> 0.0 <= jump_latency(FilterSettings()) <= 0.2
-    True
-    """
-    state = FilterState()
-    for k in range(100):
-        place = Estimate(value=0.14 if k >= JUMP else 0.08, std=3e-4, unit="m")
-        estimates = {"contact": Estimate(value=0.99, std=0.1, unit=""), "position": place}
-        state, said = step(state, Prediction(start=k, time=k * hop, estimates=estimates), 0.1, settings)
-        if said.estimates["position"].value > 0.139:
-            return (k - JUMP) * hop
-    return math.inf

@@ -1,41 +1,34 @@
 """Training of the reader's network in torch, and its export to the package's format."""
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, fields, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+from studies._reader_sessions import DRIVER_DEAD, ORDINARY, Variant, changed, save_arrays
 
-from monochord.core.types import Floats, Indices, Signal, StringParams
-from monochord.datasets import FAULTS, Augmentation, Dataset, Fault
-from monochord.dsp import NOISES
+from monochord.core.types import Audio, Floats, Indices
 from monochord.perception.reader import (
+    BASIS,
     CELLS,
     CHANNELS,
-    DILATIONS,
+    FIRST,
     KINDS,
+    PARTIALS,
     POSITIONS,
-    STRIDES,
+    STRIDE,
     Network,
-    SpectrumAnalyser,
+    segments,
     spectrum_cells,
 )
 from monochord.perception.training import torch_library
 
 Cells: TypeAlias = NDArray[np.uint8]
 
-GROUPS = {"two_touches": "two touches", "driver_": "driver dead", "foam": "very soft"}
-"""Kinds of the touched windows of plan groups, by the beginning of the group's name."""
-ORDINARY, DETUNED = KINDS.index("ordinary"), KINDS.index("detuned")
-PLACED = tuple(KINDS.index(kind) for kind in ("ordinary", "driver dead", "very soft"))
+PLACED = (ORDINARY, DRIVER_DEAD)
 """Kinds with one position that can be told."""
-FAULTY_SHARE, DETUNED_SHARE, NOISY_SHARE, RATIOS = 0.12, 0.04, 0.4, (5.0, 30.0)
-"""Shares of the ordinary windows that get a simulated fault, are read at a wrong pitch, or get noise; and the
-noise's signal-to-noise ratios in dB."""
-PITCH_STD, UNTUNED_SHARE, UNTUNED, DETUNED_RANGE = 0.0015, 0.15, (-0.008, 0.015), (0.025, 0.1)
-"""Error of the pitch that cells are relative to: deviation, share of windows with a larger one, its range,
-and the range of a wrong pitch."""
 QUIETEST = 1.0e-3
 """Rms in full scale below which a window is silent."""
 WIDTH = 0.006
@@ -46,17 +39,47 @@ RESPONSE, KNOTS = 0.08, 6
 """Standard deviation of a microphone's response, in levels, at this many points along the axis: 6 dB."""
 MASKS, WIDEST = 3, 60
 """Number of dropped bands of a window, and cells of the widest."""
-CHANNELS_OUT, TAPS, HIDDEN, DROPPED = (12, 16, 24, 32, 8), (9, 5, 5, 3, 1), 96, 0.3
-BATCH, RATE, DECAY, KIND_WEIGHT = 512, 3.0e-3, 0.1, 0.5
+KEPT = 1 + len(POSITIONS) + len(KINDS)
+"""Outputs of the network that the package has."""
+LINES, COMBS, OVERVIEW, HIDDEN, PLACE, DROPPED = 12, 16, (16, 8), 64, (24, 16), 0.3
+"""Channels of lines, combs, overview, hidden layer and places, and the share of the hidden ones that is
+dropped."""
+OVERVIEW_STRIDES = 4, 2
+"""Cells from one output of the overview's convolutions to the next."""
+NAMES = {
+    "convolution_1.bias": "bias_1",
+    "convolution_2.bias": "bias_2",
+    "comb.bias": "comb_bias",
+    "overview_1.bias": "overview_bias_1",
+    "overview_2.bias": "overview_bias_2",
+    "hidden.bias": "hidden_bias",
+    "place_hidden.bias": "place_bias",
+    "along.bias": "along_bias",
+    "last.bias": "last_bias",
+}
+"""Names of the package's arrays for those of biases."""
+BATCH, RATE, DECAY, LONGEST_GRADIENT = 256, 3.0e-3, 0.05, 1.0
+KIND_WEIGHT, SLIP_WEIGHT, PRESS_WEIGHT = 0.5, 0.5, 0.3
+LINEAR_FORCE = 2.5
+"""Force in N up to which networks state it linearly, and above which its logarithm."""
+SPREADS = (-5.0, 3.0)
+"""Range of the logarithm of the force's spread."""
+PRESSES = 3
+"""Outputs beside density and kinds: force, log spread of the force, and logit of slip."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Examples:
-    """Windows (n,) as the network learns them; positions are over the length, NaN of untouched windows."""
+    """Windows (n,) as the network learns them; positions are over the length, NaN of untouched windows.
+
+    `force` and `slip` are as in `studies._reader_sessions.Truth`.
+    """
 
     cells: Cells
     position: Floats
     kind: Indices
+    force: Audio
+    slip: Audio
 
     @classmethod
     def joined(cls, parts: list["Examples"]) -> "Examples":
@@ -64,77 +87,68 @@ class Examples:
         return cls(**{own.name: np.concatenate([getattr(p, own.name) for p in parts]) for own in fields(cls)})
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Job:
-    """Windows `rows` (n,) of a session of a dataset; `string` is the session's, with its length and pitch."""
-
-    dataset: str
-    session: int
-    rows: Indices
-    string: StringParams
-
-
-def examples_of(job: Job, datasets: Mapping[str, Dataset], seed: int) -> Examples:
-    """Return the examples of one session's windows."""
-    dataset = datasets[job.dataset]
-    part, rate = dataset.manifest.parts[job.session], dataset.manifest.sample_rate
-    random = np.random.default_rng((seed, *part.name.encode()))
-    noise = Augmentation(kinds=tuple(NOISES), share=NOISY_SHARE, ratios=RATIOS)
-    group = next((kind for name, kind in GROUPS.items() if part.name.startswith(name)), KINDS[ORDINARY])
-    touched = dataset.label("contact")[job.rows] == 1.0
-    position = np.where(touched, dataset.label("position")[job.rows] / job.string.length, np.nan)
-    windows = noise(dataset.batch(job.rows), job.rows, seed=seed, sample_rate=rate)
-    cells, kinds = np.empty((len(job.rows), CHANNELS, CELLS), np.uint8), np.zeros(len(job.rows), np.int64)
-    signal = Signal(sample_rate=rate, channels=2, string=job.string)
-    for k, row in enumerate(job.rows.tolist()):
-        kind, window, error = KINDS.index(group), windows[k : k + 1], random.normal(0.0, PITCH_STD)
-        if random.random() < UNTUNED_SHARE:
-            error = random.uniform(*UNTUNED)
-        # Without a touch neither a soft object nor a silent driver can be told.
-        kind = kind if touched[k] else ORDINARY
-        if kind == ORDINARY and group == KINDS[ORDINARY]:
-            chance = random.random()
-            if chance < FAULTY_SHARE:
-                fault = FAULTS[random.integers(len(FAULTS))]
-                window, kind = (
-                    Fault(kind=fault)(window, [row], seed=seed, sample_rate=rate),
-                    KINDS.index(fault),
-                )
-            elif touched[k] and chance < FAULTY_SHARE + DETUNED_SHARE:
-                kind, error = DETUNED, float(random.choice((-1.0, 1.0)) * random.uniform(*DETUNED_RANGE))
-        own = replace(job.string, tension=job.string.tension * (1.0 + error) ** 2)
-        analyser = SpectrumAnalyser.of(replace(signal, string=own), window.shape[2])
-        cells[k] = np.round(255.0 * spectrum_cells(analyser, analyser.analyse(window[0])))
-        kinds[k] = kind
-    return Examples(cells=cells, position=position, kind=kinds)
+def read_examples(files: Sequence[Path]) -> Examples:
+    """Return the examples of all files."""
+    parts = list[Examples]()
+    for file in files:
+        with np.load(file) as arrays:
+            parts.append(Examples(**arrays))
+    return Examples.joined(parts)
 
 
-def jobs_of(
-    name: str, dataset: Dataset, strings: Mapping[str, StringParams], count: int, seed: int
-) -> Iterator[Job]:
-    """Yield a job for each session with a string: `count` touched windows, and a third as many untouched."""
-    contact, random = dataset.label("contact"), np.random.default_rng(seed)
-    ready = dataset.usable & ~dataset.clipped
-    for number, part in enumerate(dataset.manifest.parts):
-        if part.name not in strings:
-            continue
-        own = slice(part.first, part.first + part.windows)
-        chosen = list[Indices]()
-        for value, most in ((1.0, count), (0.0, count // 3)):
-            rows = part.first + np.flatnonzero(ready[own] & (contact[own] == value))
-            chosen.append(random.choice(rows, min(most, len(rows)), replace=False))
-        rows = np.sort(np.concatenate(chosen))
-        level = np.sqrt(np.mean(np.square(dataset.batch(rows), dtype=np.float32), axis=(1, 2)))
-        yield Job(dataset=name, session=number, rows=rows[level > QUIETEST], string=strings[part.name])
+def write_examples(variant: Variant, *, folder: Path, count: int, seed: int) -> None:
+    """Write examples of a session into a folder, unless they are there.
+
+    They are of `count` random touched windows, and of a third as many untouched ones.
+    """
+    target = variant.within(folder)
+    if target.exists():
+        return
+    session = changed(variant, seed)
+    truth, random = session.truth, np.random.default_rng((seed, *target.stem.encode()))
+    usable = truth.placed | ((truth.kind >= 0) & ~np.isin(truth.kind, PLACED))
+    chosen = list[Indices]()
+    for contact, most in ((1.0, count), (0.0, count // 3)):
+        rows = np.flatnonzero((truth.contact == contact) & usable)
+        chosen.append(random.choice(rows, min(most, len(rows)), replace=False))
+    rows = np.sort(np.concatenate(chosen))
+    loud = [np.sqrt(np.mean(np.square(session.window(row)))) > QUIETEST for row in rows.tolist()]
+    rows = rows[np.array(loud, bool)]
+    analyser = session.analyser()
+    cells = np.empty((len(rows), CHANNELS, CELLS), np.uint8)
+    for k, row in enumerate(rows.tolist()):
+        cells[k] = np.round(255.0 * spectrum_cells(analyser, analyser.analyse(session.window(row))))
+    # Without a touch a silent driver cannot be told.
+    kind = np.where(truth.kind[rows] < 0, ORDINARY, truth.kind[rows])
+    position = np.where(truth.contact[rows] == 1.0, truth.place[rows], np.nan)
+    known = truth.placed[rows]
+    save_arrays(
+        target,
+        cells=cells,
+        position=position.astype(np.float64),
+        kind=kind,
+        force=np.where(known, truth.force[rows], np.nan),
+        slip=np.where(known, truth.slip[rows], np.nan),
+    )
 
 
 def train_network(
-    examples: Examples, *, epochs: int, seed: int, report: Callable[[int, float], None]
+    examples: Examples,
+    *,
+    epochs: int,
+    seed: int,
+    report: Callable[[int, float], None],
+    start: Network | None = None,
 ) -> Network:
-    """Return the reader's network, trained on examples; `report` is called with each epoch and its loss."""
+    """Return the reader's network, trained on examples; `report` is called with each epoch and its loss.
+
+    It begins with random weights, or with those of `start`.
+    """
     torch: Any = torch_library()
     torch.manual_seed(seed)
     module = _module(torch)
+    if start is not None:
+        _load(torch, module, start)
     cells, kind = torch.from_numpy(examples.cells), torch.from_numpy(examples.kind)
     position = torch.tensor(examples.position, dtype=torch.float32)
     is_placed = torch.tensor(np.isin(examples.kind, PLACED))
@@ -153,13 +167,18 @@ def train_network(
             inputs = cells[rows].float() / 255.0
             inputs = torch.where(swapped[:, None, None], inputs[:, SWAPPED], inputs)
             inputs = _varied(torch, inputs.roll(int(torch.randint(-1, 2, ())), 2))
-            where, odd = module(inputs, swapped)
-            own = torch.where(swapped, 1.0 - position[rows], position[rows])
-            misplaced = -(_expected(torch, own) * torch.log_softmax(where, 1)).sum(1)[is_placed[rows]]
+            where, odd, pressed = module(inputs, swapped)
+            place = torch.where(swapped, 1.0 - position[rows], position[rows])
+            misplaced = -(_expected(torch, place) * torch.log_softmax(where, 1)).sum(1)[is_placed[rows]]
             of_kind = torch.where(swapped, mirror[kind[rows]], kind[rows])
             loss = misplaced.mean() + KIND_WEIGHT * torch.nn.functional.cross_entropy(odd, of_kind, weight)
+            # The package leaves these outputs out; what they are read from, the memory gets.
+            loss = loss + press_loss(
+                torch, pressed, examples.force[rows.numpy()], examples.slip[rows.numpy()]
+            )
             optimiser.zero_grad()
             loss.backward()
+            torch.nn.utils.clip_grad_norm_(module.parameters(), LONGEST_GRADIENT)
             optimiser.step()
             schedule.step()
             total += float(loss.detach()) * len(rows)
@@ -167,27 +186,99 @@ def train_network(
     return _exported(module.eval())
 
 
+def press_loss(torch: Any, outputs: Any, force: Audio, slip: Audio) -> Any:
+    """Return the loss of force and slip, from outputs (n, `PRESSES`); the truth (n,) is NaN where unknown."""
+    loss, functional = torch.zeros(()), torch.nn.functional
+    pressed, told = np.flatnonzero(np.isfinite(force)), np.flatnonzero(np.isfinite(slip))
+    if len(pressed):
+        value, spread = outputs[pressed][:, 0], outputs[pressed][:, 1].clamp(*SPREADS)
+        target = torch.from_numpy(compressed_force(force[pressed]))
+        loss = loss + ((value - target).abs() * torch.exp(-spread) + spread).mean()
+    if len(told):
+        odds, truth = outputs[told][:, 2], torch.from_numpy(slip[told])
+        loss = loss + SLIP_WEIGHT * functional.binary_cross_entropy_with_logits(odds, truth)
+    return loss
+
+
+def compressed_force(force: Audio) -> Audio:
+    """Return forces in N as networks state them."""
+    large = LINEAR_FORCE * (1.0 + np.log(np.maximum(force, LINEAR_FORCE) / LINEAR_FORCE))
+    return np.where(force < LINEAR_FORCE, np.maximum(force, 0.0), large).astype(np.float32)
+
+
 def _module(torch: Any) -> Any:
-    nn = torch.nn
+    """Return the network with random weights; its parameters are named as the package's arrays."""
+    nn, positions = torch.nn, len(POSITIONS)
+    combed, places = len(PARTIALS), 2 * COMBS + len(BASIS)
+    coarse = -(-CELLS // STRIDE)
+    overview = -(-coarse // (OVERVIEW_STRIDES[0] * OVERVIEW_STRIDES[1]))
+    partials = np.arange(FIRST, coarse)[:, np.newaxis] + PARTIALS
+    partials = torch.from_numpy(np.minimum(partials, coarse).ravel())  # beyond the end are zeros
+    below, above = (torch.from_numpy(each) for each in segments())
+    basis = torch.from_numpy(BASIS.T.copy())
 
     class Module(nn.Module):
         def __init__(self) -> None:
             super().__init__()
-            layers, before = list[Any](), CHANNELS + 1
-            for outputs, taps, stride, dilation in zip(CHANNELS_OUT, TAPS, STRIDES, DILATIONS, strict=True):
-                pad = taps // 2 * int(dilation)
-                layers += [nn.Conv1d(before, outputs, taps, int(stride), pad, int(dilation)), nn.ReLU()]
-                before = outputs
-            cells = -(-CELLS // int(np.prod(STRIDES)))
-            layers += [nn.Flatten(), nn.Linear(before * cells, HIDDEN), nn.ReLU(), nn.Dropout(DROPPED)]
-            self.layers = nn.Sequential(*layers, nn.Linear(HIDDEN, 1 + len(POSITIONS) + len(KINDS)))
+            # Convolutions over a row of cells with their channels beside each other: half of Conv1d's time.
+            self.convolution_1 = nn.Conv2d(CHANNELS + 1, LINES, (1, 9), (1, STRIDE), (0, 4))
+            self.convolution_2 = nn.Conv2d(LINES, LINES, (1, 3), 1, (0, 1))
+            self.comb = nn.Linear(LINES * combed, COMBS)
+            self.overview_1 = nn.Conv2d(LINES, OVERVIEW[0], (1, 5), (1, OVERVIEW_STRIDES[0]), (0, 2))
+            self.overview_2 = nn.Conv2d(OVERVIEW[0], OVERVIEW[1], (1, 5), (1, OVERVIEW_STRIDES[1]), (0, 2))
+            self.hidden = nn.Linear(OVERVIEW[1] * overview, HIDDEN)
+            self.place = nn.Linear(places, PLACE[0], bias=False)
+            self.place_hidden = nn.Linear(HIDDEN, PLACE[0])
+            self.along = nn.Conv1d(*PLACE, 5, padding=2)
+            self.score = nn.Linear(PLACE[1], 1, bias=False)
+            self.last = nn.Linear(HIDDEN + 2 * PLACE[1], KEPT - positions + PRESSES)
+            self.dropout = nn.Dropout(DROPPED)
 
-        def forward(self, cells: Any, swapped: Any) -> tuple[Any, Any]:
-            flag = swapped.float()[:, None, None].expand(-1, 1, cells.shape[2])
-            outputs = self.layers(torch.cat((cells, flag), 1))
-            return outputs[:, : 1 + len(POSITIONS)], outputs[:, 1 + len(POSITIONS) :]
+        def forward(self, cells: Any, swapped: Any) -> tuple[Any, Any, Any]:
+            """Return density (n, 1 + positions), kinds (n, kinds) and presses (n, `PRESSES`) of windows."""
+            flag = swapped.float()[:, None, None].expand(-1, 1, CELLS)
+            inputs = torch.cat((cells, flag), 1)[:, :, None].contiguous(memory_format=torch.channels_last)
+            lines = torch.relu(self.convolution_2(torch.relu(self.convolution_1(inputs))))
+            overview = torch.relu(self.overview_2(torch.relu(self.overview_1(lines)))).flatten(1)
+            hidden = self.dropout(torch.relu(self.hidden(overview)))
+            rows = torch.nn.functional.pad(lines[:, :, 0].transpose(1, 2), (0, 0, 0, 1))
+            combs = rows.index_select(1, partials).view(len(cells), -1, LINES * combed)
+            combs = torch.relu(self.comb(combs))
+            both = [
+                combs.index_select(1, own) * (1.0 - part)[:, None]
+                + combs.index_select(1, own + 1) * part[:, None]
+                for own, part in zip(below, above, strict=True)
+            ]
+            where = torch.where(swapped[:, None, None], basis.flip(0), basis)
+            features = self.place(torch.cat((*both, where), 2)) + self.place_hidden(hidden)[:, None]
+            features = torch.relu(self.along(torch.relu(features).transpose(1, 2)).transpose(1, 2))
+            scores = self.score(features)[..., 0]
+            mean = (torch.softmax(scores, 1)[..., None] * features).sum(1)
+            last = self.last(torch.cat((hidden, mean, features.amax(1)), 1))
+            kinds = 1 + len(KINDS)
+            return torch.cat((last[:, :1], scores), 1), last[:, 1:kinds], last[:, kinds:]
 
-    return Module()
+    return Module().to(memory_format=torch.channels_last)
+
+
+def _arrays(module: Any) -> dict[str, Any]:
+    """Return a network's weights and biases by the names of the package's arrays."""
+    named: dict[str, Any] = dict(module.named_parameters())
+    return {NAMES.get(name, name.removesuffix(".weight")): own for name, own in named.items()}
+
+
+def _load(torch: Any, module: Any, network: Network) -> None:
+    """Give a module the weights of a network; it sees no difference yet where the input is swapped."""
+    for name, own in _arrays(module).items():
+        array = torch.from_numpy(getattr(network, name).T.copy())
+        with torch.no_grad():
+            own.zero_()
+            if own.ndim > 2:
+                array = array.reshape(len(own), own.shape[-1], -1).transpose(1, 2)
+                array = array.reshape(*array.shape[:2], *own.shape[2:])
+                own[:, : array.shape[1]] = array
+            else:
+                own[: len(array)] = array
 
 
 def _expected(torch: Any, position: Any) -> Any:
@@ -215,14 +306,15 @@ def _varied(torch: Any, inputs: Any) -> Any:
 
 def _exported(module: Any) -> Network:
     """Return the network in the package's format, which never swaps its input."""
-    arrays = list[Any]()
-    for layer in module.layers:
-        if not hasattr(layer, "weight"):
-            continue
-        matrix = layer.weight.detach().numpy()
-        if matrix.ndim == 3:
-            matrix = matrix[:, : CHANNELS if not arrays else None].transpose(2, 1, 0).reshape(-1, len(matrix))
+    arrays = dict[str, Any]()
+    for name, own in _arrays(module).items():
+        array = own.detach().numpy()
+        if array.ndim > 2:
+            array = array.reshape(*array.shape[:2], -1)
+            array = array[:, : CHANNELS if name == "convolution_1" else None].transpose(2, 1, 0)
+            array = array.reshape(-1, array.shape[2])
         else:
-            matrix = matrix.T
-        arrays += [np.ascontiguousarray(matrix), layer.bias.detach().numpy().copy()]
-    return Network(*arrays)
+            array = array.T
+        kept = KEPT - len(POSITIONS) if name in {"last", "last_bias"} else None
+        arrays[name] = np.ascontiguousarray(array[..., :kept], np.float32).copy()
+    return Network(**arrays)

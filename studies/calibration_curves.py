@@ -126,7 +126,7 @@ class Recorded:
         replayed = read_in_turn(with_residuals(correctable(model)), dataset, np.arange(len(dataset)))
         counted = [counting(model.definition, head, dataset, replayed.outputs) for head in HEADS]
         rows = np.unique(np.concatenate(counted))
-        batches = [model.extractors[0](dataset.batch(rows[k : k + 64])) for k in range(0, len(rows), 64)]
+        batches = [model.prepared.extractor(dataset.batch(rows[k : k + 64])) for k in range(0, len(rows), 64)]
         features = np.concatenate(batches).astype(np.float64)
         return cls(dataset=dataset, replayed=replayed, rows=rows, features=features)
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from studies._command import draw
-from studies._onsets import Onsets, Recorded, WithNoise, errors, jump_latency, onsets, record
+from studies._onsets import Onsets, Recorded, WithNoise, errors, onsets, record
 
 from monochord.capture.sources import SOURCES
 from monochord.capture.sources.base import Source
@@ -49,14 +49,14 @@ class Following(Measured):
     Solid lines: over time, as live. Dashed lines: each window separately. Thick lines are the median delay,
     thin lines the 95th percentile, from the true onset to the end of the deciding window; without noise, with
     music, and with a geared motor. The JSON output also holds the errors of position and force with and
-    without the filter, held and moving, and the latency of a jump. Simulated, unless sessions are given.
+    without the filter, held and moving. Simulated, unless sessions are given.
 
     Parameters
     ----------
     model
         The folder of a model, or the name of a bundled one.
     builds
-        Seeds of the virtual sensors, of the world `plausible_1`, that are touched at random.
+        Seeds of the virtual sensors, of the world `plausible`, that are touched at random.
     seconds
         Duration of each, or largest duration of each session, in s.
     seed
@@ -94,10 +94,9 @@ class Following(Measured):
             raise InputError(f"seconds {self.seconds:g}", "1 s or more")
 
     def numbers(self) -> dict[str, Any]:
-        """Return curves by noise, name and method, errors by noise and quantity, and a jump's latency."""
+        """Return curves by noise, name and method, and errors by noise and quantity."""
         return {
             "simulated": not self.sessions,
-            "jump": jump_latency(self.filter),
             "curves": {
                 noise: {
                     name: {
@@ -121,7 +120,7 @@ class Following(Measured):
         """Run all sources through the model and draw the curves."""
         page = style.canvas(110.0)
         panels = page.subplot_mosaic([["A", "B"], ["C", "D"]])
-        where = "sessions" if self.sessions else "simulated, world plausible_1"
+        where = "sessions" if self.sessions else "simulated, world plausible"
         for letters, name in (("AC", NAMES[0]), ("BD", NAMES[1])):
             delay, alarms = (panels[letter] for letter in letters)
             style.dress(delay, letters[0], f"onset of {name} ({where})", "", "delay (ms)")
@@ -155,7 +154,7 @@ class Following(Measured):
             SOURCES.build(
                 "twin",
                 {
-                    "world": "plausible_1",
+                    "world": "plausible",
                     "build": build,
                     "seed": self.seed + build,
                     "speed": 0.0,

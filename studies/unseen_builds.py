@@ -1,7 +1,7 @@
 """Accuracy of a model on builds outside its training, by number of known touches.
 
 Makes the rows of `docs/results/builds.json` from sessions of a sealed plan, such as those that
-``monochord collect studies/plans/sealed_7.toml`` renders, in some 40 minutes on two cores:
+``monochord collect studies/plans/sealed_8.toml`` renders, in some 40 minutes on two cores:
 ``python -m studies.unseen_builds MODEL --sessions FILES --rows FILE``.
 
 The model is adapted to the first touches of each session, or of all sessions of a build, and scored on the
@@ -48,7 +48,7 @@ from monochord.lab import run_all
 from monochord.metrics import normal_coverage
 from monochord.perception.estimators import ESTIMATORS
 from monochord.perception.estimators.base import Estimator
-from monochord.perception.model import Model, save
+from monochord.perception.model import Model
 from monochord.perception.model import load as load_model
 from monochord.perception.training import (
     REMEDY,
@@ -254,7 +254,7 @@ def _curves(group: Group, *, rivals: _Rivals, touches: tuple[int, ...], labels: 
         estimators: list[Estimator] = []
         for count in counts:
             home = scratch / f"model_{count}"
-            save(_adapted(rivals.model, dataset, known[count], group.objects, replayed_rows), home)
+            _adapted(rivals.model, dataset, known[count], group.objects, replayed_rows).save(home)
             estimators.append(ESTIMATORS.build("model", {"path": str(home)}))
         replayed: list[list[Results]] = [[] for _ in counts]
         by_session = [{each.sessions[0]: each for each in _by_string(every)} for every in others]

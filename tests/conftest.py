@@ -292,7 +292,6 @@ def made_up_features(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 LESSON: dict[str, Any] = {
     "title": "a small run for tests",
     "feature": {"name": "bands"},
-    "context": {"feature": {"name": "bands", "count": 4}},
     "heads": {
         "contact": {},
         "slip": {},

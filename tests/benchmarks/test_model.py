@@ -32,7 +32,7 @@ def test_the_bundled_model_takes_much_less_than_a_hop() -> None:
 
 def test_a_random_model_can_be_run() -> None:
     signal = Signal(sample_rate=44100, channels=2, string=load_sensor("prototype").string)
-    model = drawn("fft_harmonic", "reading", signal, 4410)
+    model = drawn("fft_harmonic", signal, 4410)
     model.check(signal)
 
 

@@ -15,6 +15,7 @@ from tests.cli.running import refusal
 from monochord.core.types import Block
 from monochord.datasets.split import Split
 from monochord.datasets.store import open_dataset
+from monochord.perception.features.reading import COLUMNS
 from monochord.perception.model.bundled import bundled_folder
 from monochord.physics.strings import load_string
 from monochord.sessions import Description, SessionClock, SessionWriter
@@ -55,7 +56,7 @@ def nested(folder: Path) -> None:
 RUNS: dict[str, tuple[Damage, str]] = {
     "weights cut off": (weights(lambda blob: blob[:-1000]), "weights.safetensors"),
     "too many weights": (weights(lambda blob: blob + bytes(1 << 21)), "bytes"),
-    "fewer columns": (columns(lambda names: names[:-1]), "(142,)"),
+    "fewer columns": (columns(lambda names: names[:-1]), f"({len(COLUMNS) - 1},)"),
     "another column": (columns(lambda names: ["mic 1 own 1 hue", *names[1:]]), "'mic 1 own 1 hue'"),
     "a column that a head does not find": (columns(lambda names: ["mic hue", *names[1:]]), "'place'"),
     "another feature": (changed_text(feature={"name": "fft", "options": {}, "columns": []}), "fft"),

@@ -110,7 +110,7 @@ def test_features_have_the_same_bytes(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr("monochord.perception.training.rows.CHUNK", 64)
-    settings = ("feature.name=log_mel", "context.on=false", "optimiser.epochs=1", "noise.copies=1")
+    settings = ("feature.name=log_mel", "optimiser.epochs=1", "noise.copies=1")
     given = [part for each in (*settings, f"cache={tmp_path / 'cache'}") for part in ("--set", each)]
     dataset = ["--dataset", str(small / "dataset")]
     assert run(["train", "paper", *dataset, *given, "--out", str(tmp_path / "run"), *spread]) == 0

@@ -326,7 +326,6 @@ DOORS: dict[str, Callable[[World], Door]] = {
     "Model.tuned": method(lambda w: w.model, "tuned", string=lambda: mc.load_sensor("prototype").string),
     "Model.within": method(lambda w: w.model, "within", sensing_range=(0.06, 0.14)),
     "Model.check": method(lambda w: w.model, "check", signal=stream_signal, size=4410),
-    "Model.check_size": method(lambda w: w.model, "check_size", size=4410),
     "Model.correction": method(lambda w: w.model, "correction", name="position"),
     "Model.predict": method(lambda w: w.model, "predict", sound=sound),
     "Model.score": method(

@@ -11,20 +11,25 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import monochord as mc
 from monochord import cli
+from monochord.capture.sources import SOURCES
 from monochord.core.config import load_toml
 from monochord.core.errors import InputError
-from monochord.lab.plan import assignments
+from monochord.core.types import Block
+from monochord.lab.plan import Group, assignments
 from monochord.lab.plans import load_plan
 from monochord.live import LiveRun
 from monochord.perception.training.settings import TrainingSettings
 from monochord.physics.sensors import load_sensor, sensor_design, sensor_tuning
+from monochord.sessions import SessionWriter
 from monochord.sessions.check import check
 
 V0_1 = Path(__file__).parents[1] / "fixtures" / "v0_1"
@@ -103,6 +108,35 @@ def test_a_session_with_labels_is_read() -> None:
     assert about.string.tension == pytest.approx(64.9057088, abs=1e-6)
 
 
+def test_a_session_of_a_world_that_is_gone_is_read_checked_and_evaluated(tmp_path: Path) -> None:
+    session, file = mc.read_session(V0_1 / "touches.mcap"), tmp_path / "touches.mcap"
+    about = replace(session.description, more={"world": "plausible_1", "mount": ""})
+    with SessionWriter(file, about, session.clock) as writer:
+        writer.audio(Block(samples=session.audio.samples[:], start=0, adc_time=0.0))
+        writer.labels(session.labels.time, dict(session.labels.columns))
+    assert mc.read_session(file).description.more["world"] == "plausible_1"
+    assert check(file).faults == ()
+    (row,) = (
+        row
+        for row in mc.evaluate(sessions=file, baselines=False).tree()["table"]
+        if row["state"] == "touched"
+    )
+    assert row["position"]["mae"]["value"] < 5e-4
+
+
+def test_a_world_that_is_gone_is_refused_with_what_to_take() -> None:
+    world: Any = "plausible_1"
+    one_line = r"^option '.*' = 'plausible_1': expected ideal, plausible.*; did you mean 'plausible'\?$"
+    for ask in (
+        lambda: mc.VirtualSensor(world=world),
+        lambda: SOURCES.build("twin", {"world": world}),
+        lambda: load_plan("small", [f"world={world}"]),
+        lambda: Group(name="hold", world=world),
+    ):
+        with pytest.raises(InputError, match=one_line):
+            ask()
+
+
 def test_a_sensor_as_tuned_is_read() -> None:
     file = str(V0_1 / "sensor.toml")
     sensor, tuning = load_sensor(file), sensor_tuning(file)
@@ -116,7 +150,7 @@ def test_a_sensor_as_tuned_is_read() -> None:
 
 
 def test_a_model_is_refused_with_what_to_do() -> None:
-    with pytest.raises(InputError, match=r"model\.json of format 2: expected format 3 or 4.*train it again"):
+    with pytest.raises(InputError, match=r"model\.json of format 2: expected format 3 to 5.*train it again"):
         mc.load(V0_1 / "model")
 
 
@@ -125,7 +159,7 @@ def test_a_script_of_0_1_runs_with_warnings() -> None:
 import monochord as mc
 from monochord.core.errors import InputError
 from monochord.live.sinks.base import Moment
-from monochord.perception.model import load, save
+from monochord.perception.model import load
 from monochord.physics.sensors import load_sensor
 
 for prediction in mc.listen("touches.mcap", model="closed_form", seconds=1.3):
@@ -187,23 +221,23 @@ def test_a_configuration_of_live_runs(home: Path, capsys: pytest.CaptureFixture[
 
 
 def test_settings_of_live_mean_what_they_did(home: Path) -> None:
-    with pytest.warns(DeprecationWarning, match="have no effect") as said:
+    with pytest.warns(DeprecationWarning, match="has no effect") as said:
         settings = LiveRun.read({**load_toml(home / "live.toml"), "sinks": {}})
     assert [str(each.message) for each in said] == [
-        "filter.position.offset, sliding, resting, believe have no effect: position is averaged",
-        "filter.force.offset, common, change have no effect: force is averaged",
+        "filter.position has no effect: position is that of the window",
+        "filter.force has no effect: force is that of the window",
     ]
     assert settings.resolved()["source"] == {
         "name": "session", "path": "touches.mcap", "block": 512, "speed": 0.0, "aligned": True,
     }  # fmt: skip
     assert (settings.window.length, settings.window.hop) == (0.1, 0.01)
     assert (settings.filter.contact.dwell, settings.filter.slip.on) == (0.03, 0.15)
-    assert (settings.filter.position.gate, settings.filter.force.coast) == (5.0, 0.3)
     assert (settings.health.appear, settings.health.clear) == (1.0, 1.0)
 
 
 def test_settings_of_a_training_mean_what_they_did() -> None:
-    settings = TrainingSettings.read(load_toml(V0_1 / "train.toml"))
+    with pytest.warns(DeprecationWarning, match="context has no effect"):
+        settings = TrainingSettings.read(load_toml(V0_1 / "train.toml"))
     assert (settings.sensor, settings.seed, settings.feature["name"]) == ("prototype", 3, "fft_harmonic")
     assert {name: task.hidden for name, task in settings.tasks().items()} == {
         "contact": (), "slip": (), "position": (16,), "force": (16,),

@@ -17,7 +17,7 @@ from monochord.cli import run
 from monochord.core.config import load_json, load_toml
 from monochord.core.errors import InputError
 from monochord.core.files import replacing
-from monochord.perception.model import load, save
+from monochord.perception.model import load
 from monochord.physics.sensors import load_sensor
 from monochord.sessions import check, read_session, recover
 from monochord.sessions.exports.wav_csv import read_csv
@@ -92,8 +92,8 @@ def test_a_simulation_onto_a_full_disk_leaves_what_was_there(
 
 @pytest.mark.usefixtures("small_files")
 def test_a_model_onto_a_full_disk_leaves_nothing(tmp_path: Path) -> None:
-    with pytest.raises(OSError, match="weights"):
-        save(load("demo"), tmp_path / "mine")
+    with pytest.raises(InputError, match="File too large"):
+        load("demo").save(tmp_path / "mine")
     assert not [*tmp_path.iterdir()]
 
 

@@ -13,7 +13,6 @@ from monochord.benchmarks.model import drawn
 from monochord.cli import run
 from monochord.core.types import Estimate, Signal, Window
 from monochord.perception.estimators.model import ModelEstimator
-from monochord.perception.model import save
 from monochord.physics.sensors import load_sensor
 
 pytestmark = pytest.mark.jack
@@ -25,15 +24,14 @@ SIGNAL = Signal(sample_rate=RATE, channels=2, string=load_sensor("prototype").st
 def test_it_says_over_jack_what_it_says_of_the_file(
     jack_server: Any, play: Any, recording: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], hop: str
 ) -> None:
-    save(drawn("fft_harmonic", "reading", SIGNAL, SIZE), tmp_path / "run")
+    drawn("fft_harmonic", SIGNAL, SIZE).save(tmp_path / "run")
     play(recording)
     source = ["player:", "--source", "jack", "--set", f"source.server={jack_server.name}"]
     options = ["--hop", hop, "--json", "--seconds", "1.4"]
     assert run(["live", str(tmp_path / "run"), *source, *options]) == 0
     lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     assert len(lines) > 3  # a busy machine skips windows
-    # A busy machine skips windows, or a short hop does, the first ones too. They are in no reference then; of
-    # the file the same ones are read.
+    # A busy machine skips windows, or a short hop does; of the file the same ones are read.
     sound = soundfile.read(recording, always_2d=True)[0].T.astype(np.float32)
     estimate = ModelEstimator(path=tmp_path / "run").prepare(Signal(sample_rate=RATE, channels=2), SIZE)
     for line in lines:

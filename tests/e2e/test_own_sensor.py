@@ -1,6 +1,7 @@
 """The first minutes with one's own sensor, through real JACK: tune, record known touches, calibrate, live.
 
-The sensor is simulated: a build that no model was trained on, a third of a semitone above its design.
+The sensor is simulated: a build that no model was trained on, a third of a semitone above its design. Its
+length is read off a ruler.
 """
 
 import csv
@@ -34,10 +35,11 @@ MARGIN = 0.3
 
 @dataclass(frozen=True)
 class Take:
-    """Sound of a sensor in a file, its pitch, and begin, end, position and force (n, 4) of each touch."""
+    """Sound of a sensor in a file, its pitch and measured length, and begin, end, position, force (n, 4)."""
 
     file: Path
     pitch: float
+    length: float
     touches: Floats
 
     @property
@@ -47,7 +49,7 @@ class Take:
 
 def take(file: Path, places: Floats, seed: int) -> Take:
     """Render held touches at places (n, 2), m and N, of one object."""
-    twin = VirtualSensor("prototype", seed=seed, build=BUILD, day=DAY, world="plausible_1")
+    twin = VirtualSensor("prototype", seed=seed, build=BUILD, day=DAY, world="plausible")
     parts, rows = [twin.advance(REST)[0]], list[tuple[float, ...]]()
     rest = parts[0][0, twin.sample_rate :]
     spectrum = np.abs(np.fft.rfft(rest * np.hanning(rest.size)))
@@ -61,7 +63,9 @@ def take(file: Path, places: Floats, seed: int) -> Take:
         twin.release()
         parts.append(twin.advance(APART)[0])
     soundfile.write(file, np.concatenate(parts, axis=1).T, twin.sample_rate, subtype="FLOAT")
-    return Take(file=file, pitch=frequency[near][spectrum[near].argmax()], touches=np.array(rows))
+    pitch, length = frequency[near][spectrum[near].argmax()], twin.sensor.measured_length
+    assert length is not None
+    return Take(file=file, pitch=pitch, length=length, touches=np.array(rows))
 
 
 def test_ten_known_touches_make_a_model_of_ones_own(
@@ -83,7 +87,8 @@ def test_ten_known_touches_make_a_model_of_ones_own(
         player.terminate()
         return run.stdout
 
-    through_jack(known.file, "tune", "--sensor", "prototype", "--out", "sensor.toml")
+    length = f"{known.length:.4f}"
+    through_jack(known.file, "tune", "--sensor", "prototype", "--length", length, "--out", "sensor.toml")
     heard = open_frequency(load_sensor(str(tmp_path / "sensor.toml")).string)
     assert heard == pytest.approx(known.pitch, rel=2e-3)
     assert heard > 1.015 * NOMINAL

@@ -206,7 +206,7 @@ def test_a_session_says_how_its_object_is_held_and_what_a_ruler_says() -> None:
     groups = (
         Group(name="a", sessions=8, builds=tuple(range(8))),
         Group(name="b", sessions=3, builds=(1, 2, 3), mount="soft"),
-        Group(name="c", world="plausible_1", builds=(1,)),
+        Group(name="c", world="ideal", builds=(1,)),
     )
     sessions = assignments(tiny(groups=groups, world="plausible"))
     described = [describe(one).more for one in sessions]

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Iterable
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -10,7 +9,6 @@ import pytest
 from monochord.core.errors import InputError
 from monochord.core.reasons import Reason
 from monochord.core.types import Estimate, Estimates, Floats, Prediction
-from monochord.live.average import AverageSettings
 from monochord.live.filter import FilterSettings, FilterState, Tracked, step
 from monochord.live.switches import SwitchSettings
 
@@ -110,52 +108,17 @@ def test_nothing_is_decided_while_nothing_is_known() -> None:
     assert steps[-1][1].decided["contact"]
 
 
-def test_a_single_outlier_is_dropped() -> None:
-    for name, outlier in (("position", touch(0.14)), ("force", touch(force=9.0))):
-        said = tracked([touch()] * 30 + [outlier] + [touch()] * 30, name)
-        assert [each.value for each in said[5:]] == pytest.approx([said[5].value] * 56)
+def test_a_touch_is_where_its_window_says_and_nowhere_without() -> None:
+    slide = [touch(0.06 + 3e-4 * k) for k in range(50)]
+    place = tracked([*slide, touch(None), *slide], "position")
+    for windows, said in ((slide[5:], place[5:50]), (slide, place[51:])):
+        assert [each["position"] for each in windows] == said
+    assert place[50].reason is Reason.UNCERTAIN
 
 
-def test_a_jump_is_tracked_from_its_second_window_on() -> None:
-    place = tracked([touch()] * 30 + [touch(0.14)] * 5, "position")
-    assert [each.value for each in place[30:]] == pytest.approx([0.08, *[0.14] * 4])
-
-
-def test_outliers_that_disagree_are_no_jump() -> None:
-    outliers = [touch(0.06 + 0.02 * k) for k in (0, 2, 3, 4)]
-    place = tracked([touch()] * 30 + outliers + [touch()] * 5, "position")
-    assert [each.value for each in place[29:]] == pytest.approx([0.08] * 10)
-    assert all(one.std <= other.std for one, other in pairwise(place[29:34]))
-
-
-def test_a_wrong_begin_is_left_at_once() -> None:
-    # The first windows of a touch have next to nothing of it, and a model's guess is then the middle.
-    begin = [touch(0.10, 1e-3)] * 3 + [touch(0.14, 4e-4)] * 20
-    place = tracked([NONE] * 10 + begin, "position")
-    assert all(abs(each.value - 0.14) < 1e-3 for each in place[16:])
-
-
-def test_a_sure_estimate_counts_more() -> None:
-    pair = [touch(0.0801, 1e-4), touch(0.0799, 4e-4)] * 30
-    place = tracked(pair, "position")[20:]
-    assert all(each.value > 0.08 for each in place)
-    assert all(1e-4 < each.std < 4e-4 for each in place)
-
-
-def test_a_gap_is_bridged_with_growing_uncertainty_and_then_left() -> None:
-    gap = estimates(contact=0.99, slip=None, position=None, force=None)
-    place = tracked([touch()] * 30 + [gap] * 40, "position")
-    bridged = [each.std for each in place[30:49]]
-    assert all(later > earlier for earlier, later in pairwise(bridged))
-    assert all(each.value == pytest.approx(0.08) for each in place[30:49])
-    assert bridged[-1] == pytest.approx(2.0 * 3e-4, rel=0.1)
-    assert [each.valid for each in place[49:52]] == [True, False, False]
-    assert place[-1].reason is Reason.UNCERTAIN
-
-
-def test_a_single_estimate_is_not_held() -> None:
-    place = tracked([touch(None)] * 10 + [touch(0.08)] + [touch(None)] * 20, "position")
-    assert [each.valid for each in place[10:]] == [True] + [False] * 20
+def test_no_touch_has_no_position_though_a_window_says_one() -> None:
+    steps = follow([NONE] * 20 + [touch()] + [NONE] * 20)
+    assert steps[20][1].estimates["position"].reason is Reason.NO_CONTACT
 
 
 def test_what_leaves_the_sensing_range_has_no_place_at_once() -> None:
@@ -169,42 +132,12 @@ def test_what_leaves_the_sensing_range_has_no_place_at_once() -> None:
         assert [each.reason for each in said[30:]] == [Reason.OUTSIDE_RANGE] * 5
 
 
-def test_a_slide_is_followed_with_little_lag() -> None:
-    speed = 0.03
-    rest = [touch(0.06, slip=0.02)] * 30
-    noise = correlated(150, 2e-4, seed=3)
-    slide = [touch(0.06 + speed * HOP * k + noise[k], slip=0.6) for k in range(150)]
-    place = tracked(rest + slide, "position")[50:]
-    error = np.array([each.value for each in place]) - (0.06 + speed * HOP * np.arange(20, 150))
-    assert abs(error[30:].mean()) / speed < 0.01  # the lag in s
-    assert np.abs(error).max() < 1e-3
-
-
 def test_a_new_touch_starts_anew() -> None:
     once = [touch(0.06, force=0.4)] * 60 + [NONE] * 20 + [touch(0.12, force=1.5)] * 30
     alone = [NONE] * 20 + [touch(0.12, force=1.5)] * 30
     for name in ("position", "force"):
         one, other = tracked(once, name)[-1], tracked(alone, name)[-1]
         assert (one.value, one.std) == pytest.approx((other.value, other.std), rel=1e-9)
-
-
-def test_averaging_claims_no_certainty() -> None:
-    # Most of an error stays as long as the touch, and overlapping windows share the rest.
-    for hop in (0.002, 0.02):
-        assert tracked([touch()] * round(1.0 / hop), "position", hop=hop)[-1].std == pytest.approx(3e-4)
-
-
-def test_noise_of_the_force_is_averaged() -> None:
-    noise = correlated(3000, 0.2, seed=5)
-    force = tracked([touch(force=1.0 + each) for each in noise], "force")[20:]
-    assert np.std([each.value for each in force]) < 0.85 * np.std(noise)
-    assert abs(np.mean([each.value for each in force]) - 1.0) < 0.05
-
-
-@pytest.mark.parametrize("std", [0.0, 1e-300, 1e300])
-def test_any_standard_error_is_averaged(std: float) -> None:
-    place = tracked([touch(0.08 + 1e-3 * (k % 3), std) for k in range(60)], "position")
-    assert all(each.valid and math.isfinite(each.value) and each.std > 0.0 for each in place[5:])
 
 
 def test_estimates_that_are_no_numbers_are_abstentions() -> None:
@@ -217,16 +150,6 @@ def test_estimates_that_are_no_numbers_are_abstentions() -> None:
     assert steps[-1][1].decided == {"contact": True}
     assert not steps[-1][1].estimates["position"].valid
     assert not steps[-1][1].estimates["force"].valid
-
-
-def test_a_jump_after_a_pause_is_no_end() -> None:
-    state = FilterState()
-    for k, place in enumerate([0.08, 0.14, 0.08, 0.14]):
-        prediction = Prediction(start=88200 * k, time=2.0 * k, estimates=touch(place))
-        state, _ = step(state, prediction, LENGTH, SETTINGS)
-        prediction = Prediction(start=88200 * k + 441, time=2.0 * k + HOP, estimates=touch(0.22 - place))
-        state, said = step(state, prediction, LENGTH, SETTINGS)
-        assert said.estimates["position"].std > 0.0
 
 
 def test_an_estimator_without_contact_is_tracked_too() -> None:
@@ -248,9 +171,6 @@ def test_a_window_that_does_not_come_after_the_one_before_begins_a_stream() -> N
     [
         lambda: SwitchSettings(on=0.3, off=0.5),
         lambda: SwitchSettings(dwell=-1.0),
-        lambda: AverageSettings(average=-0.1),
-        lambda: AverageSettings(gate=0.0),
-        lambda: AverageSettings(coast=math.nan),
     ],
 )
 def test_settings_that_cannot_be_are_refused(wrong: Callable[[], object]) -> None:

@@ -272,7 +272,7 @@ def test_a_string_that_breaks_is_said_not_to_ring(force: float, floor: float, tm
 def test_drivers_that_go_off_are_said_whatever_a_model_takes_the_noise_for(
     build: int, tmp_path: Path
 ) -> None:
-    sensor = mc.VirtualSensor("prototype", build=build, world="plausible_1")
+    sensor = mc.VirtualSensor("prototype", build=build, world="plausible")
     ringing = sensor.advance(1.0)[0]
     sensor.drive(False, False)
     updates = lived(np.concatenate([ringing, sensor.advance(3.0)[0]], axis=1), tmp_path)
@@ -284,7 +284,7 @@ def test_drivers_that_go_off_are_said_whatever_a_model_takes_the_noise_for(
 
 @pytest.mark.parametrize("material", ["foam", "fingertip"])
 def test_a_string_that_is_damped_still_rings(material: str) -> None:
-    sensor = mc.VirtualSensor("prototype", build=3, world="plausible_1")
+    sensor = mc.VirtualSensor("prototype", build=3, world="plausible")
     sensor.advance(1.0)
     sensor.press(0.11, 1.0, material=material)
     sensor.advance(0.5)

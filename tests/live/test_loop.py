@@ -20,8 +20,6 @@ from monochord.capture.sources.base import Source, Stream
 from monochord.core.errors import DeviceError, InputError
 from monochord.core.types import Audio, Block, Estimate, Prepared, Signal, StreamHealth, Truth, Window
 from monochord.live import LiveRun, WindowSettings, run
-from monochord.live.average import AverageSettings
-from monochord.live.filter import FilterSettings
 from monochord.live.loop import opened
 from monochord.live.sinks.base import Listener, Run, Sink, Update, Writer
 from monochord.perception.estimators.base import Condition, Estimator, Watching
@@ -142,17 +140,6 @@ def test_a_moment_carries_truth_health_and_window() -> None:
     assert update.truth == {"contact": 1.0, "position": pytest.approx((40 + 140) / 1e4)}
     assert update.health == StreamHealth(frames=200, dropped=7, gaps=1, xruns=2)
     np.testing.assert_array_equal(update.window.samples, NOISE[:, 40:140])
-
-
-def test_a_moment_carries_what_is_followed_beside_what_one_window_says() -> None:
-    keep, other = Keep(), Keep()
-    run(session(Script(cut(NOISE, 100)), keep))
-    slow = FilterSettings(position=AverageSettings(average=1.0))
-    run(replace(session(Script(cut(NOISE, 100)), other), filter=slow))
-    assert values(keep) == values(other)  # to the bit, whatever the filter
-    followed = [[m.tracked["position"].value for m in each.seen] for each in (keep, other)]
-    assert followed[0] != followed[1]
-    assert np.std(followed[1][50:]) < np.std([value for _, value in values(keep)[50:]])
 
 
 def test_a_late_reader_skips_to_the_newest_window_and_counts() -> None:

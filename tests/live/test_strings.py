@@ -75,7 +75,7 @@ def lived(source: Source, strings: Mapping[str, StringSettings], sensor: str = "
 @pytest.fixture(scope="module")
 def three() -> list[Audio]:
     """A touched string; the same with its microphones exchanged, one of which dies; one with lost samples."""
-    options = {"speed": 0.0, "world": "plausible_1", "build": 131, "script": [TOUCH]}
+    options = {"speed": 0.0, "world": "plausible", "build": 131, "script": [TOUCH]}
     with SOURCES.build("twin", options).open() as stream:
         blocks = itertools.takewhile(lambda block: block.start < 0.7 * RATE, stream)
         whole = np.concatenate([block.samples for block in blocks], axis=1)

@@ -15,7 +15,7 @@ from monochord.sessions import read_session
 RATE = 44100
 TOUCHES = ((0.07, 0.6), (0.12, 1.2))
 """Position in m and force in N of each touch."""
-SLACK = 0.12
+SLACK = 0.15
 """Seconds of a touch that its row may leave out at either end: as its sound settles and dies away."""
 
 

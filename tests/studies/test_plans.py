@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from studies.following import Following
 from studies.hardware_suite import FIRST_BUILD
 
 from monochord.lab.plan import Group, Plan, assignments, ends
@@ -40,17 +39,6 @@ def test_every_plan_loads_and_names_its_source(name: str) -> None:
     assert "simulated" in plan.notes
 
 
-def test_the_odd_plan_shares_no_build_with_a_test() -> None:
-    builds = {build for group in plan_of("odd").groups for build in group.builds}
-    tests = [group for name in SEALED for group in plan_of(name).groups]
-    assert not builds & {
-        each
-        for group in tests
-        if group.name.startswith("test") or min(group.builds) > 200
-        for each in group.builds
-    }
-
-
 @pytest.mark.parametrize("plan", SEALED)
 def test_a_sealed_plan_shares_no_build_day_or_made_up_object_with_any_other(plan: str) -> None:
     sealed = plan_of(plan)
@@ -71,28 +59,6 @@ def test_a_sealed_plan_shares_no_build_day_or_made_up_object_with_any_other(plan
     assert len(materials) == objects
 
 
-def test_the_plan_of_touches_shares_no_build_or_day_with_any_other_and_no_object_with_training() -> None:
-    touches = plan_of("touches")
-    others = [group for name in every() if name != "touches" for group in plan_of(name).groups]
-    builds = {build for group in touches.groups for build in group.builds}
-    days = {day for group in touches.groups for day in group.days}
-    assert len(builds) == 6
-    assert not builds & {build for group in others for build in _builds(group)}
-    assert not builds & {*Following().builds}
-    assert max(builds) < FIRST_BUILD
-    assert not days & {day for group in others for day in group.days}
-    trained = [
-        group
-        for name in ("builds_2", "edges", "odd")
-        for group in plan_of(name).groups
-        if not group.name.startswith("test")
-    ]
-    assert not {group.material for group in touches.groups} & {group.material for group in trained}
-    held = [one for one in assignments(touches) if one.group.protocol == "hold" and not one.group.like]
-    assert sorted(one.build or 0 for one in held) == sorted(builds)
-    assert {len(one.cells()) for one in held} == {600}
-
-
 def test_the_eighth_sealed_plan_has_every_class_of_mount_and_both_ways_of_leading() -> None:
     plan = plan_of("sealed_8")
     assert {group.world or plan.world for group in plan.groups} == {"plausible"}
@@ -103,18 +69,6 @@ def test_the_eighth_sealed_plan_has_every_class_of_mount_and_both_ways_of_leadin
     wide = [group for group in plan.groups if group.places == (0.01, 0.19)]
     assert {group.approach for group in wide} == {"robot", "hand"}
     assert min(ends(group.hold)[0] for group in wide) >= 2.0
-
-
-def test_the_next_training_has_300_builds_of_the_world_plausible() -> None:
-    plan = plan_of("builds_2")
-    builds = {build for group in plan.groups if not group.design for build in _builds(group)}
-    assert len(builds) == 300
-    assert plan.world == "plausible"
-
-
-@pytest.mark.parametrize("name", ["odd", "sealed_7"])
-def test_plans_that_name_the_world_plausible_1_stay_in_it(name: str) -> None:
-    assert plan_of(name).world == "plausible_1"
 
 
 @pytest.mark.parametrize("plan", SEALED)

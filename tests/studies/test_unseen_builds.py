@@ -19,7 +19,7 @@ from monochord.datasets.store import open_dataset
 from monochord.evaluation.evaluate import evaluate
 from monochord.evaluation.results import Results
 from monochord.evaluation.select import EvaluationSettings
-from monochord.perception.model import load, save
+from monochord.perception.model import load
 from monochord.perception.training.correct import labelled_errors, with_prior, with_variables
 from monochord.perception.training.examples import touches_of
 from monochord.perception.training.train import read_in_turn
@@ -49,7 +49,7 @@ def correctable(lesson_run: Path, learnable: Path, tmp_path: Path) -> Path:
     dataset = replace(dataset, labels={**dataset.labels, "force": force})
     for name in ("position", "force"):
         model = with_prior(model, name, dataset, outputs, touches_of(dataset))
-    save(model, home / "model")
+    model.save(home / "model")
     return home
 
 

@@ -1,4 +1,4 @@
-"""Benchmark of a model's time per window: feature, untouched reference and four heads."""
+"""Benchmark of a model's time per window: feature and four heads."""
 
 import time
 from collections.abc import Iterator
@@ -19,7 +19,7 @@ from monochord.perception.estimators import ESTIMATORS
 from monochord.perception.features import FEATURES
 from monochord.perception.heads import HEADS
 from monochord.perception.model import Definition, Model, ModelState, load
-from monochord.perception.model.definition import FeatureRecord, HeadRecord, Reference
+from monochord.perception.model.definition import FeatureRecord, HeadRecord
 from monochord.perception.model.probe import probed
 from monochord.physics.sensors import load_sensor
 
@@ -41,15 +41,14 @@ class ModelBenchmark(Benchmark):
     ----------
     path
         Folder of a model or of a training run, or the name of a bundled one.
-    feature, reference
-        Names of the random model's features.
+    feature
+        Name of the random model's feature.
     count
         Number of timed windows.
     """
 
     path: str = ""
     feature: str = "reading"
-    reference: str = "reading"
     count: Count = 1000
 
     def run(self) -> Iterator[Row]:
@@ -81,7 +80,7 @@ class ModelBenchmark(Benchmark):
                 )
 
     def _model(self, signal: Signal, size: int) -> Model:
-        return load(self.path) if self.path else drawn(self.feature, self.reference, signal, size)
+        return load(self.path) if self.path else drawn(self.feature, signal, size)
 
 
 def _estimate(model: Model, signal: Signal, size: int) -> Prepared:
@@ -97,23 +96,18 @@ def _estimate(model: Model, signal: Signal, size: int) -> Prepared:
     return estimate
 
 
-def drawn(feature: str, reference: str, signal: Signal, size: int) -> Model:
+def drawn(name: str, signal: Signal, size: int) -> Model:
     """Return a model of the usual heads with random weights; its estimates are meaningless."""
     own = Signal(sample_rate=signal.sample_rate, channels=2, string=load_sensor("prototype").string)
-    made = {name: FEATURES.build(name) for name in (feature, reference)}
-    ready = {name: each.prepare(own, size) for name, each in made.items()}
-    records = {
-        name: FeatureRecord(name=name, options=to_tree(made[name]), columns=ready[name].columns)
-        for name in made
-    }
+    feature = FEATURES.build(name)
+    extractor = feature.prepare(own, size)
     definition = Definition(
         title="weights drawn at random",
         sample_rate=own.sample_rate,
         channels=2,
         window=size,
         hop=size,
-        feature=records[feature],
-        reference=Reference(feature=records[reference]),
+        feature=FeatureRecord(name=name, options=to_tree(feature), columns=extractor.columns),
         heads={name: HeadRecord(task=HEADS.build(name).task()) for name in HEADS.names()},
         string=own.string,
         simulated=True,
@@ -122,9 +116,8 @@ def drawn(feature: str, reference: str, signal: Signal, size: int) -> Model:
     weights = {
         name: 0.1 * rng.standard_normal(shape, np.float32) for name, shape in definition.shapes().items()
     }
-    for part, name in (("scaler", feature), ("context", reference)):
-        weights[f"{part}.scale"][:] = 1.0
-        weights[f"{part}.probe"] = probed(ready[name], 2, size)
+    weights["scaler.scale"][:] = 1.0
+    weights["scaler.probe"] = probed(extractor, 2, size)
     return Model(definition=definition, weights=weights)
 
 

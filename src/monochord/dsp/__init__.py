@@ -2,7 +2,7 @@
 
 from monochord.dsp.mel import MEL_RATE, MelSound, frame_indices, mel_filters
 from monochord.dsp.music import loop
-from monochord.dsp.noise import NOISES, pink
+from monochord.dsp.noise import NOISES, mixed, noise_loop, pink
 from monochord.dsp.pitch import PitchFinder
 
 __all__ = [
@@ -13,5 +13,7 @@ __all__ = [
     "frame_indices",
     "loop",
     "mel_filters",
+    "mixed",
+    "noise_loop",
     "pink",
 ]

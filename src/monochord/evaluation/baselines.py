@@ -192,8 +192,7 @@ def fit_baselines(
     rows = training.rows[::step]
     features = training_features(training, rows, feature, workers=workers, cluster=cluster)
     mean, scale = mean_and_scale([features])
-    nothing = np.zeros(0, np.float32)
-    own = Scaling(mean, scale, nothing, nothing, nothing.astype(np.int64))
+    own = Scaling(mean, scale)
     fitted = _fitted(training, rows, _inputs(features, own), names)
     return Baselines(feature=feature, scaling=own, fitted=fitted, design=training.string)
 
@@ -284,7 +283,7 @@ def baseline_results(
 
 
 def _inputs(features: Audio, scaling: Scaling) -> Audio:
-    return network_inputs(features, features[:, :0], scaling, CLIP)
+    return network_inputs(features, scaling, CLIP)
 
 
 def _fitted(

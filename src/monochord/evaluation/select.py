@@ -122,7 +122,6 @@ class Candidate:
             return {}
         return {
             "feature": self.feature,
-            "reference": definition.reference.feature.name if definition.reference else "",
             "heads": list(definition.heads),
             "weights": definition.weights,
             "trained_on_sessions": len(definition.sessions),

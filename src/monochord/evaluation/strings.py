@@ -28,7 +28,7 @@ OFFSET: Seconds = 0.3731
 """Not a multiple of a hop: no two strings share a window, which would be analysed only once."""
 MAX_STRINGS = 32
 """Strings of one audio interface, limited by the sources' channels."""
-BUILD = {"world": "plausible_1", "build": 131, "day": 51}
+BUILD = {"world": "plausible", "build": 131, "day": 51}
 """A build that no bundled model was trained on."""
 
 

@@ -28,7 +28,7 @@ from monochord.front.build import Sessions, session_names
 from monochord.front.drawings import drawings
 from monochord.front.train import TrainedModel
 from monochord.perception.data import LabelledData
-from monochord.perception.model import Model, folder_of, load, save
+from monochord.perception.model import Model, folder_of, load
 
 DEFAULT_ESTIMATOR = "closed_form"
 """Estimator evaluated by default, without a model."""
@@ -234,7 +234,7 @@ def _folder(model: str | Path | Model | None) -> Generator[str | None]:
         yield str(model.run)
         return
     with scratch_folder() as scratch:
-        save(model, scratch / "model")
+        model.save(scratch / "model")
         yield str(scratch / "model")
 
 

@@ -65,12 +65,11 @@ class TrainedModel(Model):
         """Return the run and its scores as lines of text, in a person's units."""
         definition = self.definition
         kind = ", simulated" if definition.simulated else ""
-        beside = f" beside the reference {definition.reference.feature.name}" if definition.reference else ""
         tasks = {name: record.task for name, record in definition.heads.items()}
         noises = next((", ".join(choice.noises) for choice in self.choices.values()), "")
         in_noise = f", in quiet and in noise ({noises})" if noises else ""
         return [
-            f"{self.run}{kind}: feature {definition.feature.name}{beside}, {self.epochs} epochs",
+            f"{self.run}{kind}: feature {definition.feature.name}, {self.epochs} epochs",
             f"the method with the smallest error on the validation part{in_noise}:",
             *choice_lines(self.choices, tasks),
             "on the validation part, which chose the method of each head and its calibration:",

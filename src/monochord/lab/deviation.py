@@ -1,6 +1,6 @@
 """Deviations of a sensor and its object, one quantity each: faults and test conditions, set by hand.
 
-A plausible world draws many effects at once. A deviation sets single effects, for sessions that differ only
+The plausible world draws many effects at once. A deviation sets single effects, for sessions that differ only
 in them.
 """
 
@@ -17,9 +17,9 @@ from monochord.physics.twin.variation import tension_per_kelvin
 from monochord.physics.twin.world import SIGNAL
 
 END_COMPLIANCE, END_ADMITTANCE = 1e-6, 5e-3
-"""Of an end that yields, in m/N and s/kg: within a plausible world's range, towards the softer ones."""
+"""Of an end that yields, in m/N and s/kg: within the plausible world's range, towards the softer ones."""
 END_RESONANCES: tuple[Hertz, Hertz] = (700.0, 1600.0)
-"""Of the two ends: assumed, within a plausible world's range."""
+"""Of the two ends: assumed, within the plausible world's range."""
 MAX_TUNING = 0.3
 """Largest relative change of the pitch to which a string is tuned."""
 

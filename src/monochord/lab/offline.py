@@ -193,7 +193,7 @@ def delays(session: Assignment) -> dict[str, Seconds]:
 def describe(session: Assignment) -> Description:
     """Return the description of a session's file, with the true delays.
 
-    In a plausible world, `more` has the class of the object's `mount`, and the string's `length`: measured
+    In the plausible world, `more` has the class of the object's `mount`, and the string's `length`: measured
     with a ruler, and true, in m. Where the string is tuned otherwise, it has the `tuning`.
     """
     plan, group, design = session.plan, session.group, session.design()

@@ -89,7 +89,7 @@ class Group(Checked):
         Who moves the object: a "robot", straight down to a position and a depth, or a "hand", which comes
         down faster, in steps, or beside the position, and whose press wavers. For the protocol "hold".
     world
-        "ideal", "plausible" or "plausible_1", see `monochord.physics.twin.world`; by default the plan's.
+        "ideal" or "plausible", see `monochord.physics.twin.world`; by default the plan's.
     deviation
         What deviates of its sensors and objects; by default the plan's.
     builds
@@ -324,9 +324,8 @@ class Plan(Checked):
         Seed of a build of that design within its tolerances; by default the design itself.
     world
         "ideal", or "plausible" for what a real build brings besides, see `monochord.physics.twin.world`.
-        Earlier plans are of "plausible_1".
     effects
-        The effects of a plausible world, each a switch.
+        The effects of the plausible world, each a switch.
     deviation
         What deviates of every sensor and object beside that, as set by hand.
     epoch
@@ -475,7 +474,7 @@ class Assignment:
     def touch(self, motion: tuple[Key, ...]) -> Touch:
         """Return the object with its motion.
 
-        In a plausible world one gripper holds all objects of a build, save drawn ones, each with its own.
+        In the plausible world one gripper holds all objects of a build, save drawn ones, each with its own.
         """
         radius = self.radius if self.origin.group.radii else None
         touch = Touch(material=self.material, motion=motion, radius=radius, rolls=self.group.rolls)

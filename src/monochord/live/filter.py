@@ -1,8 +1,9 @@
 """Estimates over time: each window's estimates combined with those of earlier windows of the same touch.
 
 Everything here is a fold, state in and out, and leaves the estimates of single windows unchanged. Contact and
-slip are decided (`monochord.live.switches`); position and force are averaged (`monochord.live.average`). A
-new touch restarts all of them.
+slip are decided (`monochord.live.switches`); position and force are those of the window, while a touch is
+decided: the model's memory already has the windows before, and a mean over them would lag behind a slide. A
+new touch restarts all of it.
 """
 
 import math
@@ -14,12 +15,13 @@ from typing import NamedTuple
 from monochord.core.reasons import Reason
 from monochord.core.types import Estimate, Estimates, Prediction
 from monochord.core.units import Seconds
-from monochord.live.average import Average, AverageSettings, average_after
 from monochord.live.switches import UNDECIDED, Switch, SwitchSettings, contact_after, slip_after
 
 CONTACT, SLIP, POSITION, FORCE = "contact", "slip", "position", "force"
 MIN_SHARE = 0.1
 """Smallest share of a window assumed to be touched once a touch shows."""
+PATIENCE: Seconds = 0.2
+"""How long a touch lasts without a position, of an estimator that tells no contact."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,15 +34,13 @@ class FilterSettings:
     slip: SwitchSettings = field(
         default_factory=lambda: SwitchSettings(on=0.15, off=0.1, average=0.01, dwell=0.1)
     )
-    position: AverageSettings = field(default_factory=AverageSettings)
-    force: AverageSettings = field(default_factory=lambda: AverageSettings(average=0.04, coast=0.3))
 
 
 class FilterState(NamedTuple):
     """State of the filter on one stream, passed in and out; it starts as ``FilterState()``.
 
     `start` is the first frame of the last window and `time` its end in s. `onset` is the end of the present
-    touch's first window, NaN without a touch.
+    touch's first window, NaN without a touch. `placed` is the end of the last window with a position.
     """
 
     start: int = -1
@@ -48,8 +48,7 @@ class FilterState(NamedTuple):
     onset: Seconds = math.nan
     contact: Switch = UNDECIDED
     slip: Switch = UNDECIDED
-    position: Average | None = None
-    force: Average | None = None
+    placed: Seconds = -math.inf
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,30 +85,25 @@ def step(
     >>> for k in range(20):
     ...     estimates = {
     ...         "contact": Estimate(value=0.99, std=0.1, unit=""),
-    ...         "position": Estimate(value=0.08 if k != 15 else 0.14, std=5e-4, unit="m"),
+    ...         "position": Estimate(value=0.08, std=5e-4, unit="m"),
     ...     }
     ...     window = Prediction(start=441 * k, time=0.01 * k, estimates=estimates)
     ...     state, tracked = step(state, window, 0.1, settings)
-    ...     if k == 15:
-    ...         print(round(tracked.estimates["position"].value, 4), tracked.decided)
-    0.08 {'contact': True}
+    >>> tracked.estimates["position"].value, tracked.decided
+    (0.08, {'contact': True})
     """
     if prediction.start <= state.start:
         state = FilterState()
     end, given = prediction.time + length, _usable(prediction.estimates)
     contact, onset = _touch(state, given, end, settings)
-    slip, position, force = UNDECIDED, None, None
-    if not math.isnan(onset):
-        before = state if onset == state.onset else FilterState()
+    slip = UNDECIDED
+    if not math.isnan(onset) and SLIP in given:
+        before = state.slip if onset == state.onset else UNDECIDED
         dt = length if math.isnan(state.time) else end - state.time
         share = min(max((end - onset + dt) / length, MIN_SHARE), 1.0)
-        if SLIP in given:
-            slip = slip_after(before.slip, given[SLIP], end, onset, share, settings.slip)
-        if POSITION in given:
-            position = average_after(before.position, given[POSITION], end, share, settings.position)
-        if FORCE in given:
-            force = average_after(before.force, given[FORCE], end, share, settings.force)
-    state = FilterState(prediction.start, end, onset, contact, slip, position, force)
+        slip = slip_after(before, given[SLIP], end, onset, share, settings.slip)
+    placed = end if POSITION in given and given[POSITION].valid else state.placed
+    state = FilterState(prediction.start, end, onset, contact, slip, placed)
     return state, _output(state, given, settings)
 
 
@@ -135,8 +129,7 @@ def _touch(
         return contact_after(state.contact, given[CONTACT], end, settings.contact)
     if POSITION in given and given[POSITION].valid:  # an estimator without: a touch is where a position is
         return UNDECIDED, end if math.isnan(state.onset) else state.onset
-    lost = state.position is None or end - state.position.time > settings.position.coast
-    return UNDECIDED, math.nan if lost else state.onset
+    return UNDECIDED, math.nan if end - state.placed > PATIENCE else state.onset
 
 
 def _output(state: FilterState, given: Estimates, settings: FilterSettings) -> Tracked:
@@ -158,17 +151,10 @@ def _output(state: FilterState, given: Estimates, settings: FilterSettings) -> T
             estimates[SLIP] = _missing(given[SLIP], touched=touched)
             if decided.get(CONTACT) is False:
                 decided[SLIP] = False
-    for name, average, own in (
-        (POSITION, state.position, settings.position),
-        (FORCE, state.force, settings.force),
-    ):
+    for name in (POSITION, FORCE):
         if name in given:
             raw = given[name]
-            estimates[name] = (
-                average.estimate(raw.unit, state.time, own)
-                if touched and average is not None
-                else _missing(raw, touched=touched)
-            )
+            estimates[name] = raw if touched else _missing(raw, touched=touched)
     return Tracked(estimates=estimates, decided=decided)
 
 

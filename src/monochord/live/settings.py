@@ -43,11 +43,8 @@ MIN_HOP: Seconds = 0.001  # 16 frames at the lowest rate of a source
 MAX_WINDOW: Seconds = 60.0
 WindowLength: TypeAlias = Annotated[Seconds, Meta(ge=MIN_WINDOW, le=MAX_WINDOW)]
 Hop: TypeAlias = Annotated[Seconds, Meta(ge=MIN_HOP, le=MAX_WINDOW)]
-REMOVED: Mapping[str, tuple[str, ...]] = {
-    "position": ("offset", "sliding", "resting", "believe"),
-    "force": ("offset", "common", "change"),
-}
-"""Settings of the filter in files of 0.1 that have no effect, by quantity."""
+REMOVED = ("position", "force")
+"""Quantities whose settings of the filter, in files of former versions, have no effect."""
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 """Pattern of a string's name, which appears in ROS 2 topics and file names."""
 
@@ -288,15 +285,10 @@ def put(tree: Tree, name: str, /, **values: Any) -> None:
 def _without_removed(tree: Tree) -> Tree:
     """Return a tree without the removed settings of the filter; a warning names those given."""
     own = dict(table(tree, "filter"))
-    for quantity, removed in REMOVED.items():
-        settings = own.get(quantity)
-        if not isinstance(settings, dict):
-            continue
-        given = [name for name in removed if name in settings]
-        if given:
-            said = f"filter.{quantity}.{', '.join(given)} have no effect: {quantity} is averaged"
+    for quantity in REMOVED:
+        if own.pop(quantity, None) is not None:
+            said = f"filter.{quantity} has no effect: {quantity} is that of the window"
             warnings.warn(said, DeprecationWarning, stacklevel=4)
-            own[quantity] = {name: value for name, value in settings.items() if name not in given}
     return {**tree, "filter": own} if own else tree
 
 

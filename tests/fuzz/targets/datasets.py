@@ -52,7 +52,6 @@ class Fuzz(Target):
         except InputError as error:
             refused = error
         settings = replace(TrainingSettings(), dataset=folder, feature=FEATURE)
-        settings = replace(settings, context=replace(settings.context, feature=FEATURE))
         dataset = open_dataset(folder)
         split = read_split(settings, dataset)
         source = training_data(settings, dataset, split)

@@ -12,9 +12,9 @@ from monochord.core.types import Signal, Window
 from monochord.perception.features import FEATURES
 from monochord.perception.heads import HEADS
 from monochord.perception.model import Definition, Model, ModelState, load
-from monochord.perception.model.definition import FeatureRecord, HeadRecord, Reference
+from monochord.perception.model.definition import FeatureRecord, HeadRecord
 from monochord.perception.model.probe import probed
-from monochord.perception.model.saving import TEXT, WEIGHTS, save
+from monochord.perception.model.saving import TEXT, WEIGHTS
 
 RATE, SIZE = 16000, 400
 SIGNAL = Signal(sample_rate=RATE, channels=2)
@@ -29,16 +29,14 @@ def drawn_model(folder: Path, *, heads: tuple[str, ...]) -> None:
     record = FeatureRecord(name="log_mel", options=OPTIONS, columns=extractor.columns)
     definition = Definition(
         title="drawn", sample_rate=RATE, channels=2, window=SIZE, hop=SIZE, feature=record, simulated=True,
-        reference=Reference(feature=record, settle=0.0),
         heads={name: HeadRecord(task=HEADS.build(name, HIDDEN.get(name)).task()) for name in heads},
     )  # fmt: skip
     weights = {
         name: random.normal(size=shape).astype(np.float32) for name, shape in definition.shapes().items()
     }
-    for part in ("scaler", "context"):
-        weights[f"{part}.scale"][:] = 5.0
-        weights[f"{part}.probe"] = probed(extractor, 2, SIZE)
-    save(Model(definition=definition, weights=weights), folder)
+    weights["scaler.scale"][:] = 5.0
+    weights["scaler.probe"] = probed(extractor, 2, SIZE)
+    Model(definition=definition, weights=weights).save(folder)
 
 
 class Fuzz(Target):

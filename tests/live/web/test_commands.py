@@ -36,7 +36,7 @@ RECORD, STOP = {"do": "record", "on": True}, {"do": "record", "on": False}
 
 def lived(seconds: float) -> tuple[Update, ...]:
     """Return three touches of the twin as a run hands them over: untouched for 2.5 s before them."""
-    source = {"name": "twin", "speed": 0.0, "script": TOUCHES, "world": "plausible_1", "build": 131}
+    source = {"name": "twin", "speed": 0.0, "script": TOUCHES, "world": "plausible", "build": 131}
     tree = {"source": source, "estimator": {"name": "model", "path": "demo"}, "sinks": {}, "seconds": seconds}
     with opened(LiveRun.read({**tree, "window": {"hop": 0.05}})) as run:
         return tuple(run)

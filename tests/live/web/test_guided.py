@@ -26,7 +26,7 @@ TOUCHES = [
 
 def performed(bench: Bench, seconds: float, during: Callable[[Update], Update]) -> dict[str, Any]:
     """Let a run pass by, and return what the page shows once the step is over."""
-    source = {"name": "twin", "speed": 0.0, "script": TOUCHES, "world": "plausible_1", "build": 131}
+    source = {"name": "twin", "speed": 0.0, "script": TOUCHES, "world": "plausible", "build": 131}
     tree = {"source": source, "estimator": {"name": "model", "path": "demo"}, "sinks": {}, "seconds": seconds}
     setup = LiveRun.read({**tree, "window": {"hop": 0.05}})
     with opened(setup) as live:

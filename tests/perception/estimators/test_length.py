@@ -93,7 +93,7 @@ def own_model(sensor: Sensor) -> Model:
 def test_a_sensor_keeps_the_range_that_it_states_and_the_trainings_scales() -> None:
     places = own_model(MEASURED).places
     assert places is not None
-    own = np.array(places) * own_model(MEASURED).length_scale
+    own = np.array(places) * own_model(MEASURED).prepared.length_scale
     # The design's range is the training's: on a shorter string it ends where the training's does.
     np.testing.assert_allclose(own, (0.05, 0.15 * 0.99))
 

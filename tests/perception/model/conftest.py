@@ -9,7 +9,7 @@ from monochord.core.types import Signal, Window
 from monochord.perception.features import FEATURES
 from monochord.perception.heads import HEADS
 from monochord.perception.model import Definition, Model
-from monochord.perception.model.definition import FeatureRecord, HeadRecord, Reference
+from monochord.perception.model.definition import FeatureRecord, HeadRecord
 from monochord.perception.model.probe import probed
 
 Sound = Callable[..., Window]
@@ -25,7 +25,7 @@ def record(count: int) -> FeatureRecord:
 
 @pytest.fixture
 def drawn(made_up_features: None) -> Model:
-    """Return one of all heads, with a reference."""
+    """Return one of all heads."""
     heads = {name: HeadRecord(task=HEADS.build(name).task()) for name in HEADS.names()}
     heads["position"] = HeadRecord(task=heads["position"].task, offset=0.1, scale=1e-3)
     definition = Definition(
@@ -35,7 +35,6 @@ def drawn(made_up_features: None) -> Model:
         window=SIZE,
         hop=SIZE,
         feature=record(24),
-        reference=Reference(feature=record(4), settle=0.0),
         heads=heads,
         simulated=True,
     )
@@ -44,13 +43,10 @@ def drawn(made_up_features: None) -> Model:
         name: rng.normal(size=shape, scale=shape[-1] ** -0.5).astype(np.float32)
         for name, shape in definition.shapes().items()
     }
-    for part in ("scaler", "context"):
-        weights[f"{part}.mean"][:], weights[f"{part}.scale"][:] = 0.0, 5.0
-    for part, count in (("scaler", 24), ("context", 4)):
-        extractor = FEATURES.build("bands", {"count": count}).prepare(SIGNAL, SIZE)
-        weights[f"{part}.probe"] = probed(extractor, 2, SIZE)
-    # So that some windows are untouched and some are not.
+    weights["scaler.mean"][:], weights["scaler.scale"][:] = 0.0, 5.0
     extractor = FEATURES.build("bands", {"count": 24}).prepare(SIGNAL, SIZE)
+    weights["scaler.probe"] = probed(extractor, 2, SIZE)
+    # So that some windows are untouched and some are not.
     rows = extractor(np.stack([made(k).samples for k in range(20)])) / 5.0
     logits = rows @ weights["contact.0.weight"][0]
     weights["contact.0.weight"] *= np.float32(3.0 / logits.std())

@@ -1,4 +1,4 @@
-"""Faults: averages over time, their reasons, and which heads abstain."""
+"""Faults: their log odds, their reasons, and which heads abstain."""
 
 import dataclasses
 
@@ -14,12 +14,11 @@ from monochord.perception.model.faults import (
     FAULTS,
     MAX_ODDS,
     NAMES,
-    FaultState,
     fault_reason,
-    step,
+    log_odds,
 )
 from monochord.perception.model.network import Output
-from monochord.perception.model.stepping import WindowReading
+from monochord.perception.model.stepping import WindowReading, estimates_in
 from monochord.perception.reader import KINDS
 
 COUNT = len(NAMES)
@@ -33,46 +32,21 @@ def odds(**named: float) -> np.ndarray:
     return values
 
 
-def averaged(windows: list[np.ndarray], hop: float = 0.01, *, touched: bool = True) -> FaultState:
-    state = FaultState()
-    for number, own in enumerate(windows):
-        state = step(state, own, hop * number, touched=touched)
-    return state
-
-
 def test_the_reader_tells_every_fault_and_those_of_windows_are_simulated() -> None:
     assert ("ordinary", *NAMES) == KINDS
     assert set(SIMULATED) <= set(NAMES)
 
 
-@pytest.mark.parametrize("hop", [0.01, 0.1])
-def test_a_lasting_fault_is_averaged_over_its_memory_at_any_hop(hop: float) -> None:
-    quiet, faulty = round(8.0 / hop), round(2.0 / hop)
-    state = averaged([odds(hum=-5.0)] * quiet + [odds(hum=5.0)] * faulty, hop)
-    assert state.odds is not None
-    assert state.odds[NAMES.index("hum")] == pytest.approx(5.0 - 10.0 * np.exp(-1.0), abs=0.2)
-
-
-def test_the_first_windows_count_alike() -> None:
-    state = averaged([odds(hum=4.0), odds(hum=0.0), odds(hum=2.0)])
-    assert state.odds is not None
-    assert state.odds[NAMES.index("hum")] == pytest.approx(2.0, abs=0.02)
-
-
-def test_an_unusual_touch_is_told_within_less_than_a_touch() -> None:
-    state = averaged([odds(two_touches=-6.0)] * 100 + [odds(two_touches=6.0)] * 30)
-    assert fault_reason(state.odds, np.full(COUNT, 1.0)) == Reason.TWO_TOUCHES
-
-
-def test_what_is_told_of_touches_alone_does_not_change_without_one() -> None:
-    state = averaged([odds(driver_dead=6.0)] * 50, touched=False)
-    assert state.odds is not None
-    assert state.odds[NAMES.index("driver dead")] == -MAX_ODDS
+def test_what_is_told_of_touches_alone_is_not_told_without_one() -> None:
+    kinds = np.concatenate(([1.0], 1.0 + odds(driver_dead=6.0, hum=20.0)))
+    assert log_odds(kinds, touched=True)[NAMES.index("driver dead")] == pytest.approx(6.0)
+    untouched = log_odds(kinds, touched=False)
+    assert untouched[NAMES.index("driver dead")] == -MAX_ODDS
+    assert untouched[NAMES.index("hum")] == MAX_ODDS
 
 
 def test_a_reason_is_that_of_the_fault_furthest_above_its_limit() -> None:
     limits = np.full(COUNT, 2.0)
-    assert fault_reason(None, limits) is Reason.NONE
     assert fault_reason(odds(hum=1.0), limits) is Reason.NONE
     assert fault_reason(odds(hum=3.0), limits) is Reason.HUM
     limits[NAMES.index("clipping")] = -5.0
@@ -94,14 +68,13 @@ def outputs(contact: float, position: float = 0.0, certainty: float = 1.0) -> di
         ("driver dead", -9.0, True),
         ("two touches", 9.0, True),
         ("two touches", -9.0, False),
-        ("very soft", 9.0, True),
     ],
 )
 def test_contact_is_told_beside_faults_that_leave_it_right(
     drawn: Model, fault: str, contact: float, *, told: bool
 ) -> None:
     reading = WindowReading(ModelState(), outputs(contact), FAULTS[fault].reason)
-    estimates = drawn.estimates(reading)
+    estimates = estimates_in(drawn.prepared, reading)
     assert estimates["contact"].valid is told
     others = {each.reason for name, each in estimates.items() if name != "contact"}
     assert others == {FAULTS[fault].reason}
@@ -112,22 +85,38 @@ def test_outside_the_sensing_range_all_that_a_touch_tells_is_withheld(drawn: Mod
     at = drawn.definition.heads["position"]
     for place, reason in ((0.10, ""), (0.16, Reason.OUTSIDE_RANGE), (0.03, Reason.OUTSIDE_RANGE)):
         reading = WindowReading(ModelState(), outputs(9.0, (place - at.offset) / at.scale), "")
-        estimates = model.estimates(reading)
+        estimates = estimates_in(model.prepared, reading)
         assert {estimates[name].reason for name in ("slip", "position", "force")} == {reason}
         assert estimates["contact"].valid
-    # One touch there may sound soft, or like two.
-    soft = FAULTS["very soft"].reason
-    reading = WindowReading(ModelState(), outputs(9.0, (0.16 - at.offset) / at.scale), soft)
-    assert model.estimates(reading)["position"].reason is Reason.OUTSIDE_RANGE
+    # One touch there may sound like two.
+    two = FAULTS["two touches"].reason
+    reading = WindowReading(ModelState(), outputs(9.0, (0.16 - at.offset) / at.scale), two)
+    assert estimates_in(model.prepared, reading)["position"].reason is Reason.OUTSIDE_RANGE
 
 
-def test_force_is_withheld_with_a_position_that_is_not_certain(drawn: Model) -> None:
+def with_certainty(drawn: Model) -> Model:
+    """Return the model with a position that has to be certain by 0.9."""
     record = drawn.definition.heads["position"]
     task = dataclasses.replace(record.task, certain=0.9)
     heads = {**drawn.definition.heads, "position": dataclasses.replace(record, task=task)}
-    model = dataclasses.replace(drawn, definition=dataclasses.replace(drawn.definition, heads=heads))
+    return dataclasses.replace(drawn, definition=dataclasses.replace(drawn.definition, heads=heads))
+
+
+def test_a_silent_driver_withholds_no_position_that_is_certain(drawn: Model) -> None:
+    model, silent = with_certainty(drawn), FAULTS["driver dead"].reason
+    for certainty, reason in ((0.95, ""), (0.85, silent)):
+        reading = WindowReading(ModelState(), outputs(9.0, certainty=certainty), silent)
+        estimates = estimates_in(model.prepared, reading)
+        assert {estimates[name].reason for name in ("slip", "position", "force")} == {reason}
+        assert estimates["contact"].valid
+
+
+def test_force_is_withheld_with_a_position_that_is_not_certain(drawn: Model) -> None:
+    model = with_certainty(drawn)
     for certainty, reason in ((0.95, ""), (0.85, Reason.TWO_CANDIDATES)):
-        estimates = model.estimates(WindowReading(ModelState(), outputs(9.0, certainty=certainty), ""))
+        estimates = estimates_in(
+            model.prepared, WindowReading(ModelState(), outputs(9.0, certainty=certainty), "")
+        )
         assert {estimates[name].reason for name in ("position", "force")} == {reason}
         assert estimates["slip"].valid
 

@@ -100,11 +100,10 @@ def is_far_off(place: Metres, update: Update) -> bool:
 
 
 SENSORS = {
-    "demo": VirtualSensorDraw(131, 51, 0, "plausible_1"),
-    "plausible": VirtualSensorDraw(131, 51, 0, "plausible"),
+    "demo": VirtualSensorDraw(131, 51, 0, "plausible"),
     "ideal": VirtualSensorDraw(131, 51, 0, "ideal"),
-    "77": VirtualSensorDraw(77, 5, 2, "plausible_1"),
-    "300": VirtualSensorDraw(300, 3, 1, "plausible_1"),
+    "77": VirtualSensorDraw(77, 5, 2, "plausible"),
+    "300": VirtualSensorDraw(300, 3, 1, "plausible"),
 }
 GIVES = "at nodes one window tells several places, and contact from none, alike (docs/ROADMAP.md)"
 TWO = "on some builds one held touch sounds like two (docs/ROADMAP.md)"
@@ -156,7 +155,6 @@ def test_contact_is_not_denied(
     "name",
     [
         pytest.param("demo", marks=pytest.mark.xfail(reason=GIVES, raises=AssertionError, strict=True)),
-        pytest.param("plausible", marks=pytest.mark.xfail(reason=GIVES, raises=AssertionError, strict=True)),
         pytest.param("ideal", marks=pytest.mark.xfail(reason=GIVES, raises=AssertionError, strict=True)),
         pytest.param("77", marks=pytest.mark.xfail(reason=GIVES, raises=AssertionError, strict=True)),
         pytest.param("300", marks=pytest.mark.xfail(reason=GIVES, raises=AssertionError, strict=True)),

@@ -8,13 +8,11 @@ import pytest
 
 from monochord.core.types import Audio, Signal, Window
 from monochord.perception.model import ModelState, load
-from monochord.perception.model.context import context_row
-from monochord.perception.model.stepping import Stepper, step_all
 from monochord.perception.spectrum import SpectrumAnalyser
 from monochord.perception.tuning import Tuner, TunerState
 from monochord.physics.sensors import retuned
 from monochord.physics.strings import load_string
-from monochord.physics.theory import inharmonicity, open_frequency
+from monochord.physics.theory import open_frequency
 
 RATE, SIZE = 44100, 4410
 STRING = load_string("prototype").string
@@ -91,47 +89,12 @@ def test_a_spectrum_lists_the_lines_above_the_pitch_of_another_string() -> None:
     assert listed.frequency.tolist() != low.analyse(window).frequency.tolist()
 
 
-def of_partials(heights: dict[int, float], ratio: float, start: int) -> Window:
-    """A window of partials of the stiff string, at a ratio of its known pitch."""
-    time, bending = np.arange(start, start + SIZE) / RATE, inharmonicity(STRING)
-    own = ratio * open_frequency(STRING)
-    tone = sum(
-        height * np.sin(2.0 * np.pi * n * np.sqrt(1.0 + bending * n**2) * own * time)
-        for n, height in heights.items()
-    )
-    return Window(samples=np.stack((tone, 0.9 * tone)).astype(np.float32), start=start, sample_rate=RATE)
-
-
-ALL, FIFTH = {1: 0.1, 2: 0.05, 3: 0.03}, {5: 0.06, 15: 0.0004}
-
-
-def contact_after(heights: dict[int, float], ratio: float, *, value: float, seconds: float = 0.1) -> float:
-    """What becomes of a contact head's output so many seconds after the string has sounded untouched."""
-    stepper, state = Stepper(load("demo")), ModelState()
-    for k in range(12):
-        (state, _), *_ = step_all([stepper.entry(state, of_partials(ALL, 0.99, k * SIZE))])
-    known = context_row(state, stepper.context)
-    assert known[-1] == 1.0
-    entry = stepper.entry(state, of_partials(heights, ratio, 11 * SIZE + round(seconds * RATE)))
-    row = stepper.row(entry)
-    outputs = stepper.network.outputs(row[None], known[None])[0]
-    outputs["contact"] = outputs["contact"]._replace(value=value)
-    return stepper.reading(entry, outputs, row, known).outputs["contact"].value
-
-
-@pytest.mark.parametrize(
-    ("heights", "ratio", "value"),
-    [(ALL, 0.993, -4.0), (FIFTH, 0.99, -4.0), (FIFTH, 0.993, 0.0)],
-    ids=["a higher pitch", "another partial", "both"],
-)
-def test_a_touch_at_a_node_of_the_held_partial_is_not_denied(
-    heights: dict[int, float], ratio: float, value: float
-) -> None:
-    assert contact_after(heights, ratio, value=-4.0) == value
-
-
-def test_a_pitch_that_rises_tells_a_touch_until_it_may_have_been_tuned() -> None:
-    assert contact_after(ALL, 0.996, value=0.5) == 5.5
-    assert contact_after(ALL, 0.986, value=0.5) == 0.5, "a pitch that falls is no press"
-    assert contact_after(ALL, 0.996, value=0.5, seconds=59.0) == 5.5
-    assert contact_after(ALL, 0.996, value=0.5, seconds=61.0) == 0.5
+def test_a_copy_of_a_stream_goes_on_by_itself() -> None:
+    stream, sound = load("demo").stream(SIGNAL, SIZE), windows(1.03, 8)
+    for window in sound[:4]:
+        stream(window)
+    copy, silenced = stream.copy(), stream.copy()
+    for window in sound[4:]:  # what one of them hears is nothing to the others
+        silenced(replace(window, samples=np.zeros_like(window.samples)))
+    expected = [repr(stream(window)) for window in sound[4:]]
+    assert [repr(copy(window)) for window in sound[4:]] == expected

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from monochord.core.types import Audio, Floats
-from monochord.perception.reader.measures import COLUMNS, measure
+from monochord.perception.reader.measures import COLUMNS, measure, touch_near
 from monochord.perception.reader.network import POSITIONS
 from monochord.perception.spectrum import SpectrumAnalyser
 from monochord.physics.strings import load_string
@@ -85,3 +85,12 @@ def test_a_gliding_line_is_told_from_a_steady_one() -> None:
     assert steady["glide 1"] < 0.2
     assert np.sinh(moving["glide 1"]) * 5e-3 == pytest.approx(glide, rel=0.1)
     assert np.sinh(moving["glide position"]) * 5e-3 == pytest.approx(2.0 * glide * 0.24, rel=0.1)
+
+
+def test_certainty_is_the_probability_of_a_touch_within_reach_of_the_place() -> None:
+    logits = np.full(1 + len(POSITIONS), -20.0)
+    logits[0], logits[1 + 100], logits[1 + 104], logits[1 + 140] = np.log((0.1, 0.4, 0.3, 0.2))
+    for place, near in ((0.5, 0.7), (0.7, 0.2), (0.1, 0.0)):
+        touched, certainty = touch_near(logits, POSITIONS, place, 0.025)
+        assert touched == pytest.approx(np.log(0.901 / 0.101), abs=1e-5)
+        assert certainty == pytest.approx(near, abs=1e-6)

@@ -1,6 +1,7 @@
 """The cells that the reader's network sees, and its arithmetic against a plain one."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,13 +10,15 @@ from monochord.core.types import Audio, Floats, StringParams
 from monochord.perception.reader.cells import CELLS, CHANNELS, LOWEST, STEP, cells_of, spectrum_cells
 from monochord.perception.reader.measures import MASS, PLACE
 from monochord.perception.reader.network import (
-    DILATIONS,
+    BASIS,
+    FIRST,
     KINDS,
+    PARTIALS,
     POSITIONS,
-    STRIDES,
+    STRIDE,
     Network,
+    activations,
     bundled_network,
-    logits,
 )
 from monochord.perception.reader.reader import Reader
 from monochord.perception.spectrum import SpectrumAnalyser
@@ -87,7 +90,7 @@ def test_a_silent_microphone_leaves_its_cells_empty() -> None:
     window[1] = 0.0
     cells = seen(window)
     assert not cells[[1, 3]].any()
-    assert np.isfinite(logits(cells, bundled_network())).all()
+    assert np.isfinite(activations(cells, bundled_network())[1]).all()
 
 
 def random_network(seed: int = 0) -> Network:
@@ -95,35 +98,70 @@ def random_network(seed: int = 0) -> Network:
     return Network(*(random.normal(0.0, 0.1, shape).astype(np.float32) for shape in shapes))
 
 
-def plain_logits(cells: Audio, network: Network) -> Floats:
-    """Return the network's outputs by a sum for each number, in double precision."""
-    values: Floats = cells.astype(float)
-    arrays = [array.astype(float) for array in network]
-    for layer, (stride, dilation) in enumerate(zip(STRIDES, DILATIONS, strict=True)):
-        weights, bias = arrays[2 * layer], arrays[2 * layer + 1]
+def plain_outputs(cells: Audio, network: Network) -> tuple[Floats, Floats]:
+    """Return what the last layer sees and the outputs, by sums of products in double precision."""
+    own: Any = Network(*(array.astype(float) for array in network))  # pyright: ignore[reportArgumentType]
+
+    def convolved(values: Floats, weights: Floats, bias: Floats, stride: int) -> Floats:
         taps = len(weights) // len(values)
-        pad = taps // 2 * dilation
-        padded = np.pad(values, ((0, 0), (pad, pad)))
-        columns = [
-            padded[:, at : at + (taps - 1) * dilation + 1 : dilation].T.ravel()
-            for at in range(0, values.shape[1], stride)
+        padded = np.pad(values, ((0, 0), (taps // 2, taps // 2)))
+        columns = [padded[:, at : at + taps].T.ravel() for at in range(0, values.shape[1], stride)]
+        return np.maximum(np.array(columns) @ weights + bias, 0.0).T
+
+    lines = convolved(cells.astype(float), own.convolution_1, own.bias_1, STRIDE)
+    lines = convolved(lines, own.convolution_2, own.bias_2, 1)
+    overview = convolved(lines, own.overview_1, own.overview_bias_1, 4)
+    overview = convolved(overview, own.overview_2, own.overview_bias_2, 2)
+    hidden = np.maximum(overview.ravel() @ own.hidden + own.hidden_bias, 0.0)
+    padded = np.pad(lines, ((0, 0), (0, CELLS)))
+    combs = np.array([padded[:, at + PARTIALS].T.ravel() for at in range(FIRST, lines.shape[1])])
+    combs = np.maximum(combs @ own.comb + own.comb_bias, 0.0).T
+    axis = np.log(LOWEST) + STRIDE * STEP * np.arange(FIRST, lines.shape[1])
+    both = np.concatenate(
+        [
+            [np.interp(-np.log(np.maximum(share, 0.05)), axis, comb) for comb in combs]
+            for share in (POSITIONS, 1.0 - POSITIONS)
         ]
-        values = np.maximum(np.array(columns) @ weights + bias, 0.0).T
-    hidden, hidden_bias, last, last_bias = arrays[-4:]
-    return np.maximum(values.ravel() @ hidden + hidden_bias, 0.0) @ last + last_bias
+    )
+    places = own.place.T @ np.concatenate((both, BASIS))
+    places = np.maximum(places + (own.place_bias + hidden @ own.place_hidden)[:, np.newaxis], 0.0)
+    places = convolved(places, own.along, own.along_bias, 1)
+    scores = own.score[:, 0] @ places
+    density = np.exp(scores) / np.exp(scores).sum()
+    seen: Floats = np.concatenate((hidden, places @ density, places.max(axis=1)))
+    last = seen @ own.last + own.last_bias
+    return seen, np.concatenate((last[:1], scores, last[1:]))
 
 
-def test_the_kernel_computes_what_a_plain_convolution_does() -> None:
+def test_the_kernel_computes_what_plain_sums_do() -> None:
     cells = np.random.default_rng(1).random((CHANNELS, CELLS)).astype(np.float32)
     network = random_network(1)
-    outputs = logits(cells, network)
+    told, outputs = activations(cells, network)
     assert outputs.shape == (1 + len(POSITIONS) + len(KINDS),)
-    np.testing.assert_allclose(outputs, plain_logits(cells, network), rtol=1e-4, atol=1e-4)
+    plain_told, plain = plain_outputs(cells, network)
+    np.testing.assert_allclose(told, plain_told, rtol=1e-4, atol=1e-4)
+    np.testing.assert_allclose(outputs, plain, rtol=1e-4, atol=1e-4)
+
+
+def test_what_is_learned_of_one_position_holds_at_all() -> None:
+    """Weights that add up a comb's own cell at both ends score highest wherever two segments meet."""
+    arrays = {name: np.zeros_like(array) for name, array in bundled_network()._asdict().items()}
+    for microphone in range(2):
+        for tap in (3, 4, 5):  # levels of the cells from one output to the next
+            arrays["convolution_1"][4 * tap + microphone, microphone] = 1.0
+        arrays["convolution_2"][12 + microphone, microphone] = 1.0
+        arrays["comb"][microphone, microphone] = 1.0  # a fundamental
+    size = len(arrays["comb_bias"])
+    arrays["place"][0, 0] = arrays["place"][size + 1, 0] = 1.0
+    arrays["along"][2 * 24, 0] = arrays["score"][0, 0] = 1.0
+    for place in (0.23, 0.4, 0.5, 0.71):
+        _, outputs = activations(seen(touched(place)), Network(**arrays))
+        assert POSITIONS[outputs[1 : 1 + len(POSITIONS)].argmax()] == pytest.approx(place, abs=0.011)
 
 
 def test_the_network_of_the_package_finds_where_two_pure_segments_meet() -> None:
     reader = Reader.of(analyser_of())
     for place in (0.27, 0.35, 0.44, 0.62, 0.7):
-        measures = reader.read(analyser_of().analyse(touched(place))).measures
+        measures, _, _ = reader.alone(analyser_of().analyse(touched(place)))
         assert measures[PLACE] == pytest.approx(place, abs=0.012)
         assert measures[MASS] > 0.5

@@ -16,10 +16,11 @@ from monochord.core.types import Block, Estimate
 from monochord.datasets.build import build_dataset
 from monochord.datasets.split import Split
 from monochord.datasets.store import Dataset, open_dataset
-from monochord.perception.model import Model, load, save
+from monochord.perception.model import Model, load
 from monochord.perception.model.definition import FaultRecord
 from monochord.perception.model.faults import NAMES
 from monochord.perception.model.network import quantity
+from monochord.perception.model.stepping import with_length_error
 from monochord.perception.training.adapt import adapt, desensitised, judge
 from monochord.perception.training.calibration import calibrated
 from monochord.perception.training.correct import with_prior, with_variables
@@ -114,7 +115,7 @@ def test_known_touches_outside_the_sensing_range_are_named_and_left_out(
     correctable: Model, foreign_session: Path, tmp_path: Path, touches: int | None
 ) -> None:
     given, span, out = tmp_path / "given", (0.07, 0.13), None if touches == 0 else tmp_path / "out"
-    save(correctable, given)
+    correctable.save(given)
     dataset = build_dataset([foreign_session], tmp_path / "all")
     touched = dataset.label("contact") == 1.0
     touch, place = touches_of(dataset)[touched], dataset.label("position")[touched]
@@ -143,7 +144,7 @@ def test_known_touches_outside_the_sensing_range_are_named_and_left_out(
 def test_the_sensing_range_is_that_of_the_sensor_that_a_session_names(
     correctable: Model, foreign_session: Path, tmp_path: Path
 ) -> None:
-    save(correctable, given := tmp_path / "given")
+    correctable.save(given := tmp_path / "given")
     sensor = {**to_tree(load_sensor("prototype")), "range": [0.09, 0.12]}
     named = biased(tmp_path, "named", 77, 0.0, sensor=sensor)
     result = calibrated(str(given), [str(named)], None, touches=0)
@@ -192,7 +193,7 @@ def test_an_adapted_model_is_saved_and_remembers_what_it_heard(
     correctable: Model, foreign: Dataset, tmp_path: Path
 ) -> None:
     adapted = adapt(correctable, foreign).model
-    again = load(tmp_path / "model") if save(adapted, tmp_path / "model") else adapted
+    again = load(tmp_path / "model") if adapted.save(tmp_path / "model") else adapted
     record = again.definition.heads["force"].correction
     assert record is not None
     assert (record.touches, record.variables) == (12, ())
@@ -215,7 +216,7 @@ def test_a_model_that_learned_no_prior_is_corrected_by_physics(
     assert result.heads["position"].after < 0.5 * result.heads["position"].before
     assert result.heads["force"].after < 0.5 * result.heads["force"].before
     assert result.next_touch is None  # it keeps none to choose from
-    save(result.model, tmp_path / "model")
+    result.model.save(tmp_path / "model")
     again = load(tmp_path / "model")
     record, correction = again.definition.heads["position"], again.correction("position")
     outputs = read_in_turn(again, longer, np.flatnonzero(longer.valid["position"])).outputs
@@ -226,7 +227,7 @@ def test_a_model_that_learned_no_prior_is_corrected_by_physics(
     assert np.median(np.abs(off)) < 0.4 * (0.1 * 0.1 + 2e-3)
     position = Estimate(value=0.1, std=1e-4, unit="m")
     unsure = replace(again, definition=replace(again.definition, length_std=0.01))
-    assert unsure.with_length_error({"position": position})["position"] == position
+    assert with_length_error(unsure.prepared, {"position": position})["position"] == position
 
 
 def test_one_touch_moves_force_by_less_than_its_error(correctable: Model, foreign: Dataset) -> None:
@@ -246,7 +247,7 @@ def test_many_touches_teach_what_physics_does_not_say(correctable: Model, tmp_pa
     """Force that follows the level of the hum, too, is learned from the window's columns."""
     files = [biased(tmp_path, f"take_{seed}", seed, 0.0) for seed in range(80, 85)]
     dataset = build_dataset(files, tmp_path / "many")
-    extract = correctable.extractors[0]
+    extract = correctable.prepared.extractor
     level = np.array([extract(dataset.batch(np.array([row])))[0, 3] for row in range(len(dataset))])
     touched = dataset.label("contact") == 1.0
     level = (level - level[touched].mean()) / level[touched].std()
@@ -258,7 +259,7 @@ def test_many_touches_teach_what_physics_does_not_say(correctable: Model, tmp_pa
     assert record.residual
     assert record.nodes > 0
     assert result.heads["force"].after < 0.8 * result.heads["force"].before
-    save(result.model, tmp_path / "model")
+    result.model.save(tmp_path / "model")
     again = load(tmp_path / "model")
     rows = np.arange(40)
     outputs = [read_in_turn(each, odd, rows).outputs for each in (again, result.model)]
@@ -331,7 +332,7 @@ def test_the_command_writes_a_model_that_live_takes(
     correctable: Model, foreign_session: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     given, out = tmp_path / "given", tmp_path / "out"
-    save(correctable, given)
+    correctable.save(given)
     line = ["calibrate", str(given), "--sessions", str(foreign_session), "--touches", "6", "--out", str(out)]
     assert run(line) == 0
     assert "6 touches" in capsys.readouterr().out
@@ -375,7 +376,7 @@ def test_the_command_judges_a_model_by_all_touches_and_writes_none(
     correctable: Model, foreign_session: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     given, out = tmp_path / "given", tmp_path / "out"
-    save(correctable, given)
+    correctable.save(given)
     line = ["calibrate", str(given), "--sessions", str(foreign_session), "--touches", "0"]
     before = {file.name: file.read_bytes() for file in given.iterdir()}
     assert run([*line, "--json"]) == 0

@@ -1,4 +1,4 @@
-"""From settings and a dataset to examples: labels, masks, references and scaling."""
+"""From settings and a dataset to examples: labels, masks and scaling."""
 
 import dataclasses
 import errno
@@ -11,17 +11,14 @@ import pytest
 from monochord.core.errors import InputError
 from monochord.datasets.store import Dataset, open_dataset
 from monochord.perception.heads import HEADS
-from monochord.perception.model.definition import FeatureRecord, Reference
 from monochord.perception.training.examples import (
     TrainingData,
     chosen,
     examples_of,
-    labelled_contact,
     masks_of,
     noises_of,
     quietest,
     read_split,
-    references,
     scaling,
     targets_of,
     touches_of,
@@ -33,7 +30,6 @@ from monochord.perception.training.settings import TrainingSettings
 pytest.importorskip("torch")
 pytestmark = pytest.mark.usefixtures("made_up_features")
 TASKS = {name: HEADS.build(name).task() for name in HEADS.names()}
-RULE = Reference(feature=FeatureRecord(name="row", options={}, columns=("row",)))
 
 
 @pytest.fixture
@@ -70,19 +66,6 @@ def test_labels_that_nothing_can_be_learned_from_are_refused(dataset: Dataset) -
         chosen(with_label(dataset, "slip", still), np.arange(200), TASKS, "train")
 
 
-def test_the_reference_is_of_untouched_windows_before_and_of_the_same_session(dataset: Dataset) -> None:
-    rows = np.arange(len(dataset))
-    contact = labelled_contact(dataset, rows)
-    features = {row: np.array([row], np.float32) for row in rows[contact == 0.0].tolist()}
-    reference = np.stack(list(references(dataset, rows, contact, RULE, features.__getitem__)))
-    known = reference[:, 1] > 0.0
-    assert 0.9 < known.mean() < 1.0
-    assert (reference[known, 0] < rows[known]).all()
-    first = np.array([part.first for part in dataset.manifest.parts])[dataset.session]
-    assert (reference[known, 0] >= first[known]).all()
-    assert not known[first == rows].any()
-
-
 def made(lesson: dict[str, Any], **more: Any) -> tuple[TrainingSettings, TrainingData, np.ndarray]:
     settings = TrainingSettings.read({**lesson, **more})
     dataset = open_dataset(settings.dataset)
@@ -107,15 +90,7 @@ def test_columns_are_scaled_by_training_windows(lesson: dict[str, Any]) -> None:
     rows = (seen.base.reshape(-1, 50) - arrays["scaler.mean"]) / arrays["scaler.scale"]
     np.testing.assert_allclose(rows.mean(axis=0), 0.0, atol=1e-3)
     np.testing.assert_allclose(rows.std(axis=0), 1.0, atol=1e-3)
-    assert (arrays["context.mean"][-1], arrays["context.scale"][-1]) == (0.0, 1.0)
     assert {name: array.shape for name, array in arrays.items()}.items() <= source.definition.shapes().items()
-
-
-def test_the_reference_in_noise_is_noisy(lesson: dict[str, Any]) -> None:
-    settings, source, part = made(lesson, noise={"copies": 1, "ratios": [5.0, 5.0]})
-    seen = examples_of(source, part, "train", noises_of(settings, 16000))
-    known = seen.context[0, :, -1] > 0.0
-    assert (seen.context[1, known, :-1] != seen.context[0, known, :-1]).mean() > 0.7
 
 
 def test_examples_in_files_are_those_in_memory(
@@ -127,9 +102,8 @@ def test_examples_in_files_are_those_in_memory(
     monkeypatch.setattr("monochord.perception.training.examples.BLOCK", 7)
     filed = examples_of(dataclasses.replace(source, scratch=tmp_path), part, "train", noises)
     assert isinstance(filed.base, Scratch)
-    assert isinstance(filed.context, Scratch)
     assert not list(tmp_path.iterdir())
-    for name in ("base", "context", "rows", "touch"):
+    for name in ("base", "rows", "touch"):
         np.testing.assert_array_equal(getattr(filed, name), getattr(memory, name))
     one, two = scaling(filed), scaling(memory)
     for name, array in one.items():

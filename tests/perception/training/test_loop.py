@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from monochord.core.errors import InputError
-from monochord.perception.heads.base import Task
+from monochord.perception.heads.base import CERTAINTY, Task
 from monochord.perception.model.definition import Definition, FeatureRecord, HeadRecord
 from monochord.perception.model.network import Network
 from monochord.perception.training.checkpoint import Checkpoint
@@ -22,7 +22,7 @@ from monochord.physics.strings import load_string
 
 torch = pytest.importorskip("torch")
 TASKS = {
-    "contact": Task(label="contact", loss="logistic", touched=False, context=False),
+    "contact": Task(label="contact", loss="logistic", touched=False),
     "force": Task(label="force", unit="N", loss="laplace", hidden=(16, 16)),
 }
 COLUMNS = tuple("abcde")
@@ -39,7 +39,7 @@ def plan(**options: float) -> TrainingSetup:
         heads={name: HeadRecord(task=task, scale=0.5) for name, task in TASKS.items()},
     )
     usual = {"rate": 0.01, "batch": 32, "epochs": 12, **options}
-    return TrainingSetup(definition=definition, optimiser=OptimiserSettings(**usual), drop=0.1, seed=5)  # pyright: ignore[reportArgumentType]
+    return TrainingSetup(definition=definition, optimiser=OptimiserSettings(**usual), seed=5)  # pyright: ignore[reportArgumentType]
 
 
 def examples(seed: int, count: int = 256, copies: int = 2) -> Examples:
@@ -55,7 +55,6 @@ def examples(seed: int, count: int = 256, copies: int = 2) -> Examples:
         session=np.arange(count) // 32,
         touch=np.arange(count) // 8,
         base=base,
-        context=np.zeros((copies, count, 0), np.float32),
         labels={"contact": contact, "force": contact * np.prod(row[:, 1:3], axis=1, dtype=np.float64)},
         masks={"contact": np.ones(count, bool), "force": contact == 1.0},
     )
@@ -173,7 +172,7 @@ def test_a_blurred_run_that_was_killed_ends_as_one_that_was_not(tmp_path: Path) 
     usual = plan(epochs=6)
     heads = {
         **usual.definition.heads,
-        "force": HeadRecord(task=dataclasses.replace(TASKS["force"], blur=0.3, drop=0.2), scale=0.5),
+        "force": HeadRecord(task=dataclasses.replace(TASKS["force"], blur=0.3), scale=0.5),
     }
     setup = dataclasses.replace(usual, definition=dataclasses.replace(usual.definition, heads=heads))
     train, validation = examples(0), examples(1)
@@ -196,29 +195,29 @@ def test_weights_decay_in_heads_with_hidden_layers_alone(tmp_path: Path) -> None
 
 
 def refining(scale: float = 1e-3) -> TrainingSetup:
-    """Return the setup of a position head that refines the first column."""
+    """Return the setup of a position head that refines the first column, as certain as the second."""
     usual = plan(epochs=30)
-    task = dataclasses.replace(TASKS["force"], label="position", unit="m", refines="a", columns=("b", "c"))
+    columns = ("cert*", "c")
+    task = dataclasses.replace(TASKS["force"], label="position", unit="m", refines="a", columns=columns)
     heads = {**usual.definition.heads, "force": HeadRecord(task=task, scale=scale)}
     string = load_string("prototype").string
-    definition = dataclasses.replace(usual.definition, heads=heads, string=string)
+    feature = dataclasses.replace(usual.definition.feature, columns=("a", CERTAINTY, "c"))
+    definition = dataclasses.replace(usual.definition, heads=heads, string=string, feature=feature)
     return dataclasses.replace(usual, definition=definition)
 
 
-def test_a_head_refines_a_position_and_knows_where_it_is_wrong(tmp_path: Path) -> None:
+def test_a_head_refines_a_position_where_it_is_right(tmp_path: Path) -> None:
     setup = refining()
     train, judged = (misread(examples(seed, 2048, 1)) for seed in (0, 1))
     _, weights = fit(setup, SCALER, train, judged, tmp_path / "a")
     network = Network.of(setup.definition, {**SCALER, **weights})
     mask = judged.masks["force"]
     base = judged.base[0][mask]
-    outputs = [output["force"] for output in network.outputs(base, base[:, :0])]
-    certainty = np.array([output.certainty for output in outputs])
-    wrong = judged.base[0][mask][:, 1] > 1.0
-    assert certainty[~wrong].mean() > 0.9
-    assert certainty[wrong].mean() < 0.3
+    outputs = [output["force"] for output in network.outputs(base)]
+    assert [output.certainty for output in outputs] == base[:, 1].tolist()
+    wrong = base[:, 1] > 1.0
     # The column is off by half a millimetre times its neighbour.
-    error = 1e-3 * np.array([output.value for output in outputs]) - 5e-4 * judged.base[0][mask][:, 2]
+    error = 1e-3 * np.array([output.value for output in outputs]) - 5e-4 * base[:, 2]
     assert np.abs(error[~wrong]).mean() < 1.5e-4
 
 

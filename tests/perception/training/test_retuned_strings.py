@@ -120,7 +120,6 @@ def test_forces_are_as_of_the_designs_tension(dataset: Dataset, tmp_path: Path) 
         "dataset": str(dataset.path),
         "cache": str(tmp_path),
         "feature": {"name": "reading"},
-        "context": {"on": False},
         "heads": {"contact": {}, "force": {}},
     }
     settings = TrainingSettings.read(lesson)

@@ -21,7 +21,6 @@ def test_a_preset_has_the_four_heads(name: str) -> None:
 @pytest.mark.usefixtures("made_up_features")
 def test_all_of_it_is_written_down_and_read_again(lesson: dict[str, Any]) -> None:
     tree = TrainingSettings.read(lesson).resolved()
-    assert tree["context"]["feature"] == {"name": "bands", "count": 4}
     assert tree["heads"]["position"]["loss"] == "laplace"
     assert TrainingSettings.read(tomllib.loads(dump_toml(tree))).resolved() == tree
 
@@ -37,9 +36,7 @@ def test_a_board_makes_no_other_run(lesson: dict[str, Any]) -> None:
 @pytest.mark.usefixtures("made_up_features")
 def test_relative_paths_are_written_in_full(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.chdir(tmp_path)
-    tree = TrainingSettings.read(
-        {"feature": {"name": "bands"}, "context": {"on": False}, "split": "mine.json"}
-    ).resolved()
+    tree = TrainingSettings.read({"feature": {"name": "bands"}, "split": "mine.json"}).resolved()
     assert (tree["dataset"], tree["split"]) == (str(tmp_path / "dataset"), str(tmp_path / "mine.json"))
 
 
@@ -51,10 +48,8 @@ def test_relative_paths_are_written_in_full(monkeypatch: pytest.MonkeyPatch, tmp
         ({"optimiser": {"rate": 0.0}}, "optimiser"),
         ({"noise": {"copies": -1}}, "noise"),
         ({"objects": {"compliance": [2.0, 1.0]}}, "objects"),
-        ({"context": {"drop": 1.5}}, "context"),
         ({"heads": {"positon": {}}}, "'position'"),
         ({"feature": {"bands": 3}}, "feature"),
-        ({"context": {"feature": {}}}, "feature"),
     ],
 )
 def test_what_makes_no_sense_is_refused(tree: dict[str, Any], named: str) -> None:
@@ -62,4 +57,3 @@ def test_what_makes_no_sense_is_refused(tree: dict[str, Any], named: str) -> Non
         settings = TrainingSettings.read(tree)
         settings.tasks()
         settings.feature_named()
-        settings.context.rule()

@@ -23,7 +23,7 @@ Change = Callable[[Floats, Floats], tuple[Floats, Floats]]
 def touched(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A session of six touches of a build of the twin; it names no string."""
     path = tmp_path_factory.mktemp("touched") / "touched.mcap"
-    twin = VirtualSensor("prototype", seed=5, build=131, day=51, world="plausible_1")
+    twin = VirtualSensor("prototype", seed=5, build=131, day=51, world="plausible")
     random = np.random.default_rng(3)
     places = np.stack([random.permutation(np.linspace(0.06, 0.14, 6)), np.linspace(0.5, 1.5, 6)], axis=1)
     parts, truth = [twin.advance(1.0)], list[tuple[Metres, Newtons]]()

@@ -58,7 +58,7 @@ class TwinSource(Source):
     world
         "ideal", or "plausible": what a real build brings besides, such as ends and objects that give way,
         other contact laws, a wrong tuning, distortion and hum, drawn by `build` (0 if there is none), `day`
-        and `seed`; "plausible_1" draws as plans of earlier models do.
+        and `seed`.
     script
         Touches in order of start time, such as ``[{start = 1.0, position = 0.08, force = 0.5, seconds = 2.0,
         across = 0.01}]``; without ``seconds`` the touch stays. Empty: touches drawn at random.

@@ -8,7 +8,7 @@ from monochord.core.errors import InputError
 from monochord.core.presets import Presets
 from monochord.lab.plan import Plan
 
-MOVED = ("hardware", "odd", "sealed_6", "sealed_7", "touches", "unseen")
+MOVED = "hardware", "unseen"
 """Former presets, which are files of the repository now, in `studies/plans`."""
 
 

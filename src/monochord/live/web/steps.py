@@ -167,9 +167,7 @@ class Calibration(Scratch):
 
     def save(self) -> list[str]:
         """Save the adapted model."""
-        from monochord.perception.model import save  # noqa: PLC0415  (as above)
-
         out = dated_path("calibrated", folder=self._folder)
-        save(self._adapted.model, out)
+        self._adapted.model.save(out)
         head = "Errors on held-out touches, by cross-validation:"
         return [head, *self._adapted.lines(), f"Saved as {out}; use it with: monochord live {out}"]

@@ -8,9 +8,10 @@ import numpy as np
 from monochord.core.ranges import Checked
 from monochord.core.shapes import batch
 from monochord.core.types import Audio, Signal
-from monochord.core.units import Samples
+from monochord.core.units import Samples, Seconds
 
 if TYPE_CHECKING:  # kernels: `import monochord` names these classes without them
+    from monochord.perception.reader.memory import Memory
     from monochord.perception.spectrum import Spectrum, SpectrumAnalyser
 
 
@@ -18,8 +19,8 @@ class Extractor(ABC):
     """A feature prepared for windows of one length.
 
     A row depends on its own window alone: the same window gives the same bits alone, in any batch and at any
-    place in it, offline and live. It never raises on audio: windows of silence or of samples that are not
-    numbers give finite rows.
+    place in it, offline and live. Only that of a `RecurrentExtractor` depends on the windows before, too. It
+    never raises on audio: windows of silence or of samples that are not numbers give finite rows.
 
     Examples
     --------
@@ -64,6 +65,22 @@ class SpectrumExtractor(Extractor):
         for window, row in zip(windows, rows, strict=True):
             row[:] = self.row(self.analyser.analyse(window))
         return rows
+
+
+class RecurrentExtractor(SpectrumExtractor):
+    """An extractor with a memory of the windows before, which is passed in and out."""
+
+    @abstractmethod
+    def begin(self) -> "Memory":
+        """Return the memory at the beginning of a stream."""
+
+    @abstractmethod
+    def step(self, memory: "Memory", spectrum: "Spectrum", time: Seconds) -> "tuple[Memory, Audio]":
+        """Return the memory after a window that starts at a time in s, and its features (columns,)."""
+
+    def row(self, spectrum: "Spectrum") -> Audio:
+        """Return the features (columns,) float32 of a window at the beginning of a stream."""
+        return self.step(self.begin(), spectrum, 0.0)[1]
 
 
 class Feature(Checked, ABC):

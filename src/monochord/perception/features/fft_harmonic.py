@@ -133,7 +133,7 @@ class _Extractor(SpectrumExtractor):
 
     def row(self, spectrum: Spectrum) -> Audio:
         spacing = self._reader.analyser.bin_spacing
-        measures = self._reader.read(spectrum).measures
+        measures, _, _ = self._reader.alone(spectrum)
         touched = measures[UNTOUCHED] < LOG_HALF
         place = float(measures[POSITION]) if touched else 0.0
         partials = expected_harmonics(self._reader.analyser, measures, touched=touched)

@@ -1,30 +1,40 @@
-"""What the reader tells of a window: position, pitch, levels, the sound between the lines, and faults."""
+"""What the reader tells of a window and those before it: position, pitch, levels, faults, force and slip."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from monochord.core.types import Audio, Signal
-from monochord.core.units import Samples
-from monochord.perception.features.base import Extractor, Feature, SpectrumExtractor
+from monochord.core.units import Samples, Seconds
+from monochord.perception.features.base import Extractor, Feature, RecurrentExtractor
+from monochord.perception.heads.base import CERTAINTY
 from monochord.perception.reader.gaps import COLUMNS as GAPS
-from monochord.perception.reader.gaps import measure_gaps
 from monochord.perception.reader.measures import COLUMNS as MEASURES
-from monochord.perception.reader.network import KINDS
+from monochord.perception.reader.memory import SUMMARY, Memory, no_memory
+from monochord.perception.reader.network import KINDS, OUTPUTS
 from monochord.perception.reader.reader import Reader
 from monochord.perception.spectrum import Spectrum, SpectrumAnalyser
 
-COLUMNS = (*MEASURES, *(f"kind {kind}" for kind in KINDS), *GAPS)
+COLUMNS = (
+    *MEASURES,
+    "touched",
+    CERTAINTY,
+    *(f"kind {kind}" for kind in KINDS),
+    *GAPS,
+    *(f"touch {output}" for output in OUTPUTS),
+    *(f"memory {number}" for number in range(1, SUMMARY + 1)),
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reading(Feature):
-    """The measures of the reader: one network on both microphones' spectra, and the nearest pair of lines.
+    """What the reader tells: one network on both microphones' spectra, and a memory of the windows before.
 
-    Columns: those of `monochord.perception.reader.measures.measure`; the logit of each kind of window,
-    ordinary or with a fault; and the sound between the lines of `monochord.perception.reader.gaps`, which a
-    sliding touch makes on any build. All are relative to the string's own pitch and length. The bundled model
-    uses this feature.
+    Columns: those of `monochord.perception.reader.measures.measure`; the log odds of a touch, and the
+    probability that the position is right; the logit of each kind of window, ordinary or with a fault; the
+    sound between the lines of `monochord.perception.reader.gaps`, which a sliding touch makes on any build;
+    force and slip; and a summary of the memory. All are relative to the string's own pitch and length. The
+    bundled model uses this feature.
 
     Examples
     --------
@@ -42,7 +52,7 @@ class Reading(Feature):
         return extractor
 
 
-class _Extractor(SpectrumExtractor):
+class _Extractor(RecurrentExtractor):
     def __init__(self, reader: Reader) -> None:
         self._reader = reader
 
@@ -54,7 +64,11 @@ class _Extractor(SpectrumExtractor):
     def columns(self) -> tuple[str, ...]:
         return COLUMNS
 
-    def row(self, spectrum: Spectrum) -> Audio:
-        measures, kinds = self._reader.read(spectrum)
-        gaps = measure_gaps(spectrum.transform, spectrum.power, self._reader.analyser.bin_spacing)
-        return np.concatenate((measures, kinds, gaps.ravel()), dtype=np.float32, casting="same_kind")
+    def begin(self) -> Memory:
+        return no_memory()
+
+    def step(self, memory: Memory, spectrum: Spectrum, time: Seconds) -> tuple[Memory, Audio]:
+        memory, told = self._reader.read(memory, spectrum, time)
+        touch = told.touched, told.certainty
+        parts = told.measures, touch, told.kinds, told.gaps.ravel(), told.outputs, told.summary
+        return memory, np.concatenate(parts, dtype=np.float32, casting="same_kind")

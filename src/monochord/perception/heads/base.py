@@ -20,6 +20,8 @@ CONTACT = "contact"
 """The contact label. Every head that is defined only during a touch depends on it."""
 REFINED_SCALE: Metres = 1e-3
 """Scale of the error of a position that a head refines."""
+CERTAINTY = "certainty"
+"""Name of the column with the probability that the position which a head refines is right."""
 RIGHT_WITHIN: Metres = 5e-3
 """Largest error of a position that counts as right."""
 POSITION = "position"
@@ -42,12 +44,8 @@ class Task(Checked):
     touched
         Whether the label is defined only during a touch. The head then trains on windows with contact, and
         abstains without contact.
-    context
-        Whether the untouched reference is an input, in addition to the window's feature.
     columns
         Names of the feature's columns that are inputs; * matches any characters. Empty: all.
-    reference
-        Names of the reference's columns that are inputs; * matches any characters. Empty: all.
     hidden
         Units of each hidden layer (ReLU); empty for a linear head.
     weight
@@ -55,12 +53,10 @@ class Task(Checked):
     limit
         Largest standard error that the head states, in `unit`. Above it, the head abstains.
     refines
-        Name of a column with a position over the string's length, which the head corrects by a learned error.
-        The head also learns the probability that the column is right; empty for none.
+        Name of a column with a position over the string's length, which the head corrects by a learned error;
+        empty for none. The feature tells in a column `CERTAINTY` how probably that position is right.
     certain
         With `refines`, the least probability at which the head states an estimate.
-    rise
-        Whether the rise of the pitch is an input too; see `monochord.perception.model.rise`.
     blur
         Standard deviation of the normal noise that training adds to the scaled inputs.
     drop
@@ -76,15 +72,12 @@ class Task(Checked):
     unit: str = ""
     loss: Loss
     touched: bool = True
-    context: bool = True
     columns: tuple[str, ...] = ()
-    reference: tuple[str, ...] = ()
     hidden: tuple[Annotated[int, Meta(ge=1, le=MAX_UNITS)], ...] = ()
     weight: Positive[float] = 1.0
     limit: Annotated[float, Meta(gt=0.0)] = math.inf
     refines: str = ""
-    certain: Share = 0.97
-    rise: bool = False
+    certain: Share = 0.9
     blur: NonNegative[float] = 0.0
     drop: PartialShare = 0.0
 
@@ -101,8 +94,8 @@ class Task(Checked):
 
     @property
     def outputs(self) -> int:
-        """Number of outputs: the value, the logarithm of a learned spread, and with `refines` a logit."""
-        return 1 + (self.loss in LEARNED_SPREADS) + bool(self.refines)
+        """Number of outputs: the value, and the logarithm of a learned spread."""
+        return 1 + (self.loss in LEARNED_SPREADS)
 
 
 class Head(Checked, ABC):

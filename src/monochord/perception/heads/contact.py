@@ -10,8 +10,6 @@ from monochord.perception.heads.base import CONTACT, Head, Task
 class Contact(Head):
     """The probability of contact, by logistic regression on the window alone.
 
-    The untouched reference is not an input, because contact decides which windows enter the reference.
-
     Parameters
     ----------
     weight
@@ -36,7 +34,6 @@ class Contact(Head):
             label=CONTACT,
             loss="logistic",
             touched=False,
-            context=False,
             hidden=self.hidden,
             weight=self.weight,
             limit=self.limit,

@@ -22,13 +22,8 @@ class Force(Head):
     columns
         Names of the feature's columns that are inputs; * matches any characters. Empty: all. Without the
         timbre columns, the head cannot mistake the object's timbre for force.
-    reference
-        Names of the untouched reference's columns that are inputs; * matches any characters. Empty: all.
     limit
         Largest standard error in N that the head states. Above it, the head abstains.
-    rise
-        Add the rise of the pitch above the untouched string's as inputs in which force is nearly linear.
-        Requires the feature reading, for windows and for the untouched reference.
     blur, drop
         Standard deviation of noise on the scaled inputs, and dropout share of the hidden units, both in
         training only. They reduce overfitting to the builds of the training.
@@ -38,9 +33,7 @@ class Force(Head):
     hidden: tuple[int, ...] = (128, 128, 128)
     loss: Literal["square", "gauss", "laplace"] = "laplace"
     columns: tuple[str, ...] = ()
-    reference: tuple[str, ...] = ()
     limit: Newtons = 1.0
-    rise: bool = False
     blur: float = 0.0
     drop: float = 0.0
 
@@ -51,11 +44,9 @@ class Force(Head):
             unit="N",
             loss=self.loss,
             columns=self.columns,
-            reference=self.reference,
             hidden=self.hidden,
             weight=self.weight,
             limit=self.limit,
-            rise=self.rise,
             blur=self.blur,
             drop=self.drop,
         )

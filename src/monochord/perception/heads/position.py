@@ -21,14 +21,11 @@ class Position(Head):
         "square" as in the paper; "gauss" and "laplace" state a standard error per window.
     columns
         Names of the feature's columns that are inputs; * matches any characters. Empty: all.
-    context
-        Whether the untouched reference is an input too. The ratio of both lines gives the position without
-        it.
     limit
         Largest standard error in m that the head states. Above it, the head abstains.
     refines
         Name of a column with a position over the string's length, such as ``position`` of the feature
-        reading. The head learns its error, and the probability that it is right within 5 mm.
+        reading, which also tells how probably it is right within 5 mm. The head learns its error.
     certain
         With `refines`, the least probability at which the head states a position.
     drop
@@ -39,10 +36,9 @@ class Position(Head):
     hidden: tuple[int, ...] = (128, 128, 128)
     loss: Literal["square", "gauss", "laplace"] = "laplace"
     columns: tuple[str, ...] = ()
-    context: bool = True
     limit: Metres = 0.03
     refines: str = ""
-    certain: float = 0.97
+    certain: float = 0.9
     drop: float = 0.0
 
     def task(self) -> Task:
@@ -52,7 +48,6 @@ class Position(Head):
             unit="m",
             loss=self.loss,
             columns=self.columns,
-            context=self.context,
             hidden=self.hidden,
             weight=self.weight,
             limit=self.limit,

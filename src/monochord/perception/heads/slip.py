@@ -17,14 +17,11 @@ class Slip(Head):
         Units of each hidden layer; empty for logistic regression.
     columns
         Names of the feature's columns that are inputs; * matches any characters. Empty: all.
-    reference
-        Names of the untouched reference's columns that are inputs; * matches any characters. Empty: all.
     """
 
     weight: float = 1.0
     hidden: tuple[int, ...] = ()
     columns: tuple[str, ...] = ()
-    reference: tuple[str, ...] = ()
 
     def task(self) -> Task:
         """Return the task of a probability that is defined during a touch."""
@@ -34,5 +31,4 @@ class Slip(Head):
             hidden=self.hidden,
             weight=self.weight,
             columns=self.columns,
-            reference=self.reference,
         )

@@ -1,12 +1,11 @@
 """A trained model as one object: from windows to contact, slip, position and force."""
 
 from monochord.perception.model.bundled import bundled_folder
-from monochord.perception.model.context import ModelState
 from monochord.perception.model.definition import Definition
 from monochord.perception.model.files import folder_of, load
 from monochord.perception.model.model import Model
 from monochord.perception.model.network import quantity
-from monochord.perception.model.saving import save
+from monochord.perception.model.state import ModelState
 from monochord.perception.model.table import EstimateColumn, PredictionTable
 
 __all__ = [
@@ -19,5 +18,4 @@ __all__ = [
     "folder_of",
     "load",
     "quantity",
-    "save",
 ]

@@ -10,17 +10,14 @@ from msgspec import Meta
 
 from monochord.core.errors import InputError, did_you_mean
 from monochord.core.identity import SensorIdentity
-from monochord.core.ranges import Checked, Finite, InnerShare, NonNegative, Positive, Whole
+from monochord.core.ranges import Checked, Finite, NonNegative, Positive, Whole
 from monochord.core.types import StringParams
-from monochord.core.units import Metres, Samples, Seconds
-from monochord.perception.heads.base import CONTACT, POSITION, Task
-from monochord.perception.model.faults import FAULTS, LINES
+from monochord.core.units import Metres, Samples
+from monochord.perception.heads.base import CERTAINTY, CONTACT, POSITION, Task
+from monochord.perception.model.faults import FAULTS
 
-FORMAT, OLDEST = 4, 3
-"""Version of the format of a model's folder, and the oldest that is read: heads of format 3 are networks."""
-RISE_COLUMNS, RISE_REFERENCES, RISE_COUNT = ("open", "position"), ("rest", "lowest"), 5
-"""Columns of the feature and of the untouched reference that give the rise of the pitch, and its number of
-inputs: the open pitch in thousandths, the position x / L, and two readings of the untouched pitch."""
+FORMAT, OLDEST = 5, 3
+"""Version of the format of a model's folder, and the oldest that is read."""
 CLIP = 8.0
 """Largest magnitude of a scaled column, in standard deviations of the training. Without it, a column that
 hardly varies in training could drive an estimate anywhere."""
@@ -34,10 +31,6 @@ MAX_NODES = 1 << 23
 Method: TypeAlias = Literal["network", "ridge", "extra_trees"]
 """How a head was learned: layers of a network, ridge regression (logistic regression of a probability), or
 extremely randomized trees."""
-Kept: TypeAlias = Annotated[int, Meta(ge=1, le=1000)]
-"""Number of windows in the untouched reference."""
-Pause: TypeAlias = Annotated[Seconds, Meta(ge=0.0, le=60.0)]
-"""A time in s over which windows are averaged or left out."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,24 +40,6 @@ class FeatureRecord:
     name: str
     options: dict[str, Any]
     columns: tuple[str, ...]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Reference(Checked):
-    """How the untouched reference is computed; see `monochord.perception.model.context`.
-
-    `feature` describes the windows. A window is believed untouched if its probability of contact is less than
-    `below`; otherwise it is believed touched. The reference is the median of the last `keep` untouched
-    windows that start at least `every` apart, at least `settle` after a window believed touched, and at least
-    `guard` before one. Times are in s.
-    """
-
-    feature: FeatureRecord
-    below: InnerShare = 0.1
-    keep: Kept = 8
-    every: Pause = 0.1
-    settle: Pause = 0.2
-    guard: Pause = 0.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,8 +62,8 @@ class Calibration(Checked):
 class CorrectionRecord(Checked):
     """The correction of a head's errors on one build and object; see `monochord.perception.model.correction`.
 
-    `variables` are inputs in addition to the head's own estimate: columns of the feature or the reference, or
-    the difference of two columns, as in "ratio open - open". `noise` is the residual variance, as a multiple
+    `variables` are inputs in addition to the head's own estimate: columns of the feature, or the difference
+    of two columns, as in "ratio open - open". `noise` is the residual variance, as a multiple
     of the head's own. With `residual`, all columns of the feature are inputs too, for trees with this number
     of `nodes`. `sessions` is the number of sessions behind the prior, and `touches` the number of known
     touches that the correction has learned.
@@ -119,8 +94,8 @@ class CorrectionRecord(Checked):
 class FaultRecord(Checked):
     """When a model reports a fault; see `monochord.perception.model.faults`.
 
-    The model abstains from a window if the averaged log odds of a fault exceed its one of `limits`, in the
-    order of `FAULTS`. `measured` holds the share of ordinary validation windows above any limit.
+    The model abstains from a window if the log odds of a fault exceed its one of `limits`, in the order of
+    `FAULTS`. `measured` holds the share of ordinary validation windows above any limit.
     """
 
     limits: tuple[Finite[float], ...]
@@ -151,7 +126,7 @@ class HeadRecord(Checked):
 
     def __post_init__(self) -> None:
         Checked.__post_init__(self)
-        patterns = max(len(self.task.columns), len(self.task.reference))
+        patterns = len(self.task.columns)
         if len(self.task.hidden) > MAX_LAYERS or patterns > MAX_PATTERNS:
             given = f"{len(self.task.hidden)} hidden layers and {patterns} patterns of columns"
             raise InputError(given, f"at most {MAX_LAYERS} layers and {MAX_PATTERNS} patterns")
@@ -184,7 +159,6 @@ class Definition(Checked):
     window: Samples
     hop: Samples
     feature: FeatureRecord
-    reference: Reference | None = None
     heads: dict[str, HeadRecord]
     faults: FaultRecord | None = None
     clip: Positive[float] = CLIP
@@ -231,12 +205,6 @@ class Definition(Checked):
         heads = self.heads.items()
         return next((name for name, record in heads if record.task.label == POSITION), None)
 
-    @property
-    def widths(self) -> tuple[int, int]:
-        """Number of columns of the feature, and of the reference with its presence mark (0 without one)."""
-        reference = self.reference
-        return len(self.feature.columns), len(reference.feature.columns) + 1 if reference else 0
-
     def columns_of(self, name: str) -> tuple[int, ...]:
         """Return the indices of the feature's columns that are inputs of a head.
 
@@ -249,7 +217,7 @@ class Definition(Checked):
 
     @property
     def fault_columns(self) -> tuple[int, ...]:
-        """The indices of the kinds, an ordinary window and each fault, and of `faults.LINES`; or empty.
+        """The indices of the kinds, an ordinary window and each fault; or empty.
 
         Raises
         ------
@@ -259,40 +227,25 @@ class Definition(Checked):
         if self.faults is None:
             return ()
         columns = self.feature.columns
-        wanted = [*(f"kind {kind}" for kind in (ORDINARY, *FAULTS)), *LINES]
+        wanted = [f"kind {kind}" for kind in (ORDINARY, *FAULTS)]
         missing = [column for column in wanted if column not in columns]
         if missing:
             given = f"faults of a model whose feature lacks the column '{missing[0]}'"
             raise InputError(given, "the feature reading", "or set faults = 0")
         return tuple(map(columns.index, wanted))
 
-    def reference_of(self, name: str) -> tuple[int, ...]:
-        """Return the indices of the reference's columns that are inputs of a head, with the presence mark.
-
-        Empty for a head without a reference.
-
-        Raises
-        ------
-        InputError
-            If a pattern in the head's `reference` matches no column.
-        """
-        task = self.heads[name].task
-        if self.reference is None or not task.context:
-            return ()
-        return (*_fitting(self.reference.feature, task.reference, f"the head '{name}'"), self.widths[1] - 1)
-
     def variables_of(self, name: str) -> tuple[tuple[int, int], ...]:
         """Return a pair of column indices for each variable of a head's correction.
 
-        A variable is the first column minus the second; -1 stands for no second column. Indices count the
-        columns of the feature, then those of the reference. All columns follow where trees need them.
+        A variable is the first column minus the second; -1 stands for no second column. All columns follow
+        where trees need them.
 
         Raises
         ------
         InputError
             If a variable names an unknown column.
         """
-        columns = [*self.feature.columns, *(self.reference.feature.columns if self.reference else ())]
+        columns = self.feature.columns
         correction = self.heads[name].correction
 
         def index(column: str) -> int:
@@ -319,46 +272,12 @@ class Definition(Checked):
         column, columns = self.heads[name].task.refines, self.feature.columns
         if not column:
             return None
-        if column not in columns or self.string is None:
-            lacks = f"the column '{column}'" if column not in columns else "a string of known length"
+        missing = [f"the column '{each}'" for each in (column, CERTAINTY) if each not in columns]
+        if missing or self.string is None:
+            lacks = missing[0] if missing else "a string of known length"
             given = f"refines = '{column}' for the head '{name}' without {lacks}"
             raise InputError(given, "a position over the string's length", "use the feature reading")
         return columns.index(column)
-
-    @property
-    def rise_columns(self) -> tuple[int, ...]:
-        """The indices of the columns that give the rise of the pitch; empty if no head uses it.
-
-        Raises
-        ------
-        InputError
-            If the feature or the reference lacks one of these columns.
-        """
-        wanted = [name for name, record in self.heads.items() if record.task.rise]
-        if not wanted:
-            return ()
-        columns, reference = self.feature.columns, self.reference.feature.columns if self.reference else ()
-        missing = [column for column in RISE_COLUMNS if column not in columns]
-        missing += [column for column in RISE_REFERENCES if column not in reference]
-        if missing:
-            given = f"rise = true for the head '{wanted[0]}' without the column '{missing[0]}'"
-            expected = "the feature reading, for windows and for the untouched reference"
-            raise InputError(given, expected, "or set rise = false")
-        return (*map(columns.index, RISE_COLUMNS), *map(reference.index, RISE_REFERENCES))
-
-    def input_columns(self, name: str) -> tuple[int, ...]:
-        """Return the indices of a head's inputs in the row of feature, reference with its mark, and rise."""
-        base, context = self.widths
-        rises = range(RISE_COUNT if self.heads[name].task.rise and self.rise_columns else 0)
-        return (
-            *self.columns_of(name),
-            *(base + column for column in self.reference_of(name)),
-            *(base + context + column for column in rises),
-        )
-
-    def inputs(self, name: str) -> int:
-        """Return the number of inputs of a head: columns of the feature and the reference, and the rise."""
-        return len(self.input_columns(name))
 
     def shapes(self) -> dict[str, tuple[int, ...]]:
         """Return the names and shapes of all weights.
@@ -371,20 +290,14 @@ class Definition(Checked):
         A layer has a matrix (outputs, inputs) and a bias (outputs,). A correction includes position, force
         and variables of representative touches.
         """
-        base, context = self.widths
+        base = len(self.feature.columns)
         shapes: dict[str, tuple[int, ...]] = {
             "scaler.mean": (base,),
             "scaler.scale": (base,),
             "scaler.probe": (3, base),
         }
-        if context:
-            shapes |= {
-                "context.mean": (context,),
-                "context.scale": (context,),
-                "context.probe": (3, context - 1),
-            }
         for name, record in self.heads.items():
-            units = (self.inputs(name), *record.task.hidden, record.task.outputs)
+            units = (len(self.columns_of(name)), *record.task.hidden, record.task.outputs)
             for number, (inputs, outputs) in enumerate(pairwise(units)):
                 shapes[f"{name}.{number}.weight"] = (outputs, inputs)
                 shapes[f"{name}.{number}.bias"] = (outputs,)

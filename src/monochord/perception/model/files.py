@@ -32,6 +32,8 @@ INSIDE_A_RUN = "model"
 MAX_HEADER = 1 << 20
 """Largest number of bytes in the weights file in addition to the weights."""
 AGAIN = "copy the folder again, or train again"
+EARLIER_OPTIONS = ("context", "reference", "rise")
+"""Options of a head up to format 4, which had a row of the untouched string as input."""
 OLDER_TEXT = "perceiver.json"
 TRAIN_AGAIN = "train it again with this version: monochord train --dataset DATASET --out RUN"
 
@@ -104,11 +106,31 @@ def _definition(file: Path) -> Definition:
     if not isinstance(tree, dict) or tree.get("format") not in range(OLDEST, FORMAT + 1):
         version = tree.get("format") if isinstance(tree, dict) else None
         given = f"{file} of format {version!r:.20}" if version is not None else f"{file} without a format"
-        raise InputError(given, f"format {OLDEST} or {FORMAT}, of this version of Monochord", TRAIN_AGAIN)
+        raise InputError(given, f"format {OLDEST} to {FORMAT}", TRAIN_AGAIN)
     try:
-        return from_tree(Definition, {**_infinite(tree), "format": FORMAT}, file.name)
+        return from_tree(Definition, _of_this_format(_infinite(tree), file), file.name)
     except RecursionError as error:
         raise InputError(f"{file} (nested too deep)", "a file that monochord train wrote", AGAIN) from error
+
+
+def _of_this_format(tree: dict[str, Any], file: Path) -> dict[str, Any]:
+    """Return a definition of an earlier format in this one.
+
+    Up to format 4 there was a row of the untouched string beside that of a window; a model that used it
+    cannot be read.
+    """
+    if tree["format"] == FORMAT:
+        return tree
+    if tree.pop("reference", None):
+        given = f"{file}, of a model that has a row of the untouched string as input"
+        raise InputError(given, "one without, or of this version", TRAIN_AGAIN)
+    heads = tree.get("heads")
+    for head in heads.values() if isinstance(heads, dict) else ():
+        task = head.get("task") if isinstance(head, dict) else None
+        if isinstance(task, dict):
+            for name in EARLIER_OPTIONS:
+                task.pop(name, None)
+    return {**tree, "format": FORMAT}
 
 
 def _weights(file: Path, blob: bytes, definition: Definition) -> Mapping[str, Audio]:

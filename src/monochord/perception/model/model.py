@@ -1,4 +1,4 @@
-"""The model: features, untouched reference, scaling and heads in one frozen object, offline and live."""
+"""The model: features, scaling and heads in one frozen object, offline and live."""
 
 import logging
 from collections.abc import Mapping, Sequence
@@ -19,7 +19,6 @@ from monochord.core.shapes import sound as checked_sound
 from monochord.core.types import (
     Audio,
     Block,
-    Estimate,
     Estimates,
     Floats,
     Signal,
@@ -30,24 +29,19 @@ from monochord.core.units import Metres, Samples, Seconds
 from monochord.core.windows import windows
 from monochord.dsp.resample import resampled
 from monochord.metrics import hit_rate
-from monochord.perception.features import FEATURES
-from monochord.perception.features.base import Extractor
-from monochord.perception.model import stepping
-from monochord.perception.model.context import ModelState
 from monochord.perception.model.correction import Correction
-from monochord.perception.model.definition import Definition, FeatureRecord
-from monochord.perception.model.forest import NO_FOREST
-from monochord.perception.model.network import Network, Output
-from monochord.perception.model.probe import probed, refuse_another
+from monochord.perception.model.definition import Definition
+from monochord.perception.model.network import Output
+from monochord.perception.model.prepared import PreparedModel
 from monochord.perception.model.saving import save
-from monochord.perception.model.stepping import Stepper, WindowReading
+from monochord.perception.model.state import ModelState
+from monochord.perception.model.stepping import entry_of, read_all, step_all
 from monochord.perception.model.stream import Fixed, Followed, ModelStream
 from monochord.perception.model.summary import brief, facts
 from monochord.perception.model.table import PredictionTable
-from monochord.perception.tuning.sessions import at_length_of, refuse_foreign
-from monochord.physics.sensors import Sensor, as_sensor, retuned, with_length, with_sensor
+from monochord.perception.tuning.sessions import refuse_foreign
+from monochord.physics.sensors import Sensor, as_sensor, with_sensor
 from monochord.physics.strings import load_string
-from monochord.physics.theory import open_frequency
 
 _log = logging.getLogger("monochord")
 MAX_RETUNING = 0.12
@@ -105,11 +99,16 @@ class Model(Checked):
                 )
                 raise InputError(given, f"{name} {shape}, as the definition says")
 
-    @property
-    def length_scale(self) -> float:
-        """The length of the string over that of the training."""
-        trained = self.definition.string
-        return 1.0 if self.string is None or trained is None else self.string.length / trained.length
+    @cached_property
+    def prepared(self) -> PreparedModel:
+        """The model made ready for its string."""
+        return PreparedModel(
+            definition=self.definition,
+            weights=self.weights,
+            string=self.string,
+            length_std=self.length_std,
+            sensing_range=self.sensing_range,
+        )
 
     @property
     def places(self) -> tuple[Metres, Metres] | None:
@@ -118,11 +117,7 @@ class Model(Checked):
         It is the overlap of sensor and training. A sensor states its range in m, the training in shares of
         the string.
         """
-        own, trained = self.sensing_range, self.definition.sensing_range
-        own = own and (own[0] / self.length_scale, own[1] / self.length_scale)
-        if own is None or trained is None:
-            return own or trained
-        return max(own[0], trained[0]), min(own[1], trained[1])
+        return self.prepared.places
 
     @checked
     def tuned(self, string: StringParams) -> "Model":
@@ -136,17 +131,8 @@ class Model(Checked):
         InputError
             If the pitch deviates from the training's by more than a tuning can be estimated.
         """
-        trained = self.definition.string
-        if trained is None:
-            return self
-        own, known = open_frequency(string), open_frequency(trained)
-        if not abs(own / known - 1.0) <= MAX_RETUNING:
-            given = f"a string tuned to {own:.1f} Hz for a model"
-            allowed = f"within {100.0 * MAX_RETUNING:.0f} % of {known:.1f} Hz, as it was trained"
-            raise InputError(given, allowed, "tune the sensor, or train a model for it")
-        if own == known and string.length == trained.length:
-            return self
-        return replace(self, string=retuned(with_length(trained, string.length), own))
+        own = self.prepared.tuned(string).string
+        return self if own == self.string else replace(self, string=own)
 
     @checked
     def within(self, sensing_range: Pair[Finite[Metres]]) -> "Model":
@@ -207,8 +193,8 @@ class Model(Checked):
         if trained.string and signal.string:
             refuse_foreign(signal.string, trained.string)
         if size is not None:
-            self.check_size(size)
-        _ = self.extractors
+            self.prepared.check_size(size)
+        _ = self.prepared.extractor
 
     @checked
     def predict(
@@ -222,8 +208,8 @@ class Model(Checked):
     ) -> PredictionTable:
         """Return the estimates for every window of a sound, as the live loop computes them.
 
-        The sound is a stream of its own. The model follows the untouched reference and the string's pitch
-        from the beginning of the sound, so an untouched first second improves the estimates.
+        The sound is a stream of its own. The model remembers the windows before and follows the string's
+        pitch from the beginning of the sound, so an untouched first second improves the estimates.
 
         Parameters
         ----------
@@ -356,7 +342,7 @@ class Model(Checked):
         True
         """
         try:
-            return save(self, Path(folder))
+            return replace(self, definition=save(self.definition, self.weights, Path(folder)))
         except OSError as error:
             raise InputError(f"folder {folder} ({error.strerror})", "a writable folder") from error
 
@@ -382,10 +368,10 @@ class Model(Checked):
         if string is not None and model.definition.channels == 2:
             own = Signal(sample_rate=signal.sample_rate, channels=2, string=string)
             try:
-                return Followed(model, own, size)
+                return Followed(model.prepared, own, size)
             except InputError:  # windows too short for a pitch
                 pass
-        return Fixed(model)
+        return Fixed(model.prepared)
 
     def __repr__(self) -> str:
         return lines(*brief(self.definition))
@@ -410,16 +396,15 @@ class Model(Checked):
         InputError
             If the window has another length.
         """
-        return stepping.step_all([self.stepper.entry(state, window)])[0]
+        return step_all([entry_of(self.prepared, state, window)])[0]
 
     @checked
     def outputs(self, state: ModelState, window: Window) -> tuple[ModelState, Mapping[str, Output]]:
         """Return the state after a window, and the output of each head before calibration and correction.
 
-        The window is compared with the reference from earlier windows. An unusable window has no outputs and
-        does not change the reference. A window with an anomaly counts as touched in the reference.
+        An unusable window has no outputs, and is not remembered.
         """
-        (reading,) = stepping.read_all([self.stepper.entry(state, window)])
+        (reading,) = read_all([entry_of(self.prepared, state, window)])
         return reading.state, reading.outputs
 
     @staticmethod
@@ -439,97 +424,18 @@ class Model(Checked):
         windows
             The window of each stream, of the training's length.
         """
-        return stepping.step_all(
-            [
-                model.stepper.entry(state, window)
-                for (model, state), window in zip(streams, windows, strict=True)
-            ]
-        )
+        pairs = zip(streams, windows, strict=True)
+        return step_all([entry_of(model.prepared, state, window) for (model, state), window in pairs])
 
-    @checked
-    def estimates(self, reading: WindowReading) -> dict[str, Estimate]:
-        """Return the estimates of a window; see `monochord.perception.model.stepping.Stepper.estimates`."""
-        return self.stepper.estimates(reading)
-
-    @checked
-    def with_length_error(self, estimates: dict[str, Estimate]) -> dict[str, Estimate]:
-        """Return estimates with positions on the string's own length, and its error in their standard error.
-
-        See `monochord.perception.model.stepping.Stepper.with_length_error`.
-        """
-        return self.stepper.with_length_error(estimates)
-
-    @cached_property
-    def stepper(self) -> Stepper:
-        """The model made ready for windows."""
-        return Stepper(self)
-
-    @checked
-    def check_size(self, size: Samples) -> None:
-        """Raise `InputError` if a window size in frames differs from the training's."""
-        trained = self.definition
-        if size != trained.window:
-            remedy = f"set --window {trained.window / trained.sample_rate:g}"
-            allowed = f"{trained.window} frames at {trained.sample_rate} Hz"
-            raise InputError(f"windows of {size} frames for a model", allowed, remedy)
-
-    @cached_property
+    @property
     def corrections(self) -> dict[str, Correction]:
         """The corrections, by head; heads without a correction are absent."""
-        names = self.definition.heads
-        return {name: own for name in names if (own := self.correction(name))}
+        return self.prepared.corrections
 
     @checked
     def correction(self, name: str) -> Correction | None:
         """Return the correction of a head, None if it has none; raises `InputError` for an unknown head."""
-        if name not in self.definition.heads:
-            raise InputError(f"head '{name}'", ", ".join(self.definition.heads))
-        record = self.definition.heads[name].correction
-        if record is None:
-            return None
-        centre, scale, mean, covariance = (
-            self.weights[f"{name}.correction.{each}"].astype(np.float64)
-            for each in ("centre", "scale", "mean", "covariance")
-        )
-        return Correction(
-            centre=centre,
-            scale=scale,
-            mean=mean,
-            covariance=covariance,
-            noise=record.noise,
-            forest=self.weights.get(f"{name}.correction.forest", NO_FOREST),
-        )
-
-    @cached_property
-    def network(self) -> Network:
-        """The network of all heads."""
-        return Network.of(self.definition, self.weights)
-
-    @cached_property
-    def extractors(self) -> tuple[Extractor, Extractor | None]:
-        """The extractors of the window's feature and of the reference, checked against the training.
-
-        The reference has none of its own where its feature is the window's.
-        """
-        trained = self.definition
-        signal = Signal(sample_rate=trained.sample_rate, channels=trained.channels, string=trained.string)
-
-        def extractor(record: FeatureRecord, part: str) -> Extractor:
-            feature = FEATURES.build(record.name, record.options)
-            prepared = feature.prepare(signal, trained.window)
-            _refuse_other_columns(record, prepared.columns)
-            probe = self.weights[f"{part}.probe"]
-            scale = self.weights[f"{part}.scale"][: probe.shape[1]]
-            refuse_another(record.name, probed(prepared, trained.channels, trained.window), probe, scale)
-            if self.string is None:
-                return prepared
-            own = at_length_of(self.string, trained.string) if trained.string else self.string
-            return feature.prepare(replace(signal, string=own, design=trained.string), trained.window)
-
-        reference = trained.reference
-        has_own = reference is not None and reference.feature != trained.feature
-        own = extractor(reference.feature, "context") if reference is not None and has_own else None
-        return extractor(trained.feature, "scaler"), own
+        return self.prepared.correction(name)
 
 
 def _track(frames: Samples, sample_rate: int, truth: Mapping[str, Floats]) -> LabelTrack:
@@ -544,12 +450,3 @@ def _track(frames: Samples, sample_rate: int, truth: Mapping[str, Floats]) -> La
             )
             raise InputError(given, f"{name} ({frames},), one value per sample")
     return LabelTrack(time=np.arange(frames) / sample_rate, columns=columns)
-
-
-def _refuse_other_columns(record: FeatureRecord, columns: tuple[str, ...]) -> None:
-    if columns == record.columns:
-        return
-    pairs = zip(columns, record.columns, strict=False)
-    first = next((f", '{trained}' where there is '{own}'" for own, trained in pairs if own != trained), "")
-    given = f"feature '{record.name}' of {len(columns)} columns"
-    raise InputError(given, f"the {len(record.columns)} columns of the training{first}", "train again")

@@ -12,9 +12,9 @@ from monochord.core.kernels import kernel, part
 from monochord.core.reasons import Reason
 from monochord.core.types import Audio, Estimate, Indices
 from monochord.metrics import DECISION
-from monochord.perception.heads.base import Loss
+from monochord.perception.heads.base import CERTAINTY, Loss
 from monochord.perception.model.correction import Correction
-from monochord.perception.model.definition import RISE_COUNT, Definition, HeadRecord
+from monochord.perception.model.definition import Definition, HeadRecord
 from monochord.perception.model.forest import forest_sums
 
 CONTACT_LIMIT_SHARE = 2.0 / 3.0
@@ -24,10 +24,6 @@ MAX_LOGIT = 700.0
 """Largest logit whose exponential is a finite double."""
 MAX_LOG_SPREAD = 20.0
 """Largest magnitude of the logarithm of a spread."""
-KNEE = 2.0
-"""Rise of the pitch in thousandths above which its input is logarithmic; noise lies below."""
-NEAREST_END = 0.05
-"""Smallest distance of a position from an end, as a share of the length, in the input of its rise."""
 NO_CORRECTIONS: Mapping[str, Correction] = {}
 STD_OF_SPREAD: Mapping[Loss, float] = {"gauss": 1.0, "laplace": math.sqrt(2.0)}
 """Standard deviation of an error distribution whose spread is 1."""
@@ -69,29 +65,15 @@ class Layers(NamedTuple):
 
 
 class Scaling(NamedTuple):
-    """Mean and scale of the feature (d,) and of the reference (c,), and the columns of the rise of the pitch.
-
-    Without a reference its arrays are empty. The columns of the rise are indices of `RISE_COLUMNS` in the
-    feature and of `RISE_REFERENCES` in the reference; empty if no head uses the rise.
-    """
+    """Mean and scale of the feature (d,)."""
 
     mean: Audio
     scale: Audio
-    context_mean: Audio
-    context_scale: Audio
-    rise: Indices
 
     @classmethod
-    def of(cls, definition: Definition, weights: Mapping[str, Audio]) -> "Scaling":
+    def of(cls, weights: Mapping[str, Audio]) -> "Scaling":
         """Return the scaling of a model with weights of the shapes in `Definition.shapes`."""
-        nothing = np.zeros(0, np.float32)
-        return cls(
-            mean=weights["scaler.mean"],
-            scale=weights["scaler.scale"],
-            context_mean=weights.get("context.mean", nothing),
-            context_scale=weights.get("context.scale", nothing),
-            rise=np.array(definition.rise_columns, np.int64),
-        )
+        return cls(mean=weights["scaler.mean"], scale=weights["scaler.scale"])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,6 +81,7 @@ class Network:
     """The scaling of the inputs and the layers of all heads, in the order of `names`.
 
     `forests` holds the nodes (n, 3) of the trees that add to the first output of a head, by its number.
+    `certainty` is the column with each head's certainty; None for a head that refines no position.
     """
 
     scaling: Scaling
@@ -106,13 +89,14 @@ class Network:
     names: tuple[str, ...]
     heads: tuple[Layers, ...]
     forests: Mapping[int, Audio]
+    certainty: tuple[int | None, ...]
 
     @classmethod
     def of(cls, definition: Definition, weights: Mapping[str, Audio]) -> "Network":
         """Return the network of a definition with weights of the shapes in `Definition.shapes`."""
         heads = [
             Layers.of(
-                definition.input_columns(name),
+                definition.columns_of(name),
                 [
                     (weights[f"{name}.{number}.weight"], weights[f"{name}.{number}.bias"])
                     for number in range(len(record.task.hidden) + 1)
@@ -122,7 +106,7 @@ class Network:
         ]
         names = tuple(definition.heads)
         return cls(
-            scaling=Scaling.of(definition, weights),
+            scaling=Scaling.of(weights),
             clip=definition.clip,
             names=names,
             heads=tuple(heads),
@@ -131,91 +115,68 @@ class Network:
                 for number, name in enumerate(names)
                 if definition.heads[name].nodes
             },
+            certainty=tuple(
+                definition.feature.columns.index(CERTAINTY) if definition.heads[name].task.refines else None
+                for name in names
+            ),
         )
 
-    def outputs(self, rows: Audio, references: Audio) -> list[dict[str, Output]]:
-        """Return the outputs of all heads for features (n, d) and untouched references (n, c).
+    def outputs(self, rows: Audio) -> list[dict[str, Output]]:
+        """Return the outputs of all heads for features (n, d).
 
         Equal rows give equal bits in any batch.
         """
-        outputs = _outputs(rows, references, self.scaling, self.clip, self.heads)
+        outputs = _outputs(rows, self.scaling, self.clip, self.heads)
         if self.forests:
-            inputs = network_inputs(rows, references, self.scaling, self.clip).astype(np.float64)
+            inputs = network_inputs(rows, self.scaling, self.clip).astype(np.float64)
             for number, nodes in self.forests.items():
                 outputs[:, number, 0] += forest_sums(inputs.take(self.heads[number].columns, 1), nodes)
         return [
             {
-                name: Output(value, log_spread, 1.0 / (1.0 + math.exp(min(-logit, MAX_LOGIT))))
-                for name, (value, log_spread, logit) in zip(self.names, row, strict=True)
+                name: Output(value, log_spread, 1.0 if column is None else float(row[column]))
+                for name, column, (value, log_spread) in zip(self.names, self.certainty, own, strict=True)
             }
-            for row in outputs.tolist()
+            for own, row in zip(outputs.tolist(), rows, strict=True)
         ]
 
 
-def network_inputs(rows: Audio, references: Audio, scaling: Scaling, clip: float) -> Audio:
-    """Return the inputs (n, d + c + r) of the heads from features (n, d) and untouched references (n, c).
+def network_inputs(rows: Audio, scaling: Scaling, clip: float) -> Audio:
+    """Return the inputs (n, d) of the heads from features (n, d).
 
-    Features are minus their mean, in standard deviations, limited to `clip`; likewise the references, which
-    are 0 where there is none: the last column marks its presence. Then follows, where a head uses it, the
-    rise of the pitch above the untouched string's, as r = `RISE_COUNT` inputs in which force is nearly
-    linear: ``asinh(r / KNEE)`` of the rises r over both readings of the untouched pitch, ``sign(r) sqrt(|r| /
-    g)`` of both, and g = 4 x (L - x) / L^2.
-
-    A light press F at x by a rigid object raises the open frequency by the share E A F^2 x (L - x) / (4 L^2
-    T^3) (`physics.theory.geometric_tension`), so F is proportional to the root. A compliant object lowers the
-    pitch, at a light touch by many times more; a logarithm limits this range.
+    Features are minus their mean, in standard deviations, limited to `clip`.
 
     Examples
     --------
-    >>> one, none = np.ones(2, np.float32), np.zeros(0, np.float32)
-    >>> scaling = Scaling(one, 2.0 * one, none, none, np.zeros(0, np.int64))
-    >>> rows = np.array([[5.0, 100.0]], np.float32)
-    >>> network_inputs(rows, rows[:, :0], scaling, 8.0).tolist()
+    >>> one = np.ones(2, np.float32)
+    >>> network_inputs(np.array([[5.0, 100.0]], np.float32), Scaling(one, 2.0 * one), 8.0).tolist()
     [[2.0, 8.0]]
     """
-    if not (rows.shape[1:] == scaling.mean.shape and references.shape[1:] == scaling.context_mean.shape):
-        given = f"rows of {rows.shape[1]} columns and a reference of {references.shape[1]}"
-        raise InputError(given, f"{scaling.mean.size} and {scaling.context_mean.size}, as in the scaling")
-    return _network_inputs(rows, references, scaling, clip)
+    if rows.shape[1:] != scaling.mean.shape:
+        raise InputError(f"rows of {rows.shape[1]} columns", f"{scaling.mean.size}, as in the scaling")
+    return _network_inputs(rows, scaling, clip)
 
 
 @kernel()
-def _network_inputs(rows: Audio, references: Audio, scaling: Scaling, clip: float) -> Audio:
-    return _inputs(rows, references, scaling, clip)
+def _network_inputs(rows: Audio, scaling: Scaling, clip: float) -> Audio:
+    return _inputs(rows, scaling, clip)
 
 
 @part()
-def _inputs(rows: Audio, references: Audio, scaling: Scaling, clip: float) -> Audio:
-    base, context = rows.shape[1], references.shape[1]
-    inputs = np.zeros((rows.shape[0], base + context + (RISE_COUNT if scaling.rise.size else 0)), np.float32)
+def _inputs(rows: Audio, scaling: Scaling, clip: float) -> Audio:
+    inputs = np.empty(rows.shape, np.float32)
     for k in range(rows.shape[0]):
-        for i in range(base):
+        for i in range(rows.shape[1]):
             # NumPy's minimum and maximum keep what is not a number.
             value = (rows[k, i] - scaling.mean[i]) / scaling.scale[i]
             inputs[k, i] = np.minimum(np.maximum(value, -clip), clip)
-        if context and references[k, -1] != 0.0:
-            for i in range(context):
-                value = (references[k, i] - scaling.context_mean[i]) / scaling.context_scale[i]
-                inputs[k, base + i] = np.minimum(np.maximum(value, -clip), clip) * references[k, -1]
-        if scaling.rise.size and references[k, -1] > 0.0:
-            place = min(max(rows[k, scaling.rise[1]], NEAREST_END), 1.0 - NEAREST_END)
-            depth = 4.0 * place * (1.0 - place)
-            for which in range(2):
-                rise = rows[k, scaling.rise[0]] - references[k, scaling.rise[2 + which]]
-                inputs[k, base + context + which] = np.arcsinh(rise / KNEE)
-                inputs[k, base + context + 2 + which] = np.sign(rise) * np.sqrt(abs(rise) / depth)
-            inputs[k, base + context + 4] = depth
     return inputs
 
 
 @kernel()
-def _outputs(
-    rows: Audio, references: Audio, scaling: Scaling, clip: float, heads: tuple[Layers, ...]
-) -> Audio:
-    """Return the outputs (n, heads, 3): a head with fewer has 0 for its spread, and certainty."""
-    outputs = np.zeros((rows.shape[0], len(heads), 3), np.float32)
-    outputs[:, :, 2] = MAX_LOGIT
-    inputs = _inputs(rows, references, scaling, clip)
+def _outputs(rows: Audio, scaling: Scaling, clip: float, heads: tuple[Layers, ...]) -> Audio:
+    """Return the outputs (n, heads, 2): a head with one has 0 for its spread."""
+    outputs = np.zeros((rows.shape[0], len(heads), 2), np.float32)
+    inputs = _inputs(rows, scaling, clip)
     for h in range(len(heads)):
         values, at = inputs, 0
         columns, units, weights = heads[h]

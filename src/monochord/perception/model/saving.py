@@ -3,32 +3,31 @@
 import dataclasses
 import hashlib
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from monochord.core.config import to_tree
 from monochord.core.files import replacing
 from monochord.core.ownership import part_folder
-
-if TYPE_CHECKING:
-    from monochord.perception.model.model import Model
+from monochord.core.types import Audio
+from monochord.perception.model.definition import Definition
 
 TEXT, WEIGHTS = "model.json", "weights.safetensors"
 
 
-def save(model: "Model", folder: Path) -> "Model":
-    """Save a model in a folder, and return the model with the checksum of its weights.
+def save(definition: Definition, weights: Mapping[str, Audio], folder: Path) -> Definition:
+    """Save a model in a folder, and return its definition with the checksum of its weights.
 
     The same model gives the same bytes. The text is written last, so a folder with the text is complete.
     """
     from safetensors.numpy import save as packed  # noqa: PLC0415
 
-    names = model.definition.shapes()
-    blob = packed({name: np.ascontiguousarray(model.weights[name], np.float32) for name in names})
-    definition = dataclasses.replace(model.definition, weights=hashlib.sha256(blob).hexdigest())
+    names = definition.shapes()
+    blob = packed({name: np.ascontiguousarray(weights[name], np.float32) for name in names})
+    definition = dataclasses.replace(definition, weights=hashlib.sha256(blob).hexdigest())
     text = json.dumps(_finite(to_tree(definition)), indent=1, ensure_ascii=False, allow_nan=False)
     content = ((WEIGHTS, blob), (TEXT, text.encode() + b"\n"))
     if folder.exists():
@@ -38,7 +37,7 @@ def save(model: "Model", folder: Path) -> "Model":
         with part_folder(folder) as part:
             _write(part, content)
             part.rename(folder)
-    return dataclasses.replace(model, definition=definition)
+    return definition
 
 
 def _write(folder: Path, content: Iterable[tuple[str, bytes]]) -> None:

@@ -1,7 +1,8 @@
 """A model on one stream of windows, which follows the pitch; the live loop and `Model.predict` use it."""
 
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING
+from copy import deepcopy
+from typing import Self
 
 from monochord.core.errors import InputError
 from monochord.core.reasons import Reason
@@ -10,9 +11,10 @@ from monochord.core.units import Samples
 from monochord.dsp.microphones import Microphones
 from monochord.metrics import DECISION
 from monochord.perception.estimators.base import Condition, Watching
-from monochord.perception.model.context import ModelState
 from monochord.perception.model.faults import OF_REASON
-from monochord.perception.model.stepping import Entry, step_all
+from monochord.perception.model.prepared import PreparedModel
+from monochord.perception.model.state import ModelState
+from monochord.perception.model.stepping import Entry, entry_of, step_all
 from monochord.perception.spectrum import Spectrum
 from monochord.perception.tuning import Tuner, TunerState, Tuning
 from monochord.perception.tuning.sessions import HIGHEST, LOWEST
@@ -20,9 +22,8 @@ from monochord.perception.tuning.tuner import detuned
 from monochord.perception.usable import Hearing, PitchJumps
 from monochord.physics.theory import open_frequency
 
-if TYPE_CHECKING:
-    from monochord.perception.model.model import Model
-
+UNTOUCHED = 0.1
+"""Largest probability of contact at which the untouched string is heard."""
 EXPECTED_PITCH = "the pitch that this model expects"
 LASTING = {fault.reason for fault in OF_REASON.values() if not fault.reason.brief}
 """Reasons of faults that do not end with a touch."""
@@ -40,6 +41,18 @@ class ModelStream(ABC):
     def __call__(self, window: Window) -> Estimates:
         """Return the estimates of the next window."""
         return self.after(*step_all([self.before(window)])[0])
+
+    def copy(self) -> Self:
+        """Return a stream that goes on from here by itself; the model is shared.
+
+        A simulator resets with it: the copy of a stream that knows the untouched string knows it, too.
+        """
+        return deepcopy(self, {id(each): each for each in self._shared})
+
+    @property
+    @abstractmethod
+    def _shared(self) -> tuple[object, ...]:
+        """What never changes, which copies share."""
 
     def before(self, window: Window) -> Entry:
         """Return the entry of a window into the model that is applied to it."""
@@ -64,13 +77,17 @@ class ModelStream(ABC):
 class Fixed(ModelStream):
     """A model that does not follow the pitch."""
 
-    def __init__(self, model: "Model") -> None:
+    def __init__(self, model: PreparedModel) -> None:
         super().__init__()
-        self._stepper, self._state = model.stepper, ModelState()
+        self._model, self._state = model, ModelState()
+
+    @property
+    def _shared(self) -> tuple[object, ...]:
+        return (self._model,)
 
     def _entry(self, window: Window) -> Entry:
         """Return the window's entry into the model."""
-        return self._stepper.entry(self._state, window)
+        return entry_of(self._model, self._state, window)
 
     def _estimates(self, state: ModelState, estimates: Estimates) -> Estimates:
         """Store the state, and return the estimates unchanged."""
@@ -81,31 +98,35 @@ class Fixed(ModelStream):
 class Followed(ModelStream, Watching):
     """A model that follows the pitch of untouched windows."""
 
-    def __init__(self, model: "Model", signal: Signal, size: Samples) -> None:
+    def __init__(self, model: PreparedModel, signal: Signal, size: Samples) -> None:
         super().__init__()
         self._tuner = Tuner.of(signal, size)
         self._trained, self._string = model, self._tuner.string
-        self._stepper, self._pitch = model.stepper, self._tuner.nominal
+        self._model, self._pitch = model, self._tuner.nominal
         self._state, self._tuned = ModelState(), TunerState()
         self._reason, self._may_state, self._jumps = "", Hearing(signal.sample_rate), PitchJumps()
-        self._gate, self._has_reference = model.definition.gate, model.definition.reference is not None
+        self._gate = model.gate
+
+    @property
+    def _shared(self) -> tuple[object, ...]:
+        return self._model, self._trained, self._tuner
 
     def _entry(self, window: Window) -> Entry:
         """Update the pitch from the window, and return its entry into the model for this pitch."""
         if window.start <= self._state.start:
             self._use(self._trained, self._string)
-        entry = self._stepper.entry(self._state, window)
+        entry = entry_of(self._model, self._state, window)
         if entry.spectrum is not None and self._has_jumped(window, entry.spectrum):
             self._may_state.forget()
             self._tuned = TunerState()
             self._use(self._trained, self._string)
-            entry = self._stepper.entry(self._state, window)
+            entry = entry_of(self._model, self._state, window)
         before, self._tuned = self._tuned.tuning, self._tuner.step(self._tuned, window, entry.spectrum)
         tuning = self._tuned.tuning
         if tuning is before or tuning is None or LOWEST <= tuning.frequency / self._pitch - 1.0 <= HIGHEST:
             return entry
         self._follow(tuning)
-        return self._stepper.entry(self._state, window, entry.spectrum)
+        return entry_of(self._model, self._state, window, entry.spectrum)
 
     def _estimates(self, state: ModelState, estimates: Estimates) -> Estimates:
         """Store the state, and return the estimates; abstentions if the pitch cannot be followed.
@@ -113,8 +134,8 @@ class Followed(ModelStream, Watching):
         Under a touch they are abstentions, too, in a stream whose untouched string was not heard.
         """
         self._state = state
-        may_state = self._may_state(state.start, heard=state.median is not None or not self._has_reference)
         contact, reason = estimates[self._gate], self._reason
+        may_state = self._may_state(state.start, heard=contact.valid and contact.value < UNTOUCHED)
         if not reason and not may_state and contact.valid and contact.value >= DECISION:
             # One that lasts tells more: a silent driver may be why no untouched string is heard.
             faults = {each.reason for each in estimates.values() if each.reason in LASTING}
@@ -134,11 +155,11 @@ class Followed(ModelStream, Watching):
         """Return whether the pitch of everything jumps, as where the sample rate changes."""
         return self._jumps(window.start, window.samples.shape[1], spectrum.frequency, spectrum.height)
 
-    def _use(self, model: "Model", string: StringParams) -> None:
+    def _use(self, model: PreparedModel, string: StringParams) -> None:
         """Read the windows to come by the model for a string."""
         start = self._state.start
-        self._stepper, self._pitch, self._reason = model.stepper, open_frequency(string), ""
-        self._state = ModelState(start=start)  # the reference was relative to the string of before
+        self._model, self._pitch, self._reason = model, open_frequency(string), ""
+        self._state = ModelState(start=start)  # the memory was relative to the string of before
 
     def _follow(self, tuning: Tuning) -> None:
         """Change to the model for a tuning that lies too far off that in use."""

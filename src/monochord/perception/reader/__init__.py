@@ -1,21 +1,45 @@
 """Reads a window's spectrum: where along the string something touches, and what is odd."""
 
 from monochord.perception.reader.cells import CELLS, CHANNELS, spectrum_cells
-from monochord.perception.reader.network import DILATIONS, FILE, KINDS, POSITIONS, STRIDES, Network
+from monochord.perception.reader.gaps import BANDS, measure_gaps
+from monochord.perception.reader.measures import COLUMNS, measure
+from monochord.perception.reader.memory import Memory, no_memory
+from monochord.perception.reader.network import (
+    BASIS,
+    FILE,
+    FIRST,
+    KINDS,
+    PARTIALS,
+    POSITIONS,
+    STRIDE,
+    MemoryNetwork,
+    Network,
+    segments,
+)
 from monochord.perception.reader.reader import Reader, Reading
 from monochord.perception.spectrum import SpectrumAnalyser
 
 __all__ = [
+    "BANDS",
+    "BASIS",
     "CELLS",
     "CHANNELS",
-    "DILATIONS",
+    "COLUMNS",
     "FILE",
+    "FIRST",
     "KINDS",
+    "PARTIALS",
     "POSITIONS",
-    "STRIDES",
+    "STRIDE",
+    "Memory",
+    "MemoryNetwork",
     "Network",
     "Reader",
     "Reading",
     "SpectrumAnalyser",
+    "measure",
+    "measure_gaps",
+    "no_memory",
+    "segments",
     "spectrum_cells",
 ]

@@ -22,6 +22,8 @@ DENSE_REACH, RIVAL_DISTANCE = 2, 6
 """Positions to either side of the densest that count as the same, and from which on another is a rival."""
 LEAST = 1.0e-6
 """Added to probabilities before their logarithm."""
+LEAST_OF_ODDS = 1.0e-3
+"""Added to both probabilities of log odds before their logarithms: no window is surer than 1000 to 1."""
 MIN_POWER = 1.0e-16
 """Added to powers before their logarithm."""
 MAX_DETUNING, SAME_PITCH, MAX_PARTIAL, AUDIBLE = 0.04, 0.002, 8.0, 1.0e-3
@@ -111,6 +113,18 @@ def measure(
     if row[PAIRED] > 0.0:
         _measure_glides(row[at + 6 :], transform, line_1, line_2, spacing, row[POSITION])
     return row
+
+
+@kernel()
+def touch_near(logits: Floats, positions: Floats, place: float, reach: float) -> tuple[float, float]:
+    """Return the log odds of a touch, and the probability of one within reach of a place.
+
+    Arguments are as in `measure`.
+    """
+    probability = np.exp(logits - logits.max())
+    probability /= probability.sum()
+    touched = np.log(probability[1:].sum() + LEAST_OF_ODDS) - np.log(probability[0] + LEAST_OF_ODDS)
+    return touched, probability[1:][np.abs(positions - place) <= reach].sum()
 
 
 @part()

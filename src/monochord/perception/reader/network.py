@@ -1,7 +1,11 @@
 """The reader's network: where along the whole string something touches, if anything does, and what is odd.
 
-Five convolutions over the cells of both microphones (`monochord.perception.reader.cells`) and a hidden layer
-give the logits of "nothing touches" and of each of `POSITIONS`, and of each kind of window in `KINDS`.
+Physics says where a touch shows: partial n of a segment that is the share s of the length is at log(n / s)
+on the axis of `monochord.perception.reader.cells`. So two convolutions read lines, a comb adds up partials of
+a fundamental wherever it lies, and the score of a position is read by the same weights everywhere: from the
+combs of both segments, and its neighbours'. What one position has learned, all have. An overview of the whole
+spectrum knows the rest: levels, faults, that nothing touches.
+
 `python -m studies.bundled_model` trains it and writes `network.safetensors` beside this file.
 """
 
@@ -10,9 +14,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from monochord.core.kernels import kernel, part
 from monochord.core.types import Audio, Floats
+from monochord.perception.reader.cells import LOWEST, STEP
 
 FILE = Path(__file__).with_name("network.safetensors")
 POSITIONS = np.linspace(0.0, 1.0, 201)
@@ -27,35 +33,92 @@ KINDS = (
     "second string",
     "two touches",
     "driver dead",
-    "very soft",
     "detuned",
 )
 """Kinds of windows that the network distinguishes; all but the first are faults."""
-STRIDES, DILATIONS = np.array((2, 2, 2, 1, 1)), np.array((1, 1, 1, 4, 1))
-"""Of each convolution; arrays, since numba compiles a function anew for every number of a tuple."""
+STRIDE = 3
+"""Cells from one output of the first convolution to the next."""
+COARSE = STRIDE * STEP
+"""Distance in log(f / f0) of these outputs."""
+FIRST = int(-np.log(LOWEST) / COARSE) - 5
+"""The first of these in which a segment's fundamental may lie: just below the open string's."""
+PARTIALS = np.round(np.log(np.arange(1, 7)) / COARSE).astype(np.int64)
+"""Cells from a fundamental to the partials that a comb adds up."""
+SHORTEST = 0.05
+"""Share of the length below which a segment's fundamental is not looked for nearer to the end."""
+BASIS = np.stack(
+    (
+        *(np.cos(2.0 * np.pi * k * POSITIONS) for k in range(5)),
+        *(np.sin(2.0 * np.pi * k * POSITIONS) for k in range(1, 4)),
+    )
+).astype(np.float32)
+"""Functions (8, positions) of the place on the string, in which scores of positions may differ."""
+
+
+OUTPUTS = ("force", "force spread", "slip", "trust", "renewal")
+"""Outputs of the memory beside those of a window's network: force in N of the design's string, compressed
+above `LARGE_FORCE`, logarithm of its spread, and log odds: of slip, of half the weight with which the held
+log density is added, and of the share of it that a window's own replaces."""
+TRUST, RENEWAL = (1 + len(POSITIONS) + len(KINDS) + OUTPUTS.index(name) for name in ("trust", "renewal"))
+LARGE_FORCE = 2.5
+"""Force F in N above which the output is ``LARGE_FORCE (1 + log(F / LARGE_FORCE))``."""
+LEAST = 1.0e-4
+"""Added to probabilities before their logarithm."""
+MAX_INPUT = 6.0
+"""Largest magnitude of an input, in standard deviations of the training."""
 
 
 class Network(NamedTuple):
-    """Five convolutions and two layers; each but the last with a ReLU.
+    """Convolutions, a comb and layers, each but the last two with a ReLU.
 
-    Weights are (taps x inputs, outputs), tap by tap. Inputs and outputs of convolutions come by fours. The
-    outputs of the last layer are the logits of no touch, of `POSITIONS`, and of `KINDS`.
+    Weights are (taps x inputs, outputs), tap by tap. Inputs and outputs of convolutions come by fours.
+    `hidden` has the flattened overview as inputs, `place` the combs of both segments and `BASIS`; `score`
+    gives the logit of a position, and `last` those of no touch and of `KINDS`.
     """
 
     convolution_1: Audio
     bias_1: Audio
     convolution_2: Audio
     bias_2: Audio
-    convolution_3: Audio
-    bias_3: Audio
-    convolution_4: Audio
-    bias_4: Audio
-    convolution_5: Audio
-    bias_5: Audio
+    comb: Audio
+    comb_bias: Audio
+    overview_1: Audio
+    overview_bias_1: Audio
+    overview_2: Audio
+    overview_bias_2: Audio
     hidden: Audio
     hidden_bias: Audio
+    place: Audio
+    place_hidden: Audio
+    place_bias: Audio
+    along: Audio
+    along_bias: Audio
+    score: Audio
     last: Audio
     last_bias: Audio
+
+
+class MemoryNetwork(NamedTuple):
+    """The layers around the memory: inputs are scaled, enter, change the state, and leave; each is (in, out).
+
+    Gates are in the order reset, update, candidate. The last layer's outputs are those of
+    `monochord.perception.reader.network.Network`, then `OUTPUTS`.
+    """
+
+    input_mean: Audio
+    input_scale: Audio
+    enter_1: Audio
+    enter_bias_1: Audio
+    enter_2: Audio
+    enter_bias_2: Audio
+    gates_input: Audio
+    gates_input_bias: Audio
+    gates_hidden: Audio
+    gates_hidden_bias: Audio
+    summary: Audio
+    summary_bias: Audio
+    memory_last: Audio
+    memory_last_bias: Audio
 
 
 @cache
@@ -67,42 +130,168 @@ def bundled_network() -> Network:
     return Network(*(np.ascontiguousarray(arrays[name], np.float32) for name in Network._fields))
 
 
+def _taps(count: int) -> NDArray[np.int64]:
+    return np.arange(count) - count // 2
+
+
+NINE, FIVE, THREE, ONE = (_taps(count) for count in (9, 5, 3, 1))
+
+
+def segments() -> tuple[NDArray[np.int64], Audio]:
+    """Return the cell below the fundamental of both segments of each position, and how far it is above."""
+    share = np.maximum(np.stack((POSITIONS, 1.0 - POSITIONS)), SHORTEST)
+    cell = (-np.log(share) - np.log(LOWEST)) / COARSE - FIRST
+    return cell.astype(np.int64), (cell % 1.0).astype(np.float32)
+
+
+_BELOW, _ABOVE = segments()
+
+
 @kernel()
-def logits(cells: Audio, network: Network) -> Floats:
-    """Return the network's outputs (1 + positions + kinds,) for a window's cells (`CHANNELS`, `CELLS`)."""
-    values = _convolved(cells, network.convolution_1, network.bias_1, STRIDES[0], DILATIONS[0])
-    values = _convolved(values, network.convolution_2, network.bias_2, STRIDES[1], DILATIONS[1])
-    values = _convolved(values, network.convolution_3, network.bias_3, STRIDES[2], DILATIONS[2])
-    values = _convolved(values, network.convolution_4, network.bias_4, STRIDES[3], DILATIONS[3])
-    values = _convolved(values, network.convolution_5, network.bias_5, STRIDES[4], DILATIONS[4])
-    hidden = _connected(values.ravel(), network.hidden, network.hidden_bias)
-    return _connected(hidden, network.last, network.last_bias).astype(np.float64)
+def activations(cells: Audio, network: Network) -> tuple[Audio, Floats]:
+    """Return what the last layer sees, and the outputs (1 + positions + kinds,), for a window's cells.
+
+    The former are the hidden layer, and of the features of positions their mean by the density and their
+    maximum. Cells are (`CHANNELS`, `CELLS`).
+    """
+    lines = _convolved(cells, network.convolution_1, _filled(network.bias_1, cells, STRIDE), STRIDE, NINE)
+    lines = _convolved(lines, network.convolution_2, _filled(network.bias_2, lines, 1), 1, THREE)
+    seen = _convolved(lines, network.overview_1, _filled(network.overview_bias_1, lines, 4), 4, FIVE)
+    seen = _convolved(seen, network.overview_2, _filled(network.overview_bias_2, seen, 2), 2, FIVE)
+    hidden = np.maximum(layer(seen.ravel(), network.hidden, network.hidden_bias), np.float32(0.0))
+    high = lines[:, FIRST:]
+    combs = _convolved(high, network.comb, _filled(network.comb_bias, high, 1), 1, PARTIALS)
+    size, positions = combs.shape[0], BASIS.shape[1]
+    both = np.empty((2 * size + BASIS.shape[0], positions), np.float32)
+    for segment in range(2):
+        for c in range(size):
+            own, comb = both[segment * size + c], combs[c]
+            for p in range(positions):
+                below, above = _BELOW[segment, p], _ABOVE[segment, p]
+                own[p] = comb[below] + above * (comb[below + 1] - comb[below])
+    both[2 * size :] = BASIS
+    start = _filled(layer(hidden, network.place_hidden, network.place_bias), both, 1)
+    places = _convolved(both, network.place, start, 1, ONE)
+    places = _convolved(places, network.along, _filled(network.along_bias, places, 1), 1, FIVE)
+    scores = np.zeros(positions, np.float32)
+    for c in range(places.shape[0]):
+        scores += network.score[c, 0] * places[c]
+    density = np.exp(scores - scores.max())
+    density /= density.sum()
+    told = np.empty(hidden.size + 2 * places.shape[0], np.float32)
+    told[: hidden.size] = hidden
+    for c in range(places.shape[0]):
+        told[hidden.size + c] = (density * places[c]).sum()
+        told[hidden.size + places.shape[0] + c] = places[c].max()
+    last = layer(told, network.last, network.last_bias)
+    outputs = np.empty(positions + last.size)
+    outputs[0], outputs[1 : 1 + positions], outputs[1 + positions :] = last[0], scores, last[1:]
+    return told, outputs
+
+
+@kernel()
+def memory_inputs(
+    hidden: Audio, logits: Floats, kinds: Floats, measures: Floats, gaps: Floats
+) -> tuple[Audio, Audio]:
+    """Return the inputs of the memory, unscaled, and the log density (1 + positions,): what a window tells.
+
+    Inputs are the logarithms of the probability of no touch, of each two neighbouring positions and of the
+    last one; the kinds' logits below the largest; the measures; the sound between the lines; and the hidden
+    layer of the window's network.
+
+    Parameters
+    ----------
+    hidden, logits, kinds
+        Of the window's network, (hidden,), (1 + positions,) and (kinds,).
+    measures
+        Of `measures.measure`.
+    gaps
+        Of `gaps.measure_gaps`, in any shape.
+    """
+    density = np.exp(logits - logits.max())
+    density /= density.sum()
+    pairs = (density.size - 2) // 2
+    inputs = np.empty(2 + pairs + kinds.size + measures.size + gaps.size + hidden.size, np.float32)
+    inputs[0] = np.log(density[0] + LEAST)
+    for k in range(pairs):
+        inputs[1 + k] = np.log(density[1 + 2 * k] + density[2 + 2 * k] + LEAST)
+    inputs[1 + pairs] = np.log(density[-1] + LEAST)
+    at = 2 + pairs
+    inputs[at : at + kinds.size] = kinds - kinds.max()
+    at += kinds.size
+    inputs[at : at + measures.size] = measures
+    at += measures.size
+    inputs[at : at + gaps.size] = gaps.ravel()
+    inputs[at + gaps.size :] = hidden
+    return inputs, np.log(density + LEAST).astype(np.float32)
+
+
+@kernel(fastmath={"contract"})
+def recalled(
+    inputs: Audio, density: Audio, hidden: Audio, held: Audio, elapsed: float, network: MemoryNetwork
+) -> tuple[Audio, Audio, Audio, Floats]:
+    """Return the next state, the density that is held from now on, the summary and the outputs."""
+    scaled = np.empty(inputs.size, np.float32)
+    for i in range(inputs.size):
+        value = (inputs[i] - network.input_mean[i]) / network.input_scale[i]
+        scaled[i] = min(max(value, -MAX_INPUT), MAX_INPUT) if np.isfinite(value) else 0.0
+    zero, one = np.float32(0.0), np.float32(1.0)
+    entered = np.maximum(layer(scaled, network.enter_1, network.enter_bias_1), zero)
+    entered = np.maximum(layer(entered, network.enter_2, network.enter_bias_2), zero)
+    timed = np.empty(entered.size + 1, np.float32)
+    timed[:-1], timed[-1] = entered, elapsed
+    given = layer(timed, network.gates_input, network.gates_input_bias)
+    kept = layer(hidden, network.gates_hidden, network.gates_hidden_bias)
+    size = hidden.size
+    both = np.empty(entered.size + size, np.float32)
+    both[: entered.size] = entered
+    after = both[entered.size :]
+    for k in range(size):
+        reset = one / (one + np.exp(-(given[k] + kept[k])))
+        update = one / (one + np.exp(-(given[size + k] + kept[size + k])))
+        candidate = np.tanh(given[2 * size + k] + reset * kept[2 * size + k])
+        after[k] = (one - update) * candidate + update * hidden[k]
+    summary = np.maximum(layer(both, network.summary, network.summary_bias), zero)
+    outputs = layer(summary, network.memory_last, network.memory_last_bias)
+    weight = np.float32(2.0) / (one + np.exp(-outputs[TRUST]))
+    held = held + (density - held) / (one + np.exp(-outputs[RENEWAL]))
+    for k in range(density.size):
+        outputs[k] += weight * held[k]
+    return after.copy(), held, summary, outputs.astype(np.float64)
+
+
+@part()
+def _filled(bias: Audio, values: Audio, stride: int) -> Audio:
+    """Return the start (outputs, cells) of a convolution's sums over values (inputs, cells)."""
+    sums = np.empty((bias.size, (values.shape[1] - 1) // stride + 1), np.float32)
+    for o in range(bias.size):
+        sums[o] = bias[o]
+    return sums
 
 
 @part(fastmath={"contract"})
-def _convolved(values: Audio, weights: Audio, bias: Audio, stride: int, dilation: int) -> Audio:
-    """Return the ReLU of a convolution (outputs, cells) of values (inputs, cells), zeros beyond either end.
+def _convolved(values: Audio, weights: Audio, sums: Audio, stride: int, taps: NDArray[np.int64]) -> Audio:
+    """Return the ReLU of sums (outputs, cells) plus a convolution of values (inputs, cells), in place.
 
+    Taps are the cells from an output's own to those that it weighs, ascending; beyond either end are zeros.
     Inputs and outputs come by fours: a pass along the cells, many at a time by vector units, adds four inputs
     to four outputs, so that each number that is loaded is used four times.
     """
-    inputs, cells = values.shape
-    taps, out = weights.shape[0] // inputs, (cells - 1) // stride + 1
-    pad = taps // 2 * dilation
+    (inputs, cells), (outputs, out) = values.shape, sums.shape
+    pad = max(-taps[0], 0)
     # Cells that are a stride apart beside each other.
-    x = np.zeros((stride, inputs, out + 2 * pad // stride + 1), np.float32)
+    x = np.zeros((stride, inputs, out + (taps[-1] + pad) // stride + 1), np.float32)
     for s in range(stride):
         for i in range(inputs):
             for q in range(x.shape[2]):
                 k = q * stride + s - pad
                 if 0 <= k < cells:
                     x[s, i, q] = values[i, k]
-    sums, zero = np.empty((bias.size, out), np.float32), np.float32(0.0)
-    for o in range(0, bias.size, 4):
+    zero = np.float32(0.0)
+    for o in range(0, outputs, 4):
         s0, s1, s2, s3 = sums[o], sums[o + 1], sums[o + 2], sums[o + 3]
-        s0[:], s1[:], s2[:], s3[:] = bias[o], bias[o + 1], bias[o + 2], bias[o + 3]
-        for tap in range(taps):
-            part, first = x[tap * dilation % stride], tap * dilation // stride
+        for tap in range(taps.size):
+            part, first = x[(taps[tap] + pad) % stride], (taps[tap] + pad) // stride
             for i in range(0, inputs, 4):
                 x0, x1 = part[i, first : first + out], part[i + 1, first : first + out]
                 x2, x3 = part[i + 2, first : first + out], part[i + 3, first : first + out]
@@ -124,13 +313,13 @@ def _convolved(values: Audio, weights: Audio, bias: Audio, stride: int, dilation
 
 
 @part()
-def _connected(values: Audio, weights: Audio, bias: Audio) -> Audio:
-    """Return the sums (outputs,) of a layer; `values` (inputs,) are passed through a ReLU before."""
+def layer(values: Audio, weights: Audio, bias: Audio) -> Audio:
+    """Return the sums (outputs,) of a layer over values (inputs,)."""
     sums = bias.copy()
     for i in range(values.size):
-        entered = values[i]
-        if entered > 0.0:
+        value = values[i]
+        if value != 0.0:
             weight = weights[i]
             for o in range(sums.size):
-                sums[o] += entered * weight[o]
+                sums[o] += value * weight[o]
     return sums

@@ -1,39 +1,84 @@
-"""The reader: from the spectrum of a window to where something touches, and what is odd."""
+"""The reader: from the spectra of a stream's windows to where something touches, and what is odd."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from monochord.core.types import Floats
+from monochord.core.types import Audio, Floats
+from monochord.core.units import Seconds
 from monochord.perception.reader.cells import spectrum_cells
-from monochord.perception.reader.measures import measure
-from monochord.perception.reader.network import KINDS, POSITIONS, Network, bundled_network, logits
+from monochord.perception.reader.gaps import measure_gaps
+from monochord.perception.reader.measures import PLACE, measure, touch_near
+from monochord.perception.reader.memory import Memory, bundled_memory, recall
+from monochord.perception.reader.network import (
+    KINDS,
+    POSITIONS,
+    MemoryNetwork,
+    Network,
+    activations,
+    bundled_network,
+    memory_inputs,
+)
 from monochord.perception.spectrum import Spectrum, SpectrumAnalyser
+
+RIGHT_WITHIN = 0.025
+"""Largest error over the length of a place that counts as right: 5 mm of the design's string."""
 
 
 class Reading(NamedTuple):
-    """The reading of a window: its measures, see `measures.COLUMNS`, and the logit of each of `KINDS`."""
+    """The reading of a window and those before it.
+
+    `measures` are those of `measures.COLUMNS`, `touched` the log odds that something touches, `certainty` the
+    probability that something does within `RIGHT_WITHIN` of the place, `kinds` the logit of each of `KINDS`,
+    `gaps` the sound between the lines of this window, `outputs` those of `memory.OUTPUTS`, and `summary` what
+    all are read from.
+    """
 
     measures: Floats
+    touched: float
+    certainty: float
     kinds: Floats
+    gaps: Floats
+    outputs: Floats
+    summary: Audio
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reader:
-    """Reads spectra of an analyser's windows; `network` is the package's by default."""
+    """Reads spectra of an analyser's windows; `network` and `memory` are the package's by default."""
 
     analyser: SpectrumAnalyser
     network: Network
+    memory: MemoryNetwork
 
     @classmethod
-    def of(cls, analyser: SpectrumAnalyser, network: Network | None = None) -> "Reader":
-        """Return the reader of an analyser's spectra."""
-        return cls(analyser=analyser, network=network or bundled_network())
+    def of(cls, analyser: SpectrumAnalyser) -> "Reader":
+        """Return the reader of an analyser's spectra, with the networks of the package."""
+        return cls(analyser=analyser, network=bundled_network(), memory=bundled_memory())
 
-    def read(self, spectrum: Spectrum) -> Reading:
-        """Return the reading of a window."""
-        own = self.analyser
-        outputs = logits(spectrum_cells(own, spectrum), self.network)
-        split = len(outputs) - len(KINDS)
-        pitch = own.bin_spacing, own.nominal, own.bending
-        measures = measure(outputs[:split], POSITIONS, *spectrum, pitch)
-        return Reading(measures, outputs[split:])
+    def alone(self, spectrum: Spectrum) -> tuple[Floats, Audio, Floats]:
+        """Return what a window alone tells: its measures, and the network's hidden layer and outputs."""
+        hidden, outputs = activations(spectrum_cells(self.analyser, spectrum), self.network)
+        return self._measures(outputs[: -len(KINDS)], spectrum), hidden, outputs
+
+    def inputs(self, spectrum: Spectrum) -> tuple[Audio, Audio, Floats]:
+        """Return what a window gives the memory (`memory_inputs`), and its sound between the lines."""
+        measures, hidden, outputs = self.alone(spectrum)
+        gaps = measure_gaps(spectrum.transform, spectrum.power, self.analyser.bin_spacing)
+        told = memory_inputs(hidden, outputs[: -len(KINDS)], outputs[-len(KINDS) :], measures, gaps)
+        return *told, gaps
+
+    def read(self, memory: Memory, spectrum: Spectrum, time: Seconds) -> tuple[Memory, Reading]:
+        """Return the memory after a window that starts at a time in s, and the window's reading.
+
+        What the window alone tells enters the memory; then that pair of lines is measured which is nearest to
+        the place that both tell.
+        """
+        inputs, density, gaps = self.inputs(spectrum)
+        memory, both = recall(memory, inputs, density, time, self.memory)
+        measures = self._measures(both.logits, spectrum)
+        near = touch_near(both.logits, POSITIONS, measures[PLACE], RIGHT_WITHIN)
+        return memory, Reading(measures, *near, both.kinds, gaps, both.outputs, both.summary)
+
+    def _measures(self, logits: Floats, spectrum: Spectrum) -> Floats:
+        pitch = self.analyser.bin_spacing, self.analyser.nominal, self.analyser.bending
+        return measure(logits, POSITIONS, *spectrum, pitch)

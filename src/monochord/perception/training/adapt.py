@@ -107,9 +107,6 @@ def adapt(
     refuse_impossible(model, dataset, touch, known_touches, replayed.outputs)
     rows = rows[touch[rows] <= known_touches.max(initial=0)]
     model, mistaken = desensitised(model, _odds(replayed, rows))
-    if mistaken:  # these windows were no reference of the untouched string, as they will be
-        reader = replace(reader, weights={**reader.weights, **model.weights})
-        replayed = read_in_turn(reader, dataset, rows, progress)
     heads: dict[str, HeadAdaptation] = {}
     known: dict[str, Correction] = {}
     spreads: dict[str, float] = {}
@@ -256,7 +253,7 @@ def desensitised(model: Model, odds: Sequence[Floats]) -> tuple[Model, dict[str,
     model
         A model, whether it reports faults or not.
     odds
-        The averaged log odds (faults,) after each window of the sensor.
+        The log odds (faults,) of each window of the sensor.
 
     Returns
     -------

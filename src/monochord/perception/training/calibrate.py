@@ -10,7 +10,7 @@ from monochord.core.types import Floats
 from monochord.metrics import brier_score, calibration_error, coverage, normal_coverage
 from monochord.perception.model.definition import Calibration
 
-FACTORS = np.exp(np.linspace(math.log(0.5), math.log(20.0), 401))
+FACTORS = np.exp(np.linspace(math.log(0.05), math.log(20.0), 601))
 """Candidate temperatures. They are bounded, because probabilities without an error have no best
 temperature."""
 SIGMAS = (1.0, 1.645, 1.96)

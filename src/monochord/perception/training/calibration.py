@@ -16,7 +16,7 @@ from monochord.core.types import Progress
 from monochord.core.units import Metres
 from monochord.datasets.build import BuildOptions, Labelling, build_dataset, find_sessions
 from monochord.datasets.store import Dataset
-from monochord.perception.model import Model, load, save
+from monochord.perception.model import Model, load
 from monochord.perception.training.adapt import Objects, adapt, judge
 from monochord.perception.training.adaptation import Adaptation
 from monochord.perception.training.examples import touches_of
@@ -115,7 +115,8 @@ def calibrated(
         strings = retuned_strings(dataset, trained.string).values() if trained.string else ()
         own = next((given.tuned(string) for string in strings), given)
         own = own.within(span) if span else own
-        span = own.places and (own.places[0] * own.length_scale, own.places[1] * own.length_scale)
+        scale = own.prepared.length_scale
+        span = own.places and (own.places[0] * scale, own.places[1] * scale)
         dataset, outside = _within(dataset, span)
         if touches == 0:
             result = judge(given, dataset, sensing_range=span, progress=progress)
@@ -128,7 +129,7 @@ def calibrated(
         on = next(iter(sensors)) if len(sensors) == 1 and SensorIdentity() not in sensors else None
         definition = dataclasses.replace(result.model.definition, calibrated_on=on)
         result = dataclasses.replace(result, model=dataclasses.replace(result.model, definition=definition))
-    return result if out is None else dataclasses.replace(result, model=save(result.model, out))
+    return result if out is None else dataclasses.replace(result, model=result.model.save(out))
 
 
 def _as_live(dataset: Dataset) -> Dataset:

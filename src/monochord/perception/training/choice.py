@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from monochord.core.types import Audio, Flags, Floats, Indices
+from monochord.core.types import Audio, Floats, Indices
 from monochord.perception.heads.base import RIGHT_WITHIN
 from monochord.perception.model.definition import Definition, HeadRecord, Method
 from monochord.perception.model.network import Network
@@ -49,9 +49,6 @@ def regressions(
     definition: Definition,
     scaler: Mapping[str, Audio],
     train: Examples,
-    *,
-    drop: float,
-    seed: int,
 ) -> Candidate:
     """Return all heads as ridge regression or extra trees learn them from the examples and their copies.
 
@@ -62,19 +59,13 @@ def regressions(
     definition
         The model, whose heads may have hidden layers; the result's have none.
     scaler
-        The arrays ``scaler.*`` and ``context.*`` of the model.
+        The arrays ``scaler.*`` of the model.
     train
         Examples to learn from.
-    drop
-        Share of the windows that are shown without a reference.
-    seed
-        Random seed of these.
     """
-    shown = np.random.default_rng(seed).random(train.base.shape[:2]) >= drop
     heads, weights = dict[str, HeadRecord](), dict[str, Audio]()
     for name, record in definition.heads.items():
-        windows = _windows_of(definition, name, scaler, train, shown)
-        learned = fit_regression(method, record.task, windows)
+        learned = fit_regression(method, record.task, _windows_of(definition, name, scaler, train))
         task = dataclasses.replace(record.task, hidden=())
         heads[name] = dataclasses.replace(record, task=task, method=method, nodes=len(learned.forest))
         weights |= {f"{name}.0.weight": learned.weight, f"{name}.0.bias": learned.bias}
@@ -83,19 +74,16 @@ def regressions(
     return Candidate(definition=dataclasses.replace(definition, heads=heads), weights=weights)
 
 
-def _windows_of(
-    definition: Definition, name: str, scaler: Mapping[str, Audio], train: Examples, shown: Flags
-) -> Windows:
-    """Return the windows that count for a head, in all copies, those without a reference as not `shown`."""
-    mask, count, width = train.masks[name], len(train.base), definition.widths[0]
+def _windows_of(definition: Definition, name: str, scaler: Mapping[str, Audio], train: Examples) -> Windows:
+    """Return the windows that count for a head, in all copies."""
+    mask, count = train.masks[name], len(train.base)
     place, total = np.cumsum(mask) - 1, int(mask.sum())
 
     def blocks() -> Iterator[tuple[Indices, Audio]]:
         for at, block in train.blocks():
             inputs = inputs_of(definition, scaler, block)
-            inputs[..., width:] *= shown[:, at, np.newaxis]
             numbers = np.arange(count)[:, np.newaxis] * total + place[at][mask[at]]
-            rows = inputs[:, mask[at]].take(definition.input_columns(name), axis=2)
+            rows = inputs[:, mask[at]].take(definition.columns_of(name), axis=2)
             yield numbers.ravel(), rows.reshape(-1, rows.shape[2])
 
     target = targets_of(definition, name, train)[:, mask].ravel()
@@ -151,8 +139,8 @@ def _outputs(candidate: Candidate, scaler: Mapping[str, Audio], examples: Exampl
     network = Network.of(candidate.definition, {**scaler, **candidate.weights})
     outputs = {name: np.empty((2, *examples.base.shape[:2])) for name in candidate.definition.heads}
     for at, block in examples.blocks():
-        for copy, pair in enumerate(zip(np.asarray(block.base), np.asarray(block.context), strict=True)):
-            own = network.outputs(*pair)
+        for copy, rows in enumerate(np.asarray(block.base)):
+            own = network.outputs(rows)
             for name, values in outputs.items():
                 values[:, copy, at] = np.array([(row[name].value, row[name].certainty) for row in own]).T
     return outputs

@@ -69,7 +69,7 @@ class PackedOutputs(Outputs):
 class Replayed:
     """A model's outputs for the windows of a dataset, by row, computed window by window as in the live loop.
 
-    `outputs` holds the outputs of every head. `odds` holds the averaged log odds of faults (faults,); empty
+    `outputs` holds the outputs of every head. `odds` holds the log odds of faults (faults,); empty
     for a model that reports none. Unusable windows are absent from both.
     """
 

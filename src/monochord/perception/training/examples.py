@@ -1,12 +1,11 @@
 """The inputs of the training loop from settings and a dataset: definition, examples and scaling."""
 
 import dataclasses
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -17,8 +16,7 @@ from monochord.datasets.augment import RECORDED
 from monochord.datasets.split import SPLIT_FILE, Split
 from monochord.datasets.store import Dataset
 from monochord.perception.heads.base import CONTACT, POSITION, REFINED_SCALE, Task
-from monochord.perception.model.context import ModelState, context_row, step
-from monochord.perception.model.definition import Definition, FeatureRecord, HeadRecord, Reference
+from monochord.perception.model.definition import Definition, FeatureRecord, HeadRecord
 from monochord.perception.model.network import Scaling, network_inputs
 from monochord.perception.model.probe import probed
 from monochord.perception.training.rows import Noise, Rows
@@ -45,7 +43,6 @@ class TrainingData:
     dataset: Dataset
     definition: Definition
     feature: Rows
-    reference: Rows | None
     scratch: Path | None = None
 
     @property
@@ -59,16 +56,14 @@ class Examples:
     """Windows of one part of a split: a clean copy, then augmented copies.
 
     `rows` (n,) are the windows' rows in the dataset. `session` (n,) and `touch` (n,) are the numbers of their
-    sessions and touches. `base` (copies, n, d) is the unscaled feature and `context` (copies, n, c) the
-    unscaled reference. `labels` (n,) holds each head's label, 0 where invalid. `masks` (n,) says which
-    windows count for each head.
+    sessions and touches. `base` (copies, n, d) is the unscaled feature. `labels` (n,) holds each head's
+    label, 0 where invalid. `masks` (n,) says which windows count for each head.
     """
 
     rows: Indices
     session: Indices
     touch: Indices
     base: Audio
-    context: Audio
     labels: Mapping[str, Floats]
     masks: Mapping[str, Flags]
 
@@ -76,24 +71,21 @@ class Examples:
         """Yield `BLOCK` windows at a time, with their place; the memory of features in files is let go."""
         for first in range(0, len(self.rows), BLOCK):
             at = slice(first, first + BLOCK)
-            yield at, self._of(at, self.base[:, at], self.context[:, at])
-            release(self.base, self.context)
+            yield at, self._of(at, self.base[:, at])
+            release(self.base)
 
     def at(self, copies: Indices, numbers: Indices) -> "Examples":
         """Return some windows (n,), each in one of its copies."""
-        some = self._of(
-            numbers, self.base[copies, numbers][np.newaxis], self.context[copies, numbers][np.newaxis]
-        )
-        release(self.base, self.context)
+        some = self._of(numbers, self.base[copies, numbers][np.newaxis])
+        release(self.base)
         return some
 
-    def _of(self, at: slice | Indices, base: Audio, context: Audio) -> "Examples":
+    def _of(self, at: slice | Indices, base: Audio) -> "Examples":
         return Examples(
             rows=self.rows[at],
             session=self.session[at],
             touch=self.touch[at],
             base=base,
-            context=context,
             labels={name: values[at] for name, values in self.labels.items()},
             masks={name: mask[at] for name, mask in self.masks.items()},
         )
@@ -134,16 +126,9 @@ def training_data(
     signal = Signal(sample_rate=manifest.sample_rate, channels=manifest.channels, string=string)
     folder = settings.cache or dataset.path / "features"
 
-    def rows_of(name: str, options: dict[str, Any]) -> tuple[Rows, FeatureRecord]:
-        rows = Rows.prepared(dataset, signal, name, options, folder, workers=workers, cluster=cluster)
-        return rows, FeatureRecord(name=name, options=options, columns=rows.extractor.columns)
-
-    feature, record = rows_of(*settings.feature_named())
-    rule = settings.context.rule() if settings.context.on else None
-    reference = None
-    if rule is not None:
-        reference, reference_record = rows_of(rule.feature.name, rule.feature.options)
-        rule = dataclasses.replace(rule, feature=reference_record)
+    name, options = settings.feature_named()
+    feature = Rows.prepared(dataset, signal, name, options, folder, workers=workers, cluster=cluster)
+    record = FeatureRecord(name=name, options=options, columns=feature.extractor.columns)
     used = np.unique(dataset.session[np.concatenate([split.train, split.validation])]).tolist()
     definition = Definition(
         title=settings.title,
@@ -152,7 +137,6 @@ def training_data(
         window=manifest.window,
         hop=manifest.hop,
         feature=record,
-        reference=rule,
         heads={name: HeadRecord(task=task) for name, task in settings.tasks().items()},
         string=string,
         sensing_range=_sensing_range(sensor.range, dataset, split),
@@ -162,7 +146,7 @@ def training_data(
         sessions={manifest.parts[number].name: manifest.parts[number].checksum for number in used},
         versions=_versions(),
     )
-    return TrainingData(dataset=dataset, definition=definition, feature=feature, reference=reference)
+    return TrainingData(dataset=dataset, definition=definition, feature=feature)
 
 
 def _versions() -> dict[str, str]:
@@ -241,7 +225,7 @@ def stream_of(dataset: Dataset, part: Indices) -> Indices:
 
 
 def labelled_contact(dataset: Dataset, rows: Indices) -> Floats:
-    """Return the probability of contact (n,) for the reference in training: the label; 1 if it is missing."""
+    """Return the label contact (n,); 1 if it is missing."""
     contact = dataset.label(CONTACT)[rows]
     return np.where(np.isfinite(contact), contact, 1.0)
 
@@ -257,43 +241,14 @@ def touches_of(dataset: Dataset) -> Indices:
     return np.cumsum(begins | (first & ~on)).astype(np.int64)
 
 
-def references(
-    dataset: Dataset, rows: Indices, contact: Floats, rule: Reference, feature: Callable[[int], Audio]
-) -> Iterator[Audio]:
-    """Yield the untouched reference (c,) of each window.
-
-    Parameters
-    ----------
-    dataset
-        The dataset of the windows.
-    rows
-        All windows (n,) of a stream, in order; a new session starts without a reference.
-    contact
-        Probability of contact (n,).
-    rule
-        The rule that updates the reference.
-    feature
-        Returns the reference's feature (c - 1,) of a window that may enter it, by row in the dataset.
-    """
-    width = len(rule.feature.columns) + 1
-    state, session, rate = ModelState(), -1, dataset.manifest.sample_rate
-    for number, row in enumerate(map(int, rows)):
-        if dataset.session[row] != session:
-            state, session = ModelState(), int(dataset.session[row])
-        yield context_row(state, width)
-        time = int(dataset.start[row]) / rate
-        state = step(state, rule, time, float(contact[number]), lambda row=row: feature(row))
-
-
 def assembled(
     dataset: Dataset,
     rows: Indices,
     tasks: Mapping[str, Task],
     base: Audio,
-    context: Audio,
     scales: Mapping[str, Floats] | None = None,
 ) -> Examples:
-    """Return the examples of windows `rows` (n,) from features (copies, n, d) and references (copies, n, c).
+    """Return the examples of windows `rows` (n,) from features (copies, n, d).
 
     Labels in the units of `scales` are divided by these (windows of the dataset,), which convert positions
     (m) and forces (N) to the design's string.
@@ -309,7 +264,6 @@ def assembled(
         session=dataset.session[rows].astype(np.int64),
         touch=touches_of(dataset)[rows],
         base=base,
-        context=context,
         labels={name: np.where(masks[name][rows], label(task)[rows], 0.0) for name, task in tasks.items()},
         masks={name: masks[name][rows] for name in tasks},
     )
@@ -322,67 +276,21 @@ def examples_of(
     noises: tuple[Noise, ...] = (),
     progress: Progress = lambda *_: None,
 ) -> Examples:
-    """Return the examples of the part `name`: clean windows, then a copy for each of `noises`.
-
-    The reference of a noisy window comes from windows with the same noise.
-    """
-    dataset, rule = data.dataset, data.definition.reference
-    rows, stream = chosen(dataset, part, data.tasks, name), stream_of(dataset, part)
-    size = 1 + len(noises), len(rows)
-    base = empty(data.scratch, (*size, len(data.definition.feature.columns)))
-    context = empty(data.scratch, (*size, 0 if rule is None else len(rule.feature.columns) + 1))
+    """Return the examples of the part `name`: clean windows, then a copy for each of `noises`."""
+    dataset = data.dataset
+    rows = chosen(dataset, part, data.tasks, name)
+    base = empty(data.scratch, (1 + len(noises), len(rows), len(data.definition.feature.columns)))
     for copy, noise in enumerate((None, *noises)):
         data.feature.of(rows, noise, progress, out=base[copy])
-        _put_references(data, (stream, rows), noise, progress, (base[copy], context[copy]))
     design = data.definition.string
     scales = {"N": force_scales(dataset, design), "m": length_scales(dataset, design)} if design else None
-    return assembled(dataset, rows, data.tasks, base, context, scales)
-
-
-def _put_references(
-    data: TrainingData,
-    windows: tuple[Indices, Indices],
-    noise: Noise | None,
-    progress: Progress,
-    arrays: tuple[Audio, Audio],
-) -> None:
-    """Put the untouched references of some windows of a stream into an array; nothing without a reference.
-
-    `windows` are the stream (n,), and those of its windows that are learned from (k,). `arrays` are the
-    features (k, d) of the latter, and their references (k, c).
-    """
-    (stream, rows), (base, context) = windows, arrays
-    rule, source = data.definition.reference, data.reference
-    if rule is None or source is None:
-        return
-    dataset, contact = data.dataset, labelled_contact(data.dataset, stream)
-    tables = [(rows, base)] if rule.feature == data.definition.feature else []
-    absent = stream[contact == 0.0]
-    absent = absent[~np.isin(absent, rows)] if tables else absent
-    quiet = empty(data.scratch, (len(absent), len(rule.feature.columns)))
-    tables.append((absent, source.of(absent, noise, progress, out=quiet)))
-
-    def feature(row: int) -> Audio:
-        for known, table in tables:
-            at = int(np.searchsorted(known, row))
-            if at < len(known) and known[at] == row:
-                return np.array(table[at])
-        raise KeyError(row)
-
-    done = 0
-    for row, reference in zip(stream, references(dataset, stream, contact, rule, feature), strict=True):
-        while done < len(rows) and rows[done] == row:
-            context[done] = reference
-            done += 1
-            if done % BLOCK == 0:
-                release(context, base, quiet)
+    return assembled(dataset, rows, data.tasks, base, scales)
 
 
 def inputs_of(definition: Definition, scaler: Mapping[str, Audio], examples: Examples) -> Audio:
     """Return the scaled inputs (copies, n, inputs) of all heads; see `network_inputs`."""
-    own = Scaling.of(definition, scaler)
-    pairs = zip(np.asarray(examples.base), np.asarray(examples.context), strict=True)
-    return np.stack([network_inputs(base, context, own, definition.clip) for base, context in pairs])
+    own = Scaling.of(scaler)
+    return np.stack([network_inputs(base, own, definition.clip) for base in np.asarray(examples.base)])
 
 
 def targets_of(definition: Definition, name: str, examples: Examples) -> Floats:
@@ -398,18 +306,9 @@ def targets_of(definition: Definition, name: str, examples: Examples) -> Floats:
 
 
 def scaling(train: Examples) -> dict[str, Audio]:
-    """Return mean and standard deviation of each column, as the arrays of a model.
-
-    The reference's statistics use only windows with a reference. Its presence mark is not scaled.
-    """
+    """Return mean and standard deviation of each column, as the arrays of a model."""
     mean, scale = mean_and_scale(_flat(block.base) for _, block in train.blocks())
-    result = {"scaler.mean": mean, "scaler.scale": scale}
-    if train.context.shape[-1]:
-        context = (_flat(block.context) for _, block in train.blocks())
-        mean, scale = mean_and_scale(rows[rows[:, -1] > 0.0] for rows in context)
-        mean[-1], scale[-1] = 0.0, 1.0
-        result |= {"context.mean": mean, "context.scale": scale}
-    return result
+    return {"scaler.mean": mean, "scaler.scale": scale}
 
 
 def _flat(copies: Audio) -> Audio:
@@ -458,11 +357,8 @@ def mean_and_scale(blocks: Iterable[Audio]) -> tuple[Audio, Audio]:
 def probes(data: TrainingData) -> dict[str, Audio]:
     """Return the features of the probe windows, as the arrays of a model."""
     definition = data.definition
-    size = definition.channels, definition.window
-    arrays = {"scaler.probe": probed(data.feature.extractor, *size)}
-    if data.reference is not None:
-        arrays["context.probe"] = probed(data.reference.extractor, *size)
-    return arrays
+    values = probed(data.feature.extractor, definition.channels, definition.window)
+    return {"scaler.probe": values}
 
 
 def quietest(dataset: Dataset, rows: Indices) -> float:

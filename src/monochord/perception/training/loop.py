@@ -26,7 +26,6 @@ class TrainingSetup:
 
     definition: Definition
     optimiser: OptimiserSettings
-    drop: float
     seed: int
 
 
@@ -48,7 +47,7 @@ def fit(
     setup
         Network, optimiser and seed.
     scaler
-        The arrays ``scaler.*`` and ``context.*`` of the model.
+        The arrays ``scaler.*`` of the model.
     train, validation
         Examples to learn from, and examples that decide when training ends.
     file
@@ -103,11 +102,10 @@ def _fit(
     while state.epoch < options.epochs and not _is_over(state, options):
         torch.manual_seed(setup.seed * 1_000_003 + state.epoch + 1)
         copies = torch.randint(learned.copies, (learned.count,))
-        shown = torch.rand(learned.count) >= setup.drop
         total = 0.0
         heads.train()
         for batch in torch.randperm(learned.count).split(options.batch):
-            loss = learned.loss(heads, batch, copies[batch], shown[batch])
+            loss = learned.loss(heads, batch, copies[batch])
             optimiser.zero_grad()
             loss.backward()
             optimiser.step()

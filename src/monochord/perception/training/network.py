@@ -11,7 +11,6 @@ from monochord.perception.heads.base import REFINED_SCALE, RIGHT_WITHIN, Task
 from monochord.perception.model.definition import Definition
 from monochord.perception.training._torch import torch_library
 from monochord.perception.training.examples import Examples, inputs_of, targets_of
-from monochord.perception.training.regression import LIKELY_RIGHT
 
 MAX_REFINED_LOSS = 20.0
 """Largest loss of a window from the error of a refined position."""
@@ -27,7 +26,7 @@ class TrainingTensors:
         self.copies, self.count = examples.base.shape[:2]
         self.tasks = {name: record.task for name, record in definition.heads.items()}
         self._examples, self._definition, self._scaler = examples, definition, scaler
-        self._columns = {name: torch.tensor(definition.input_columns(name)) for name in self.tasks}
+        self._columns = {name: torch.tensor(definition.columns_of(name)) for name in self.tasks}
         self._targets: dict[str, Any] = {}
         self.masks: dict[str, Any] = {}
         for name in self.tasks:
@@ -35,16 +34,13 @@ class TrainingTensors:
             self._targets[name] = torch.from_numpy(target.astype(np.float32))
             self.masks[name] = torch.from_numpy(examples.masks[name].astype(np.float32))
 
-    def loss(self, heads: Any, batch: Any, copies: Any, shown: Any) -> Any:
+    def loss(self, heads: Any, batch: Any, copies: Any) -> Any:
         """Return the joint loss of the windows `batch` (n,) in the given copies (n,).
 
         It is lambda_c L_c + 1[c=1] (lambda_s L_s + lambda_x L_x + lambda_F L_F), with the tasks' weights.
-        `shown` (n,) says which windows have the reference as an input.
         """
         some = self._examples.at(copies.numpy(), batch.numpy())
         rows = torch_library().from_numpy(inputs_of(self._definition, self._scaler, some)[0])
-        own = torch_library().arange(rows.shape[-1]) < self._definition.widths[0]
-        rows = torch_library().where(shown[:, None] | own, rows, 0.0)
         return sum(
             task.weight
             * head_loss(
@@ -81,15 +77,13 @@ def heads_module(definition: Definition, seed: int) -> Any:
     torch.manual_seed(seed)
     heads: dict[str, Any] = {}
     for name, record in definition.heads.items():
-        units = (definition.inputs(name), *record.task.hidden, record.task.outputs)
+        units = (len(definition.columns_of(name)), *record.task.hidden, record.task.outputs)
         layers = [torch.nn.Linear(*pair) for pair in pairwise(units)]
         for layer in layers[:-1]:
             torch.nn.init.kaiming_uniform_(layer.weight, nonlinearity="relu")
             torch.nn.init.zeros_(layer.bias)
         torch.nn.init.zeros_(layers[-1].weight)
         torch.nn.init.zeros_(layers[-1].bias)
-        if record.task.refines:
-            layers[-1].bias.data[2] = LIKELY_RIGHT
         heads[name] = torch.nn.ModuleList(layers)
     return torch.nn.ModuleDict(heads)
 
@@ -123,15 +117,15 @@ def head_loss(task: Task, output: Any, target: Any, mask: Any) -> Any:
     window is weighted by its spread to the power `SPREAD_POWER`, without a gradient; otherwise windows with a
     large spread would hardly be learned.
 
-    A head that refines a position learns its error where the position is right within `RIGHT_WITHIN`, and has
-    the logistic loss for whether it is.
+    A head that refines a position learns its error where the position is right within `RIGHT_WITHIN`: a wrong
+    one tells nothing of the error of right ones.
 
     Parameters
     ----------
     task
         Task of the head.
     output
-        Tensor (..., n, outputs): a logit, or a scaled quantity, the logarithm of its spread and a logit.
+        Tensor (..., n, outputs): a logit, or a scaled quantity and the logarithm of its spread.
     target
         Tensor (n,): 0 or 1, or the quantity in the same scale.
     mask
@@ -159,10 +153,6 @@ def head_loss(task: Task, output: Any, target: Any, mask: Any) -> Any:
             each = error.abs() * torch.exp(-log_spread) + log_spread
             each = each * torch.exp(SPREAD_POWER * log_spread).detach()
         if task.refines:
-            # A wrong position tells nothing of the error of right ones.
             right = (target.abs() < RIGHT_WITHIN / REFINED_SCALE).float()
-            is_right = torch.nn.functional.binary_cross_entropy_with_logits(
-                output[..., 2], right, reduction="none"
-            )
-            each = (each * right).clamp(max=MAX_REFINED_LOSS) + is_right
+            each = (each * right).clamp(max=MAX_REFINED_LOSS)
     return (each * mask).sum() / mask.sum().clamp(min=1.0)  # of all members, which share no weights

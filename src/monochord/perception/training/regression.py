@@ -34,8 +34,6 @@ STRENGTHS: Floats = np.logspace(-3.0, 5.0, 9)
 """Ridge's penalties of the squared weights; the one with the smallest error on left-out windows is used."""
 SURE = 4.0
 """Log odds of a class, of which trees learn the mean."""
-LIKELY_RIGHT = 4.0
-"""Log odds that a refined position is right before training tells otherwise, or where all of it are right."""
 MIN_ERROR = 1e-6
 """Smallest error whose logarithm is taken, in units of the head's scale."""
 
@@ -147,8 +145,6 @@ def fit_regression(method: Method, task: Task, windows: Windows) -> Regression:
         estimate = ridge.left_out(known) if task.outputs > 1 else known.target
     if task.outputs > 1:
         result.weight[1], result.bias[1] = _log_spread(task, known, np.abs(estimate - known.target))
-    if task.refines:
-        result.weight[2], result.bias[2] = _certainty(windows, right)
     return result
 
 
@@ -180,14 +176,6 @@ def _logistic(rows: Floats, target: Floats) -> tuple[Floats, float]:
         warnings.simplefilter("ignore", ConvergenceWarning)
         fitted = LogisticRegression(max_iter=300).fit(rows, target)
     return fitted.coef_[0], float(fitted.intercept_[0])
-
-
-def _certainty(windows: Windows, right: Flags) -> tuple[Floats, float]:
-    """Return weights and bias of the log odds that a position is right, (n,) for each window."""
-    rows, some = replace(windows, target=right.astype(np.float64)).drawn(MAX_LOGISTIC)
-    if some.target.all() or not some.target.any():
-        return np.zeros(rows.shape[1]), LIKELY_RIGHT
-    return _logistic(rows, some.target)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -29,7 +29,7 @@ from monochord.datasets.faults import Fault
 from monochord.datasets.manifest import FILE, file_checksum
 from monochord.datasets.store import Dataset
 from monochord.perception.features import FEATURES
-from monochord.perception.features.base import Extractor
+from monochord.perception.features.base import Extractor, RecurrentExtractor
 from monochord.perception.model.probe import probed
 from monochord.perception.training.scratch import release
 from monochord.perception.tuning.sessions import at_length_of, retuned_strings
@@ -173,19 +173,45 @@ class Rows:
         if cached is not None:
             return cached
         result = np.empty(shape, np.float32)
-        for first in range(0, len(rows), BATCH):
-            some = rows[first : first + BATCH]
-            windows = self.dataset.batch(some)
-            if noise is not None:
-                windows = noise.added(windows, some)
-            batch = self._features(windows, some)
-            if batch.shape != (len(some), shape[1]) or not np.isfinite(batch).all():
-                given = f"feature '{self.name}' with rows {batch.shape} or values that are not finite"
-                raise InputError(given, f"finite rows {(len(some), shape[1])}", "correct the feature")
-            result[first : first + BATCH] = batch
+        if isinstance(self.extractor, RecurrentExtractor):
+            result[:] = self._streamed(rows, noise)
+        else:
+            for first in range(0, len(rows), BATCH):
+                some = rows[first : first + BATCH]
+                result[first : first + BATCH] = self._features(self._windows(some, noise), some)
+        if not np.isfinite(result).all():
+            given = f"feature '{self.name}' with values that are not finite"
+            raise InputError(given, "finite rows", "correct the feature")
         file.parent.mkdir(parents=True, exist_ok=True)
         with replacing(file) as part:  # another run may have written the same
             part.write_bytes(_sealed(result))
+        return result
+
+    def _windows(self, rows: Indices, noise: Noise | None) -> Audio:
+        """Return windows (n, channels, size), with the noise added."""
+        windows = self.dataset.batch(rows)
+        return windows if noise is None else noise.added(windows, rows)
+
+    def _streamed(self, rows: Indices, noise: Noise | None) -> Audio:
+        """Return the features (k, columns) of windows (k,), each after those before it in its session."""
+        dataset, result = self.dataset, np.empty((len(rows), len(self.extractor.columns)), np.float32)
+        session, rate = dataset.session[rows], dataset.manifest.sample_rate
+        for number in np.unique(session).tolist():
+            string = self.retuned.get(number)
+            extractor = self.extractor if string is None else self.prepare(string)
+            assert isinstance(extractor, RecurrentExtractor)
+            own, memory = np.flatnonzero(session == number), extractor.begin()
+            part = dataset.manifest.parts[number]
+            stream = np.arange(part.first, rows[own].max() + 1)
+            stream = stream[dataset.usable[stream] | np.isin(stream, rows[own])]
+            at = dict(zip(rows[own].tolist(), own.tolist(), strict=True))
+            for first in range(0, len(stream), BATCH):
+                some = stream[first : first + BATCH]
+                for row, window in zip(some.tolist(), self._windows(some, noise), strict=True):
+                    time = int(dataset.start[row]) / rate
+                    memory, values = extractor.step(memory, extractor.analyser.analyse(window), time)
+                    if row in at:
+                        result[at[row]] = values
         return result
 
     def _features(self, windows: Audio, rows: Indices) -> Audio:

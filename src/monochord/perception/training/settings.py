@@ -1,5 +1,6 @@
 """The settings of a training run."""
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -9,53 +10,17 @@ from msgspec import Meta
 
 from monochord.core.config import Tree, from_tree, to_tree
 from monochord.core.errors import InputError
-from monochord.core.ranges import (
-    Checked,
-    Count,
-    InnerShare,
-    Share,
-)
+from monochord.core.ranges import Checked, Count, InnerShare
 from monochord.core.registry import Registry
 from monochord.datasets.augment import Augmentation
 from monochord.perception.features import FEATURES
 from monochord.perception.features.base import Feature
 from monochord.perception.heads import HEADS
 from monochord.perception.heads.base import Head, Task
-from monochord.perception.model.definition import FeatureRecord, Kept, Method, Pause, Reference
+from monochord.perception.model.definition import Method
 
 METHODS: tuple[Method, ...] = ("network", "ridge", "extra_trees")
 DEFAULT_HEADS = ("contact", "slip", "position", "force")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ContextSettings(Checked):
-    """Settings of the untouched reference: whether it is an input, its feature, and its update rule.
-
-    `below`, `keep`, `every`, `settle` and `guard` are passed to `model.definition.Reference`. `drop` is the
-    share of training windows without a reference, as at the start of a stream.
-    """
-
-    on: bool = True
-    feature: dict[str, Any] = field(default_factory=lambda: {"name": "reading"})
-    below: InnerShare = 0.1
-    keep: Kept = 8
-    every: Pause = 0.1
-    settle: Pause = 0.2
-    guard: Pause = 0.1
-    drop: Share = 0.05
-
-    def rule(self) -> Reference:
-        """Return the update rule of the reference; the columns of its feature are still empty."""
-        name, options = named(FEATURES, self.feature)
-        record = FeatureRecord(name=name, options=options, columns=())
-        return Reference(
-            feature=record,
-            below=self.below,
-            keep=self.keep,
-            every=self.every,
-            settle=self.settle,
-            guard=self.guard,
-        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,8 +68,6 @@ class TrainingSettings:
         Random seed.
     feature
         Name and options of the feature.
-    context
-        The untouched reference.
     heads
         Options of each head to train, by name.
     methods
@@ -116,8 +79,8 @@ class TrainingSettings:
         Share of ordinary validation windows that may be reported as faults; 0 reports none. The feature must
         be ``reading``.
     corrections
-        Variables of each head's correction for an unknown build and object, by head: columns of the feature
-        or the reference, or the difference of two columns; see `monochord.perception.model.correction`.
+        Variables of each head's correction for an unknown build and object, by head: columns of the feature,
+        or the difference of two columns; see `monochord.perception.model.correction`.
     optimiser
         The optimiser and the end of training.
     cache
@@ -134,7 +97,6 @@ class TrainingSettings:
     length_std: Annotated[float, Meta(ge=0.0, le=0.1)] = 0.0
     seed: int = 0
     feature: dict[str, Any] = field(default_factory=lambda: {"name": "reading"})
-    context: ContextSettings = ContextSettings()
     heads: dict[str, dict[str, Any]] = field(
         default_factory=lambda: dict[str, dict[str, Any]]((name, {}) for name in DEFAULT_HEADS)
     )
@@ -149,6 +111,10 @@ class TrainingSettings:
     @classmethod
     def read(cls, tree: Mapping[str, Any]) -> "TrainingSettings":
         """Return settings from plain values, checked strictly; paths are relative to the working folder."""
+        if "context" in tree:  # of former versions: features of the untouched string
+            said = "context has no effect: the feature reading remembers the untouched string by itself"
+            warnings.warn(said, DeprecationWarning, stacklevel=2)
+            tree = {name: value for name, value in tree.items() if name != "context"}
         settings = from_tree(cls, tree)
         if settings.seed < 0:
             raise InputError(f"seed {settings.seed}", "0 or more")
@@ -185,9 +151,6 @@ class TrainingSettings:
             head.replace("-", "_"): to_tree(HEADS.build(head, options))
             for head, options in self.heads.items()
         }
-        if self.context.on:
-            name, options = named(FEATURES, self.context.feature)
-            tree["context"]["feature"] = {"name": name, **options}
         return tree
 
 

@@ -17,7 +17,6 @@ from monochord.core.units import Samples
 from monochord.datasets.split import Split
 from monochord.datasets.store import Dataset, open_dataset
 from monochord.metrics import detection_score, mean_absolute_error, regression_score
-from monochord.perception.model.context import ModelState
 from monochord.perception.model.correction import Correction
 from monochord.perception.model.definition import (
     ORDINARY,
@@ -30,7 +29,8 @@ from monochord.perception.model.faults import FAULTS
 from monochord.perception.model.files import INSIDE_A_RUN
 from monochord.perception.model.model import Model
 from monochord.perception.model.network import Output, probability, quantity
-from monochord.perception.model.saving import save
+from monochord.perception.model.state import ModelState
+from monochord.perception.model.stepping import entry_of, read_all
 from monochord.perception.training._torch import torch_library
 from monochord.perception.training.calibrate import calibrate_probability, calibrate_quantity
 from monochord.perception.training.checkpoint import Checkpoint
@@ -158,7 +158,7 @@ def _trained(
     learned = examples_of(data, split.train, "train", noises, progress)
     kinds = each_noise(settings, dataset.manifest.sample_rate)
     copies = examples_of(data, split.validation, "validation", tuple(kinds.values()), progress)
-    judged = dataclasses.replace(copies, base=copies.base[:1], context=copies.context[:1])
+    judged = dataclasses.replace(copies, base=copies.base[:1])
     definition, scaler = scaled_heads(data.definition, learned), scaling(learned)
     definition = dataclasses.replace(definition, quietest=quietest(dataset, learned.rows))
     definition = with_variables(definition, settings.corrections)
@@ -167,14 +167,11 @@ def _trained(
     for number, method in enumerate(methods):
         progress("methods", number, len(methods))
         if method != "network":
-            candidates[method] = regressions(
-                method, definition, scaler, learned, drop=settings.context.drop, seed=settings.seed
-            )
+            candidates[method] = regressions(method, definition, scaler, learned)
             continue
         setup = TrainingSetup(
             definition=definition,
             optimiser=settings.optimiser,
-            drop=settings.context.drop,
             seed=settings.seed,
         )
         with board(out / BOARD if settings.board else None) as show:
@@ -195,7 +192,7 @@ def _trained(
     rows = stream_of(dataset, split.validation)
     noisy = noisy_logits(chosen_heads, scaler, copies)
     model, scores = calibrated(model, dataset, rows, progress, fault_share=settings.faults, noisy=noisy)
-    model = save(model, out / INSIDE_A_RUN)
+    model = model.save(out / INSIDE_A_RUN)
     write_metrics(
         out,
         {
@@ -241,8 +238,8 @@ def calibrated(
     logits and sessions of further, noisy windows, which the certainty of each probability covers as well.
 
     The model reads the windows one by one, as in the live loop. Forces are scaled to the design's tension.
-    Contact is calibrated first, because its probability decides which windows enter the untouched reference.
-    The prior of a correction comes from the errors after calibration.
+    Contact is calibrated first, because some faults count in touched windows alone. The prior of a correction
+    comes from the errors after calibration.
     """
     gate = model.definition.gate
     dataset, touch = with_design_forces(model, dataset), touches_of(dataset)
@@ -354,11 +351,12 @@ def read_in_turn(
         if dataset.session[row] != session:
             state, session = ModelState(), int(dataset.session[row])
             own = model.tuned(strings[session]) if session in strings else model
-        state, outputs = own.outputs(state, window_of(dataset, row))
-        if outputs:
-            every.append(row, outputs)
-            if state.faults.odds is not None:
-                odds[row] = state.faults.odds
+        (reading,) = read_all([entry_of(own.prepared, state, window_of(dataset, row))])
+        state = reading.state
+        if reading.outputs:
+            every.append(row, reading.outputs)
+            if reading.odds is not None:
+                odds[row] = reading.odds
         if done % 256 == 0 or done == len(rows):
             progress("validation, window by window", done, len(rows))
     return Replayed(outputs=every, odds=odds)

@@ -20,7 +20,7 @@ from monochord.physics.strings import load_string
 from monochord.physics.theory import open_frequency
 from monochord.physics.twin.setup import Sensor, lengthened
 
-__all__ = ["Sensor", "as_sensor", "design_toml", "load_sensor", "sensor_names"]
+__all__ = ["Sensor", "as_sensor", "design_toml", "load_sensor", "sensor_names", "with_length"]
 
 MAX_RETUNING = 0.25
 """Largest relative deviation of a sensor's tuning from its design."""

@@ -36,8 +36,7 @@ class TwinCase:
 
     The string stands in `sensor`, see `monochord.physics.twin.Sensor`. `material` is a preset's name or file,
     `across` the speed in m/s at which the object moves across the string, `drivers` which are on, and `pluck`
-    the initial shape of the string. `world` is "ideal" or a plausible one, whose effects are drawn by
-    `seed`.
+    the initial shape of the string. `world` is "ideal" or "plausible", whose effects are drawn by `seed`.
     """
 
     sensor: Sensor
@@ -168,7 +167,7 @@ def _simulate(setup: TwinCase, frames: Samples, rate: int) -> Take:
         touches = (Touch(material=load_material(setup.material), motion=motion),)
     sensor = setup.sensor
     if setup.world != "ideal":
-        sensor = plausible_build(sensor, setup.seed, world=setup.world)
+        sensor = plausible_build(sensor, setup.seed)
     touches = tuple(plausible_touch(touch, setup.seed, world=setup.world) for touch in touches)
     scene = Scene(touches=touches, pluck=setup.pluck, drivers=setup.drivers, tension_law=setup.tension_law)
     return advance(begin(sensor, scene, sample_rate=rate, seed=setup.seed), frames)[0]

@@ -22,8 +22,6 @@ MOUNT_FREQUENCY: tuple[Hertz, Hertz] = (300.0, 5000.0)
 """Of a mode: below, a mass of these ranges hardly moves; above, the spring stands for it."""
 MOUNT_QUALITY = 5.0, 50.0
 """Assumed: rubber pads to bare metal."""
-STIFFNESS_1, MASS_1 = (1e4, 1e6), (2e-3, 50e-3)
-"""Of every mount of the world `plausible_1`: static stiffness in N/m, modal mass in kg. Assumed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,18 +68,6 @@ def drawn_kind(name: str, seed: int) -> MountKind:
     return "soft"
 
 
-def drawn_mount_1(name: str, seed: int) -> Mount:
-    """Return the mount of an object in the world `plausible_1`: all of one class, and soft.
-
-    Examples
-    --------
-    >>> 1e4 <= 1.0 / drawn_mount_1("plastic", 3).compliance <= 1e6
-    True
-    """
-    modes = tuple(_mode_1(f"mode {i} under {name}", seed) for i in range(_count(name, seed)))
-    return Mount(modes=modes, compliance=1.0 / log_uniform(seed, f"stiffness under {name}", STIFFNESS_1))
-
-
 def _count(name: str, seed: int) -> int:
     return int(random_stream(seed, f"modes under {name}").integers(MOUNT_MODES[0], MOUNT_MODES[1] + 1))
 
@@ -103,13 +89,3 @@ def _mode(name: str, allowed: MountClass, seed: int) -> MountMode:
 
 def _frequency(stiffness: float, mass: float) -> Hertz:
     return float((stiffness / mass) ** 0.5 / (2.0 * pi))
-
-
-def _mode_1(name: str, seed: int) -> MountMode:
-    """Return a mode that is no softer than the softest mount."""
-    frequency = log_uniform(seed, f"frequency of {name}", MOUNT_FREQUENCY)
-    least = STIFFNESS_1[0] / (2.0 * pi * frequency) ** 2
-    mass = max(least, log_uniform(seed, f"mass of {name}", MASS_1))
-    return MountMode(
-        mass=mass, frequency=frequency, quality=log_uniform(seed, f"quality of {name}", MOUNT_QUALITY)
-    )

@@ -50,8 +50,7 @@ class VirtualSensor:
         Seeds of another build within the design's tolerances, and of another day; None is the design itself.
     world
         ``ideal``, or ``plausible``: what a real build brings besides, see `monochord.physics.twin.world`. The
-        mounts and surfaces of its objects are drawn by `seed` and material. ``plausible_1`` draws as plans of
-        earlier models do.
+        mounts and surfaces of its objects are drawn by `seed` and material.
     sample_rate
         In Hz, 16000 to 192000.
 

@@ -6,8 +6,7 @@ it stretches; its ends yield, its drivers are stronger, uneven and magnetic; its
 picks up the coils. A plausible object gives way, and its surface is rough, and round, flat or sharp, of a
 width, and resists turning. Each of these effects is a switch of `Effects`, and each of its quantities is
 drawn from a stated range by a random stream of its own, by name and seed: to switch one off leaves the others
-as they were. The world `plausible_1` draws as plans of earlier models do: softer mounts, contacts at a point,
-and the design's length within 0.6 mm.
+as they were.
 
 Quantities whose size is not known are drawn evenly over their logarithm, others evenly over their range. The
 ranges are what a careful reviewer would expect; each names its source or the word assumed.
@@ -22,13 +21,13 @@ from typing import Literal, get_args
 
 from monochord.core.errors import InputError
 from monochord.core.units import Hertz, Metres, Newtons
-from monochord.physics.twin.held import drawn_mount, drawn_mount_1
+from monochord.physics.twin.held import drawn_mount
 from monochord.physics.twin.setup import ContactLaw, Ebow, End, Mount, Pickups, Sensor, Touch, lengthened
 from monochord.physics.twin.variation import build as build_of
 from monochord.physics.twin.variation import day as day_of
 from monochord.physics.twin.variation import log_uniform, random_stream, uniform
 
-World = Literal["ideal", "plausible", "plausible_1"]
+World = Literal["ideal", "plausible"]
 Shape = Literal["round", "flat", "edge"]
 
 TUNING = -0.06, 0.06
@@ -84,23 +83,20 @@ SHAPES: tuple[tuple[Shape, float], ...] = (("round", 0.6), ("flat", 0.2), ("edge
 FLAT_WIDTH: tuple[Metres, Metres] = (2e-4, 4e-3)
 """Length of string under a flat object: from a worn edge to the side of a ruler. Assumed; below, a contact is
 a point beside the 0.8 mm over which the prototype's string bends."""
-FLAT_WIDTH_1: tuple[Metres, Metres] = (5e-4, 4e-3)
-"""The same in the world `plausible_1`, where a width only blurs high modes."""
 EDGE_RADIUS: tuple[Metres, Metres] = (2e-4, 1e-3)
 """Radius of an edge such as a hexagonal key's: assumed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Effects:
-    """Which effects a plausible world has, each a switch.
+    """Which effects the plausible world has, each a switch.
 
     Of the day: `tuning` (retuning by hand and creep) and `temperature`. Of the build: its `length`, the
     `tension_law` between the geometric and the linear one; `ends` that yield;
     drivers of another `level`, uneven (`asymmetry`) and with `magnets` that pull; `distortion`, `noise`,
     `hum`, and the coils' `feed_through`; and `residual`, the static share of the modes beyond the bank in
     the end forces. Of a touch: its `mount`, the exponent of its contact `law`, its rough `layer`, its
-    `shape`, flat or an edge, the `width` of a flat, and the `turning` that a round one resists. The world
-    `plausible_1` has no `length`, `tension_law`, `width` and `turning`.
+    `shape`, flat or an edge, the `width` of a flat, and the `turning` that a round one resists.
     """
 
     tuning: bool = True
@@ -153,15 +149,14 @@ def sensor_of(
     design
         With its nominal values.
     world
-        ``ideal``: only what the design's `tolerances` and `changes` say; ``plausible``: the effects besides;
-        ``plausible_1``: those of earlier plans.
+        ``ideal``: only what the design's `tolerances` and `changes` say; ``plausible``: the effects besides.
     build
-        Seed of the build. None is the design's own strings, drivers and pickups; a plausible world's effects
-        are then those of seed 0.
+        Seed of the build. None is the design's own strings, drivers and pickups; the plausible world's
+        effects are then those of seed 0.
     day
         Seed of the day. None is the day on which it was tuned.
     effects
-        Which effects a plausible world has.
+        Which effects the plausible world has.
 
     Raises
     ------
@@ -180,11 +175,11 @@ def sensor_of(
     built = design if build is None else build_of(design, build)
     if world == "ideal":
         return built if day is None else day_of(built, day)
-    built = plausible_build(built, build or 0, effects, world)
+    built = plausible_build(built, build or 0, effects)
     return built if day is None else plausible_day(built, day, effects)
 
 
-def plausible_build(sensor: Sensor, seed: int, effects: Effects = ALL, world: World = "plausible") -> Sensor:
+def plausible_build(sensor: Sensor, seed: int, effects: Effects = ALL) -> Sensor:
     """Return a sensor with the effects that it has as built.
 
     Parameters
@@ -195,8 +190,6 @@ def plausible_build(sensor: Sensor, seed: int, effects: Effects = ALL, world: Wo
         Random seed, 0 or more.
     effects
         Which effects it has.
-    world
-        ``plausible`` or ``plausible_1``.
 
     Examples
     --------
@@ -205,8 +198,7 @@ def plausible_build(sensor: Sensor, seed: int, effects: Effects = ALL, world: Wo
     >>> plausible_build(design, 3, only("hum")).drivers == design.drivers
     True
     """
-    if world == "plausible":
-        sensor = _built(sensor, seed, effects)
+    sensor = _built(sensor, seed, effects)
     first, second = (_driver(driver, d, seed, effects) for d, driver in enumerate(sensor.drivers))
     return replace(
         sensor,
@@ -271,12 +263,11 @@ def plausible_touch(touch: Touch, seed: int, effects: Effects = ALL, world: Worl
     """
     if world == "ideal":
         return touch
-    name, mended = touch.material.name, world == "plausible"
-    changed = touch
+    name = touch.material.name
     if effects.mount and touch.mount == Mount():
-        changed = replace(changed, mount=(drawn_mount if mended else drawn_mount_1)(name, seed))
+        touch = replace(touch, mount=drawn_mount(name, seed))
     if touch.law != ContactLaw():
-        return changed
+        return touch
     law = touch.law
     if effects.law:
         law = replace(law, exponent=uniform(seed, f"exponent of {name}", EXPONENT))
@@ -286,13 +277,13 @@ def plausible_touch(touch: Touch, seed: int, effects: Effects = ALL, world: Worl
         law = replace(law, layer=min(1e-4, share * touch.material.roughness), layer_load=load)
     shape = _shape(touch, seed) if effects.shape else "round"
     if shape == "flat":
-        flat = log_uniform(seed, f"width of {name}", FLAT_WIDTH if mended else FLAT_WIDTH_1)
-        law = replace(law, flat=flat, width=flat if mended and effects.width else 0.0)
+        flat = log_uniform(seed, f"width of {name}", FLAT_WIDTH)
+        law = replace(law, flat=flat, width=flat if effects.width else 0.0)
     if shape == "edge":
-        changed = replace(changed, radius=log_uniform(seed, f"edge of {name}", EDGE_RADIUS))
-    if mended and effects.turning and shape != "flat":
-        law = replace(law, arm=touch.material.radius if changed.radius is None else changed.radius)
-    return replace(changed, law=law)
+        touch = replace(touch, radius=log_uniform(seed, f"edge of {name}", EDGE_RADIUS))
+    if effects.turning and shape != "flat":
+        law = replace(law, arm=touch.material.radius if touch.radius is None else touch.radius)
+    return replace(touch, law=law)
 
 
 def _built(sensor: Sensor, seed: int, effects: Effects) -> Sensor:
