@@ -16,8 +16,8 @@ RATE = 44100
 TOUCHES = ((0.07, 0.6), (0.12, 1.2))
 """Position in m and force in N of each touch."""
 SLACK, MISSED = 0.12, 0.15
-"""Seconds of a touch that its row may leave out at its end, as its sound dies away, and at its beginning, as it
-settles: the aim there is `SLACK`, too (docs/ROADMAP.md)."""
+"""Seconds of a touch that its row may leave out at its end, as its sound dies away, and at its beginning, as
+it settles: the aim there is `SLACK`, too (docs/ROADMAP.md)."""
 
 
 @pytest.fixture(scope="module")
