@@ -160,6 +160,7 @@ class Model(Checked):
         Examples
         --------
         >>> from monochord.perception.model import load
+        >>> from monochord.physics.sensors import with_length
         >>> string = load_string("prototype").string
         >>> [load("demo").takes(with_length(string, each), (0.05, 0.15)) for each in (0.19, 0.2)]
         [False, True]

@@ -10,7 +10,7 @@ def facts(definition: Definition) -> tuple[str, list[tuple[str, str]]]:
     >>> from monochord.perception.model import load
     >>> title, rows = facts(load("demo").definition)
     >>> title, dict(rows)["feature"]
-    ('Model: Heads across builds, on the measures of the reader', 'reading, 142 columns')
+    ('Model: Heads across builds, on the measures of the reader', 'reading, 244 columns')
     """
     return f"Model: {definition.title or 'untitled'}", [
         ("sensor", _sensor(definition)),
