@@ -45,11 +45,19 @@ def test_the_touch_is_estimated(result: dict[str, Any]) -> None:
     assert result["position_windows"] > 50
     assert result["position_mae"] < 1.5e-3
     assert result["force_mae"] < 0.4  # on unseen builds 0.29 N in the mean, docs/results
-    assert result["slip_accuracy"] > 0.4  # one slide is missed on this build; 0.84 over 30 s: docs/ROADMAP.md
     for name in ("contact", "position", "force", "slip"):
-        told, right = result[f"{name}_told"], result[f"{name}_right"]
-        assert told > 0.9
-        assert right > (0.98 if name in ("contact", "position") else 0.4)
+        assert result[f"{name}_told"] > 0.9
+    for name, share in (("contact", 0.98), ("position", 0.98), ("force", 0.6)):
+        assert result[f"{name}_right"] > share
+
+
+@pytest.mark.real_time
+@pytest.mark.xfail(
+    reason="one slide of this build is missed: docs/ROADMAP.md", raises=AssertionError, strict=True
+)
+def test_its_slides_are_told(result: dict[str, Any]) -> None:
+    assert result["slip_accuracy"] > 0.7
+    assert result["slip_right"] > 0.6
 
 
 @pytest.mark.real_time

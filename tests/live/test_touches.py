@@ -15,8 +15,9 @@ from monochord.sessions import read_session
 RATE = 44100
 TOUCHES = ((0.07, 0.6), (0.12, 1.2))
 """Position in m and force in N of each touch."""
-SLACK = 0.15
-"""Seconds of a touch that its row may leave out at either end: as its sound settles and dies away."""
+SLACK, MISSED = 0.12, 0.15
+"""Seconds of a touch that its row may leave out at its end, as its sound dies away, and at its beginning, as
+it settles: the aim there is `SLACK`, too (docs/ROADMAP.md)."""
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +50,7 @@ def test_each_row_lies_within_its_touch(take: tuple[Path, Floats], tmp_path: Pat
     assert [(row["position"], row["force"]) for row in rows] == [("", "")] * len(true)
     found = np.array([[float(row["begin"]), float(row["end"])] for row in rows])
     assert (found[:, 0] >= true[:, 0]).all()
-    assert (found[:, 0] <= true[:, 0] + SLACK).all()
+    assert (found[:, 0] <= true[:, 0] + MISSED).all()
     assert (found[:, 1] <= true[:, 1]).all()
     assert (found[:, 1] >= true[:, 1] - SLACK).all()
     filled = out.read_text(encoding="utf-8").splitlines()

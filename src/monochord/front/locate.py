@@ -252,7 +252,7 @@ class _Places(Listener):
         for name, arrays in self._values.items():
             value, std = map(np.array, arrays)
             known = np.isfinite(value)
-            why = np.where(known, "", np.where(reason == "", Reason.NOT_STOPPED, reason))
+            why = np.where(known, "", np.where(reason == Reason.NONE, Reason.NOT_STOPPED, reason))
             for each in (value, std, known, why):
                 each.flags.writeable = False
             estimates[name] = EstimateColumn(value=value, std=std, valid=known, reason=why, unit=UNITS[name])

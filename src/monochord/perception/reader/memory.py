@@ -5,8 +5,8 @@ what is left fits several places. Likewise an untouched string whose drivers hol
 at the middle. So what the network makes of a window, physics' measures and the sound between the lines enter
 a gated recurrent unit, whose state is the memory, and a last layer reads all outputs anew from both. Beside
 it a density of the place is held: a gate says how much of it each window's own density replaces, little
-while a touch rests, all while it slides. The last layer's density is added to that, by as much as it is
-trusted.
+while a touch rests, all while it slides. The outputs' density is the last layer's plus the held one, weighted
+by how far that is trusted.
 
 Cho et al. (2014), Learning phrase representations using RNN encoder-decoder, EMNLP, equations 5 to 8; the
 reset gate is applied after the product with the state, as cuDNN and PyTorch do.
@@ -79,8 +79,8 @@ def recall(
     """Return the memory after a window that starts at a time in s, and what both tell.
 
     `inputs` and `density` are those of `memory_inputs`. A window that starts less than `TICK` after the last
-    one that entered leaves the memory as it is; what it tells is read as if it entered. After `MAX_ELAPSED`
-    without a window nothing is remembered.
+    one that entered is read like any other, but does not enter. After `MAX_ELAPSED` without a window nothing
+    is remembered.
     """
     since = time - memory.time
     if since > MAX_ELAPSED:
