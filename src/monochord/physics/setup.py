@@ -13,10 +13,11 @@ from monochord.core.types import Audio, StringParams
 from monochord.core.units import FINITE, Hertz, Metres, MetresPerSecond, Newtons, Seconds
 from monochord.physics.materials import Material
 from monochord.physics.theory import Losses, TensionLaw
-from monochord.physics.twin.records import MAX_MOUNT_MODES
 
 MAX_TOUCHES = 8
 """Objects that may touch the string at once."""
+MAX_MOUNT_MODES = 3
+"""Modes of object, gripper and frame under a touch."""
 DISTORTION_LEVEL = 0.5
 """Amplitude of a sine, in full scale, at which distortion is stated."""
 HUM_SHARES = (1.0, 0.25, 0.5, 0.1, 0.3)
