@@ -21,6 +21,7 @@ from monochord.core.errors import InputError
 from monochord.core.files import replacing
 from monochord.figures.base import require_matplotlib
 from monochord.front.design import design as designed
+from monochord.front.design_figure import draw
 from monochord.physics.design import FRAMES, NO_MODEL, WIRES, Wishes
 from monochord.physics.materials import material_names
 
@@ -143,7 +144,7 @@ def design(
             part.write_text(result.toml(), encoding="utf-8")
     if figure is not None:
         with replacing(figure) as part:
-            result.draw().savefig(part)
+            draw(result).savefig(part)
     written = {name: str(path) for name, path in (("path", out), ("figure", figure)) if path is not None}
     if as_json:
         echo(json.dumps({**result.tree(), **written}))
