@@ -13,11 +13,11 @@ from monochord.core.reasons import Reason
 from monochord.core.types import Audio, Estimates, Floats, Signal, StringParams, Window
 from monochord.metrics import DECISION
 from monochord.perception.estimators import ESTIMATORS
-from monochord.perception.estimators.base import Watching
 from monochord.perception.model import ModelState, load
 from monochord.perception.model.network import estimates_of
 from monochord.perception.tuning import Tuner, TunerState
 from monochord.perception.usable import PATIENCE
+from monochord.perception.watching import Watching
 from monochord.physics.sensors import load_sensor
 from monochord.physics.theory import open_frequency
 from monochord.physics.twin.virtual_sensor import VirtualSensor
