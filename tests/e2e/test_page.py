@@ -16,8 +16,9 @@ from tests.live.web.test_server import SIGNAL, Keep, update
 
 from monochord.core.reasons import Reason
 from monochord.core.types import Estimate, Signal, Tracked
+from monochord.live.guides.bench import Bench
 from monochord.live.health import Note
-from monochord.live.sinks.base import Update
+from monochord.live.update import Update
 from monochord.live.web.server import Server
 from monochord.physics.sensors import load_sensor, with_sensor
 
@@ -79,7 +80,7 @@ def telling_page(signal: Signal, controls: Keep | None, folder: Path) -> Generat
 
     with (
         Server(port=0) as server,
-        server.show(signal, 1.3, controls, folder=folder, model="demo") as writer,
+        server.show(signal, 1.3, controls, tasks=Bench(signal, 1.3, folder, "demo")) as writer,
         opened(server.address) as page,
     ):
         thread = threading.Thread(target=write, args=(writer,))
@@ -223,7 +224,7 @@ def test_a_link_explains_the_page(page: Page, tmp_path: Path) -> None:
     assert len(page.requests) == requests
     with (
         Server(port=0) as server,
-        server.show(SIGNAL, 0.2, None, folder=tmp_path) as writer,
+        server.show(SIGNAL, 0.2, None) as writer,
         opened(f"{server.address}#about") as other,
     ):
         other.wait("window.monochord?.run ? 1 : 0")

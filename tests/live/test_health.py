@@ -19,10 +19,10 @@ from monochord.live import LiveRun, health
 from monochord.live.filter import FilterState
 from monochord.live.health import HealthSettings, HealthState, Note
 from monochord.live.loop import opened
-from monochord.live.sinks.base import Update
-from monochord.perception.estimators.base import Condition
+from monochord.live.update import Update
 from monochord.perception.estimators.model import ModelEstimator
 from monochord.perception.model.faults import FAULTS
+from monochord.perception.watching import Condition
 
 RATE, SIZE, HOP = 44100, 4410, 441
 TIME = np.arange(4 * RATE) / RATE

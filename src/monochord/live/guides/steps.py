@@ -18,10 +18,10 @@ from monochord.core.files import replacing
 from monochord.core.types import Signal
 from monochord.core.units import Metres
 from monochord.live.labelled import table
-from monochord.live.sinks.base import Update
+from monochord.live.recording import Recording
 from monochord.live.touch_guide import TouchGuide
 from monochord.live.tuning import SECONDS, SensorAsTuned, tuned
-from monochord.live.web.recording import Recording
+from monochord.live.update import Update
 
 if TYPE_CHECKING:
     from monochord.perception.training.adaptation import Adaptation

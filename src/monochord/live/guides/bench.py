@@ -16,11 +16,12 @@ from monochord.core.dated import dated_path
 from monochord.core.types import Signal
 from monochord.core.units import Metres, Newtons
 from monochord.live.delivery import reason
-from monochord.live.sinks.base import Update
-from monochord.live.touch_guide import Act, TouchGuide
-from monochord.live.web.labelling import Labelling
-from monochord.live.web.recording import Recording
-from monochord.live.web.steps import Calibration, Guided, Tuning
+from monochord.live.guides.labelling import Labelling
+from monochord.live.guides.steps import Calibration, Guided, Tuning
+from monochord.live.recording import Recording
+from monochord.live.touch_guide import TouchGuide
+from monochord.live.update import Update
+from monochord.live.web.tasks import Act, Tasks
 
 MAX_WAITING = 16
 """Most files waiting to be opened or closed, as on a slow disk; further commands are refused."""
@@ -58,7 +59,7 @@ class _Cancelled(Exception):  # noqa: N818  (no error)
     """Raised in a computation that was cancelled."""
 
 
-class Bench:
+class Bench(Tasks):
     """The recordings and guided steps of a run: the sink calls `take`, the server everything else.
 
     A command takes effect at once, or `state` says why not.

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from monochord.capture.sources import SOURCES
+from monochord.live.guides.bench import MAX_WAITING, Bench
 from monochord.live.loop import opened
 from monochord.live.settings import LiveRun
-from monochord.live.sinks.base import Update
-from monochord.live.web.guided import MAX_WAITING, Bench
+from monochord.live.update import Update
 from monochord.perception.model import load
 from monochord.physics.sensors import load_sensor
 from monochord.sessions import read_session

@@ -9,10 +9,10 @@ from monochord.core.dated import dated_path
 from monochord.core.errors import MonochordError
 from monochord.core.types import Signal
 from monochord.core.units import Metres
+from monochord.live.guides.steps import Check, Guided
 from monochord.live.labelled import LabelledRecording
-from monochord.live.sinks.base import Update
 from monochord.live.touch_guide import TouchGuide
-from monochord.live.web.steps import Check, Guided
+from monochord.live.update import Update
 
 
 class Labelling(Guided):
