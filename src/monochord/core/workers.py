@@ -126,8 +126,8 @@ class Worker(Generic[Job, Result]):
                 return self._pool.submit(call, self._work, pack(job))
             except BrokenProcessPool:  # it died between two jobs
                 self.end()
-        spawn = multiprocessing.get_context("spawn")
-        self._pool = ProcessPoolExecutor(1, spawn, initializer=prepare, initargs=(self._niceness,))
+        context = multiprocessing.get_context("spawn")
+        self._pool = ProcessPoolExecutor(1, context, initializer=prepare, initargs=(self._niceness,))
         with shielded(), without_main():
             return self._pool.submit(call, self._work, pack(job))
 
