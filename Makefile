@@ -18,7 +18,7 @@ TORCH := torch==2.13.0
 TORCH_INDEX := https://download.pytorch.org/whl/cpu
 EXTRAS := dev,ros,cluster,export,pandas,figures,train,encoders,openvino
 REPOSITORY_RULES := tests/contract/test_layout.py tests/contract/test_identifiers.py
-SPELLED := src docs examples hardware ros studies README.md ARCHITECTURE.md CONTRIBUTING.md CHANGELOG.md Makefile
+SPELLED := src packages docs examples hardware ros studies README.md ARCHITECTURE.md CONTRIBUTING.md CHANGELOG.md Makefile
 
 # Tests start hundreds of processes. Where bytecode may not be written, each one compiles numba, scipy and Monochord
 # again before it begins, which takes three times as long as its imports.
@@ -90,9 +90,9 @@ rules: # All of make check but types
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/lint-imports
-	$(BIN)/interrogate --quiet src
+	$(BIN)/interrogate --quiet src packages
 	$(BIN)/codespell $(SPELLED)
-	$(BIN)/bandit --quiet --recursive --configfile pyproject.toml src
+	$(BIN)/bandit --quiet --recursive --configfile pyproject.toml src packages
 	$(BIN)/pytest --quiet $(REPOSITORY_RULES)
 
 format: install ## Put the code in the house format and fix what the linter can
@@ -175,4 +175,4 @@ release-check: ## Wheel, sdist, one-liners, CITATION and the Dockerfile's steps,
 
 clean: ## Remove what these commands made, the virtual environment included
 	rm -rf $(VENV) $(ROS) docs/_build .pytest_cache .ruff_cache .hypothesis .import_linter_cache build dist
-	find src tests studies -name __pycache__ -type d -prune -exec rm -rf {} +
+	find src packages tests studies -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -240,8 +240,8 @@ REFUSED = {
     "evaluate demo --suite hardware": "studies.hardware_suite",
     "bench realstrings": "studies.real_strings",
     "figure slip": "studies.slip",
-    f"{TRAIN} --set feature.name=yamnet": "studies/monochord-yamnet",
-    "weights get yamnet": "studies/monochord-yamnet",
+    f"{TRAIN} --set feature.name=yamnet": "packages/monochord-yamnet",
+    "weights get yamnet": "packages/monochord-yamnet",
 }
 
 

@@ -54,10 +54,11 @@ def imported(file: Path) -> Iterator[tuple[str, str]]:
             yield from ((alias.name, "") for alias in node.names)
 
 
-def test_studies_import_public_names_alone_and_nothing_imports_a_study() -> None:
+def test_studies_and_packages_import_public_names_alone_and_nothing_imports_a_study() -> None:
     private = [
         f"{file.name}: {name} of {module}"
-        for file in (ROOT / "studies").rglob("*.py")
+        for folder in ("studies", "packages")
+        for file in (ROOT / folder).rglob("*.py")
         for module, name in imported(file)
         if module.startswith("monochord.") or (module == "monochord" and name)
         if not VOCABULARY.fullmatch(module) and name not in getattr(import_module(module), "__all__", ())

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from tests.studies.conftest import YAMNET
+from tests.packages.conftest import YAMNET
 
 from monochord.cli import run
 from monochord.perception.features import FEATURES
