@@ -5,8 +5,8 @@ import pytest
 
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Signal
-from monochord.dsp import MelSound
-from monochord.dsp.resample import Resampler
+from monochord_encoders.mel import MelSound
+from monochord_encoders.resampling import Resampler
 from monochord_yamnet.feature import Yamnet, _LayerRows
 from monochord_yamnet.network import Convolution, YamnetMel, YamnetWeights, activations
 

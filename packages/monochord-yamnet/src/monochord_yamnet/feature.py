@@ -8,8 +8,8 @@ import numpy as np
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Signal
 from monochord.core.units import Samples, Seconds
-from monochord.dsp import MEL_RATE, MelSound
 from monochord.perception.features.base import Extractor, Feature
+from monochord_encoders.mel import MEL_RATE, MelSound
 from monochord_yamnet.network import (
     BANDS,
     LAYERS,

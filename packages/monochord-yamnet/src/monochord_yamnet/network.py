@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Floats
 from monochord.core.units import Hertz, Samples
-from monochord.dsp import MEL_RATE, frame_indices, mel_filters
-from monochord.perception.encoders.weights import checked_sum, find_weights, load_known
+from monochord_encoders.mel import MEL_RATE, frame_indices, mel_filters
+from monochord_encoders.weights import checked_sum, find_weights, load_known
 
 FRAME: Samples = 400
 FFT_SIZE: Samples = 512
@@ -82,7 +82,7 @@ class YamnetMel:
     hop
         Hop in samples: 160, as in training, or 16, which gives 100 frames in 0.1 s.
     centred
-        Frames as in `monochord.dsp.frame_indices`.
+        Frames as in `monochord_encoders.mel.frame_indices`.
 
     Raises
     ------

@@ -7,7 +7,9 @@ from monochord.core.errors import InputError
 from monochord.core.shapes import batch
 from monochord.core.types import Audio, Floats, Signal
 from monochord.core.units import Hertz, Samples, Seconds
-from monochord.dsp.resample import Resampler
+from monochord_encoders.resampling import Resampler
+
+__all__ = ["MEL_RATE", "MelSound", "frame_indices", "mel_filters"]
 
 MEL_RATE = 16000
 """Sample rate in Hz of the input of a log-mel spectrogram."""
@@ -17,6 +19,8 @@ LOWEST: Hertz = 20.0
 PRE_EMPHASIS = 0.97
 FLOOR = float(np.finfo(np.float32).eps)
 """Smallest energy of a band, so that the logarithm of silence is finite."""
+FINE_HOP: Samples = 16
+"""Samples from one frame to the next; a window of 0.1 s has 100 frames."""
 MAX_SAMPLE = 1.0e3
 """Largest sample in full scale; larger ones are clipped."""
 
@@ -203,3 +207,22 @@ class MelSound:
         """Return a window's sound (channels, length); non-finite samples become silence."""
         sound = np.clip(np.nan_to_num(window, nan=0.0, posinf=0.0, neginf=0.0), -MAX_SAMPLE, MAX_SAMPLE)
         return self._resampler(sound)
+
+
+class Spectrogram:
+    """Log-mel spectrograms of windows of one length: the input of `log_mel` and of the transformer."""
+
+    def __init__(
+        self, signal: Signal, size: Samples, *, hop: Samples, centred: bool, bins: int, context: Seconds
+    ) -> None:
+        self.sound = MelSound(signal, size, context=context)
+        self._energies = LogMel(size=self.sound.length, hop=hop, bins=bins, centred=centred)
+
+    @property
+    def frames(self) -> int:
+        """Frames of a window."""
+        return self._energies.frames
+
+    def __call__(self, window: Audio) -> Audio:
+        """Return the energies (channels, frames, bins) of a window."""
+        return self._energies(self.sound(window))

@@ -7,15 +7,20 @@ from importlib import import_module
 from pathlib import Path
 
 import click
+from click.shell_completion import CompletionItem
 
-from monochord.cli._options import completes, refuse_unwritable
-from monochord.cli._output import echo
+from monochord.cli import echo
 from monochord.core.errors import InputError
-from monochord.perception.encoders.weights import checked_sum, find_weights, load_known, weight_names
-from monochord.perception.encoders.weights.fetch import describe, fetch
+from monochord_encoders.weights import checked_sum, find_weights, load_known, weight_names
+from monochord_encoders.weights.fetch import describe, fetch
 
 DIR, FILE = click.Path(path_type=Path, file_okay=False), click.Path(path_type=Path)
+SUFFIX = ".onnx"
 json_object = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+
+
+def _names(context: click.Context, parameter: click.Parameter, word: str) -> list[CompletionItem]:  # noqa: ARG001
+    return [CompletionItem(name) for name in weight_names() if name.startswith(word)]
 
 
 @click.group()
@@ -31,7 +36,7 @@ def weights() -> None:
 
 
 @weights.command()
-@click.argument("name", **completes(weight_names))
+@click.argument("name", shell_complete=_names)
 @click.option(
     "--folder", type=DIR, metavar="DIR", help="Folder to save to.  [default: the user's data folder]"
 )
@@ -60,7 +65,7 @@ def get(name: str, *, folder: Path | None, sha256: str, as_json: bool) -> None:
 
 
 @weights.command()
-@click.argument("name", **completes(weight_names))
+@click.argument("name", shell_complete=_names)
 @click.option("--path", type=click.Path(), default="", metavar="PATH", help="Weights file, or its folder.")
 @json_object
 def check(name: str, *, path: str, as_json: bool) -> None:
@@ -76,7 +81,7 @@ def check(name: str, *, path: str, as_json: bool) -> None:
 
 
 @weights.command()
-@click.argument("name", **completes(weight_names))
+@click.argument("name", shell_complete=_names)
 @click.option("--path", type=click.Path(), default="", metavar="PATH", help="Weights file, or its folder.")
 @click.option("--out", type=FILE, required=True, metavar="FILE.onnx", help="File to write.")
 @click.option(
@@ -95,7 +100,10 @@ def export(name: str, *, path: str, out: Path, frames: int, int8: bool, as_json:
     if not known.exporter:
         allowed = ", ".join(other for other in weight_names() if load_known(other).exporter)
         raise InputError(f"weights '{name}' as an ONNX file", allowed)
-    refuse_unwritable(out, (".onnx",))
+    if out.suffix.lower() != SUFFIX:
+        raise InputError(f"file '{out}'", f"a name that ends in {SUFFIX}")
+    if not out.parent.is_dir():
+        raise InputError(f"file '{out}'", "a file in an existing folder", f"create '{out.parent}' first")
     file = find_weights(known, path)
     import_module(known.exporter).export(str(file), out, frames=frames, int8=int8)
     _print(out, checked_sum(known, file), f"{known.title}, {'int8' if int8 else 'float32'}", as_json=as_json)

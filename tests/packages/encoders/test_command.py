@@ -4,12 +4,14 @@ from hashlib import sha256
 from pathlib import Path
 
 import pytest
-from tests.cli.running import refusal
+from click.shell_completion import BashComplete
+from tests.cli.running import Capture, refusal
 
+from monochord import cli
 from monochord.cli import run
-from monochord.cli import weights as command
-from monochord.perception.encoders.ast.network import Sizes, Weights, network_of
-from monochord.perception.encoders.weights import load_known
+from monochord_encoders import command
+from monochord_encoders.network import Sizes, Weights, network_of
+from monochord_encoders.weights import load_known
 
 FILE = "model.safetensors"
 
@@ -40,7 +42,7 @@ def test_get_fetches_checks_and_tells(
     address: str,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    capsys: Capture,
 ) -> None:
     from_address(monkeypatch, address)
     monkeypatch.setenv("MONOCHORD_WEIGHTS", str(tmp_path / "weights"))
@@ -56,7 +58,7 @@ def test_get_fetches_checks_and_tells(
 
 
 def test_get_puts_them_where_it_is_told(
-    address: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    address: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:
     from_address(monkeypatch, address)
     assert run(["weights", "get", "ast", "--folder", str(tmp_path / "here")]) == 0
@@ -65,14 +67,14 @@ def test_get_puts_them_where_it_is_told(
 
 
 def test_without_a_network_get_says_what_to_do(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:
     from_address(monkeypatch, "https://127.0.0.1:9/model.safetensors")
     assert "MONOCHORD_AST" in refusal(capsys, "weights", "get", "ast", "--folder", tmp_path)
 
 
 def test_check_of_what_is_not_there_says_how_to_get_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:
     monkeypatch.delenv("MONOCHORD_AST", raising=False)
     monkeypatch.setenv("MONOCHORD_WEIGHTS", str(tmp_path))
@@ -80,9 +82,7 @@ def test_check_of_what_is_not_there_says_how_to_get_it(
 
 
 @pytest.mark.parametrize("damage", ["cut", "text"])
-def test_check_of_a_damaged_file_is_one_line(
-    published: Path, capsys: pytest.CaptureFixture[str], damage: str
-) -> None:
+def test_check_of_a_damaged_file_is_one_line(published: Path, capsys: Capture, damage: str) -> None:
     content = published.read_bytes()
     published.write_bytes(content[:-100] if damage == "cut" else b"not weights at all")
     assert FILE in refusal(capsys, "weights", "check", "ast", "--path", published.parent)
@@ -90,7 +90,7 @@ def test_check_of_a_damaged_file_is_one_line(
 
 @pytest.mark.slow
 def test_export_writes_an_onnx_file_and_says_of_which_weights(
-    published: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    published: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     pytest.importorskip("onnxscript", reason="onnxscript is not installed")
     out = tmp_path / "ast.onnx"
@@ -100,3 +100,31 @@ def test_export_writes_an_onnx_file_and_says_of_which_weights(
     result = json.loads(capsys.readouterr().out)
     assert result["sha256"] == sha256(published.read_bytes()).hexdigest()
     assert result["bytes"] == out.stat().st_size > 0.9 * published.stat().st_size
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        ("get atst", "'ast'"),
+        ("export atst --out out.onnx", "'ast'"),
+        ("export ast --out out.onnx --frames 0", "--frames"),
+        ("export ast --out out.onx", ".onnx"),
+        ("export ast --out absent/out.onnx", "create 'absent' first"),
+    ],
+)
+def test_what_cannot_be_is_refused_and_nothing_is_written(
+    words: str,
+    named: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: Capture,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert named in refusal(capsys, "weights", *words.split())
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_shell_completes_names() -> None:
+    complete = BashComplete(cli.monochord, {}, "monochord", "_MONOCHORD_COMPLETE")
+    assert [item.value for item in complete.get_completions(["weights", "get"], "a")] == ["ast"]
+    assert [item.value for item in complete.get_completions([], "we")] == ["weights"]

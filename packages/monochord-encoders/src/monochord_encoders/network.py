@@ -1,4 +1,9 @@
-"""The network of Hugging Face's transformers, with weights from a file, for spectrograms of any length."""
+"""The frozen Audio Spectrogram Transformer, with the network of Hugging Face's transformers.
+
+Weights come from a file; a spectrogram may have any length.
+
+Source: Y. Gong, Y.-A. Chung and J. Glass, AST: Audio Spectrogram Transformer, Interspeech 2021.
+"""
 
 import logging
 import warnings
@@ -13,7 +18,7 @@ import numpy as np
 
 from monochord.core.config import from_tree, load_json
 from monochord.core.errors import InputError, MissingLibraryError
-from monochord.perception.encoders.weights import checked_sum, find_weights, load_known
+from monochord_encoders.weights import checked_sum, find_weights, load_known
 
 BANDS = 128
 """Mel bands of a spectrogram."""
@@ -292,6 +297,11 @@ def _libraries() -> tuple[Any, Any]:
         import torch  # noqa: PLC0415
         import transformers  # noqa: PLC0415
     except ImportError as error:
-        library = error.name or "PyTorch and transformers"
-        raise MissingLibraryError("The transformer", library, "encoders") from error
+        raise missing_library("The transformer", error.name or "torch") from error
     return torch, transformers
+
+
+def missing_library(task: str, name: str) -> MissingLibraryError:
+    """Return the error for a library that is not there, as after an installation without dependencies."""
+    library = name.partition(".")[0]
+    return MissingLibraryError(task, library, "train" if library == "torch" else library)

@@ -7,7 +7,7 @@ import pytest
 
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Floats
-from monochord.dsp.mel import FLOOR, MEL_RATE, LogMel, frame_indices, mel, mel_filters
+from monochord_encoders.mel import FLOOR, MEL_RATE, LogMel, frame_indices, mel, mel_filters
 
 PLACE = mel(np.arange(257, dtype=np.float64) * 31.25)
 

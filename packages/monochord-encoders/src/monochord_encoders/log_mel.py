@@ -8,8 +8,8 @@ from msgspec import Meta
 
 from monochord.core.types import Audio, Signal
 from monochord.core.units import Samples, Seconds
-from monochord.perception.features._mel import FINE_HOP, Spectrogram
 from monochord.perception.features.base import Extractor, Feature
+from monochord_encoders.mel import FINE_HOP, Spectrogram
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -17,8 +17,8 @@ class LogMel(Feature):
     """Mean and maximum over time of each mel band's log energy, for each microphone.
 
     Bands are kept apart because a touch changes frequency. A window is resampled to 16 kHz and cut into
-    frames of 25 ms, 1 ms apart (100 frames for 0.1 s); see `monochord.dsp.mel.LogMel`. The defaults give 512
-    columns for two microphones.
+    frames of 25 ms, 1 ms apart (100 frames for 0.1 s); see `monochord_encoders.mel.LogMel`. The defaults give
+    512 columns for two microphones.
 
     Parameters
     ----------

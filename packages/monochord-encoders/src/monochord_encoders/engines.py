@@ -17,14 +17,15 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
-from monochord.core.errors import DeviceError, MissingLibraryError
+from monochord.core.errors import DeviceError
 from monochord.core.types import Audio
-from monochord.perception.encoders.ast.network import (
+from monochord_encoders.network import (
     BANDS,
     DEVIATION,
     MEAN,
     Weights,
     find_ast,
+    missing_library,
     network_of,
     patch_columns,
     quiet_libraries,
@@ -226,8 +227,7 @@ def _library(name: str) -> Any:
     try:
         return import_module(name)
     except ImportError as error:
-        extra = "openvino" if name == "openvino" else "encoders"
-        raise MissingLibraryError("This backend of the encoder", name, extra) from error
+        raise missing_library("This backend of the encoder", name) from error
 
 
 def _sha256(file: Path) -> str:

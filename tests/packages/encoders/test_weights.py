@@ -17,14 +17,14 @@ from typing import Any
 import pytest
 
 from monochord.core.errors import DeviceError, InputError
-from monochord.perception.encoders.weights import (
+from monochord_encoders.weights import (
     KnownWeights,
     checked_sum,
     find_weights,
     load_known,
     weight_names,
 )
-from monochord.perception.encoders.weights.fetch import CHUNK_BYTES, describe, fetch
+from monochord_encoders.weights.fetch import CHUNK_BYTES, describe, fetch
 
 CONTENT = bytes(range(256)) * (CHUNK_BYTES // 100)
 Serve = Callable[..., str]
@@ -202,7 +202,7 @@ def refused(tmp_path: Path, weights: KnownWeights, kind: type[Exception], match:
     assert not list(tmp_path.iterdir()), "something was left behind"
 
 
-READER = {"sha256": "", "reader": "monochord.perception.encoders.ast.network"}
+READER = {"sha256": "", "reader": "monochord_encoders.network"}
 SMALL = {"max_bytes": CHUNK_BYTES}
 
 
@@ -333,7 +333,7 @@ def test_a_server_that_is_stuck_is_given_up(
     beginning: bytes | None,
     every: float | None,
 ) -> None:
-    monkeypatch.setattr("monochord.perception.encoders.weights.fetch.TIMEOUT", 0.5)
+    monkeypatch.setattr("monochord_encoders.weights.fetch.TIMEOUT", 0.5)
     begin = time.monotonic()
     refused(tmp_path, served(stuck(beginning, every)), DeviceError, "127.0.0.1")
     assert time.monotonic() - begin < 3.0

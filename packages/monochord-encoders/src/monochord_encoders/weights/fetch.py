@@ -25,7 +25,7 @@ from urllib.request import (
 
 from monochord.core.errors import DeviceError, InputError
 from monochord.core.units import Seconds
-from monochord.perception.encoders.weights import CHECKSUM_SUFFIX, KnownWeights, checked_sum
+from monochord_encoders.weights import CHECKSUM_SUFFIX, KnownWeights, checked_sum
 
 _LOG = logging.getLogger(__name__)
 TIMEOUT: Seconds = 30.0

@@ -9,12 +9,12 @@ import pytest
 
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Signal
-from monochord.dsp.mel import LogMel
-from monochord.dsp.resample import Resampler
-from monochord.perception.encoders.ast.engines import build_engine
-from monochord.perception.encoders.ast.network import Sizes, Weights, find_ast, network_of
 from monochord.perception.features import FEATURES
 from monochord.perception.features.base import Extractor
+from monochord_encoders.engines import build_engine
+from monochord_encoders.mel import LogMel
+from monochord_encoders.network import Sizes, Weights, find_ast, network_of
+from monochord_encoders.resampling import Resampler
 
 for needed in ("torch", "transformers", "onnx", "onnxscript", "onnxruntime"):
     pytest.importorskip(needed, reason=f"{needed} is not installed")

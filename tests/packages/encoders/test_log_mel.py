@@ -3,9 +3,9 @@ import pytest
 
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Signal
-from monochord.dsp.mel import LogMel
-from monochord.dsp.resample import Resampler
 from monochord.perception.features import FEATURES
+from monochord_encoders.mel import LogMel
+from monochord_encoders.resampling import Resampler
 
 TWO = Signal(sample_rate=44100, channels=2)
 SIZE = 4410

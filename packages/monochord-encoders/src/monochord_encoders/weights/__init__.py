@@ -15,10 +15,10 @@ from hashlib import file_digest
 from pathlib import Path
 
 from monochord.core.config import from_tree
-from monochord.core.errors import InputError
+from monochord.core.errors import InputError, MissingLibraryError
 from monochord.core.presets import Presets
 from monochord.core.ranges import Checked, Count
-from monochord.perception import MOVED
+from monochord.perception.features import FEATURES
 
 __all__ = ["KnownWeights", "checked_sum", "find_weights", "load_known", "weight_names"]
 
@@ -94,8 +94,8 @@ def load_known(name: str) -> KnownWeights:
     >>> load_known("ast").file
     'model.safetensors'
     """
-    if name in MOVED and name not in (names := weight_names()):
-        raise InputError(f"weights '{name}'", ", ".join(names), MOVED[name])
+    if (package := FEATURES.moved.get(name)) and name not in weight_names():
+        raise MissingLibraryError(f"The network '{name}'", f"the package {package}", package)
     return WEIGHTS.load(name)
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from monochord.core.errors import InputError
 from monochord.core.types import Audio
-from monochord.dsp.resample import Resampler
+from monochord_encoders.resampling import Resampler
 
 RATE, NEW, SIZE = 44100, 16000, 4410
 

@@ -7,13 +7,12 @@ import numpy as np
 from msgspec import Meta
 
 from monochord.core.errors import InputError
-from monochord.core.ranges import Checked
 from monochord.core.types import Audio, Signal
 from monochord.core.units import Samples, Seconds
-from monochord.perception.encoders.ast.engines import Backend, Embed, build_engine
-from monochord.perception.encoders.ast.network import BANDS, Weights, find_ast
-from monochord.perception.features._mel import FINE_HOP, Spectrogram
 from monochord.perception.features.base import Extractor, Feature
+from monochord_encoders.engines import Backend, Embed, build_engine
+from monochord_encoders.mel import FINE_HOP, Spectrogram
+from monochord_encoders.network import BANDS, Weights, find_ast
 
 AUDIOSET_HOP: Samples = 160
 """Samples from one frame to the next in AudioSet."""
@@ -70,7 +69,7 @@ class Ast(Feature):
     context: Seconds = 0.0
 
     def __post_init__(self) -> None:
-        Checked.__post_init__(self)
+        Feature.__post_init__(self)
         if self.random and self.weights:
             given = f"ast.weights '{self.weights}' and ast.random"
             raise InputError(given, "only one of the two", "leave out ast.weights to use random weights")
