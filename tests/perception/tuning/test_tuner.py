@@ -11,8 +11,8 @@ from tests.physics.twin.built import planned
 
 from monochord.core.errors import InputError
 from monochord.core.reasons import Reason
-from monochord.core.types import Audio, Floats, Signal, StringParams, Window
-from monochord.dsp.resample import Resampler
+from monochord.core.types import Audio, Block, Floats, Signal, StringParams, Window
+from monochord.dsp.resample import resampled
 from monochord.perception.tuning import Tuner, TunerState, tuner
 from monochord.physics.sensors import load_sensor
 from monochord.physics.theory import inharmonicity, open_frequency, stiff_partials
@@ -110,8 +110,9 @@ def test_each_tuning_is_heard_after_any_touch(name: str, percent: int) -> None:
 def test_resampled_sound_is_that_of_another_tuning(rate: int) -> None:
     """Sound played faster by the tuning's ratio is that of a string of that pitch, whatever the twin does."""
     nominal = followed(untouched("prototype"), PROTOTYPE).tuning
-    resampler = Resampler(sample_rate=RATE, new_rate=rate, size=RATE)
-    tuning = followed(resampler(untouched("prototype")), PROTOTYPE).tuning
+    sound = Block(samples=untouched("prototype"), start=0)
+    blocks = list(resampled([sound], sample_rate=RATE, new_rate=rate))
+    tuning = followed(np.concatenate([block.samples for block in blocks], axis=1), PROTOTYPE).tuning
     assert nominal is not None
     assert tuning is not None
     assert tuning.frequency / nominal.frequency == pytest.approx(RATE / rate, rel=3e-4)
