@@ -35,7 +35,7 @@ class Fault:
     fix
         Subject of the commit whose fix it takes back; empty for a fault that was never there.
     tests
-        The files and folders that should notice it; the folder of its package by default.
+        The files, folders and single tests that should notice it; the folder of its package by default.
     slow
         Whether a test that should is a slow one.
     """
@@ -74,7 +74,7 @@ class Fault:
 
     def paths(self, root: Path) -> list[str]:
         """Return the tests of a tree that should notice it, all of its package where those have gone."""
-        named = [name for name in self.tests if (root / name).exists()]
+        named = [name for name in self.tests if (root / name.partition("::")[0]).exists()]
         package = f"tests/{self.package}"
         return named or [package if (root / package).is_dir() else "tests"]
 

@@ -152,12 +152,14 @@ def test_a_fault_follows_its_text_at_any_indentation(tree: Path) -> None:
         fault.applied(tree)
 
 
-def test_there_are_forty_half_of_them_of_fixes_and_each_applies_to_the_source_as_it_is() -> None:
-    forty = read_faults()
-    assert (len(forty), sum(bool(fault.fix) for fault in forty.values())) == (40, 20)
-    assert min(Counter(fault.package for fault in forty.values()).values()) >= 3
-    for fault in forty.values():
+def test_there_are_many_a_third_of_them_of_fixes_and_each_applies_to_the_source_as_it_is() -> None:
+    faults = read_faults()
+    assert len(faults) >= 80
+    assert 3 * sum(bool(fault.fix) for fault in faults.values()) >= len(faults)
+    assert min(Counter(fault.package for fault in faults.values()).values()) >= 3
+    for fault in faults.values():
         file, text = fault.applied(ROOT)
         assert text != file.read_text(encoding="utf-8")
         compile(text, file, "exec")
-        assert not [name for name in fault.tests if not (ROOT / name).exists()], fault.name
+        absent = [name for name in fault.tests if not (ROOT / name.partition("::")[0]).exists()]
+        assert not absent, fault.name
