@@ -127,9 +127,8 @@ def test_the_file_of_the_design_is_not_replaced_by_its_own_tuning(
         Path(name).write_bytes(take.read_bytes())
     assert run(["design", "--gauge", "0.254e-3", "--out", "design.toml"]) == 0
     before = Path("design.toml").read_bytes()
-    for own in ("design.toml", str(tmp_path / "design.toml")):
-        line = refusal(capsys, *command, "--sensor", own, "--out", "design.toml", "--force")
-        assert "design" in line
+    line = refusal(capsys, *command, "--sensor", "design.toml", "--out", "design.toml", "--force")
+    assert "design" in line
     assert Path("design.toml").read_bytes() == before
 
 
