@@ -215,6 +215,14 @@ def test_a_table_has_a_row_for_each_window() -> None:
     assert frame["note"].tolist() == [row.note for row in rows]
 
 
+def test_a_note_begins_where_the_one_before_it_ends() -> None:
+    """Windows of 0.1 s hold both."""
+    places = mc.locate(plucked(E, 2.0 ** (2 / 12) * E), sample_rate=RATE, length=LENGTH, open="A2")
+    first, second = places.held_notes()
+    assert (round(first.fret), round(second.fret)) == (5, 7)
+    assert first.end == second.begin == pytest.approx(0.5, abs=0.06)
+
+
 def test_a_harmonic_or_a_bend_is_spoken_of(write: Write, capsys: Capture) -> None:
     printed = text(capsys, write("a.wav", plucked(330.0)), "--length", LENGTH, "--open", "A2")
     assert "harmonic" in printed

@@ -263,6 +263,8 @@ def test_a_page_is_told_what_is_estimated_and_what_happened() -> None:
             history = messages_of(client, "hello")[0]["history"]
         assert len(history) > 3
         assert history[0][0] < history[-1][0]
+        time_, _, _, *quantities = history[-1][:7]
+        assert quantities == [pytest.approx(1e-3 * time_, abs=1e-5), 1e-4, None, None]  # position, force
         assert history[0][-6:] == [1.0, None, None, None, 1.0, None]  # truth, and what is decided
 
 

@@ -284,6 +284,21 @@ def test_the_pitch_is_followed_past_touches() -> None:
     assert state.refusals >= 9
 
 
+def test_lost_sound_does_not_move_the_pitch() -> None:
+    """What a device fills a gap with may ring as a string does."""
+    own, kept = open_frequency(PROTOTYPE), TunerState()
+    tuner = Tuner.of(Signal(sample_rate=RATE, channels=2, string=PROTOTYPE), SIZE)
+    before, within = tones([2.0 * own], [0.1]), tones([2.1 * own], [0.1])
+    for number in range(16):
+        has_gap = number >= 5
+        samples = (within if has_gap else before)[:, :SIZE]
+        window = Window(samples=samples, start=number * SIZE, sample_rate=RATE, has_gap=has_gap)
+        kept = tuner.step(kept, window)
+    assert kept.tuning is not None
+    assert kept.tuning.frequency == pytest.approx(own, rel=1e-3)
+    assert (kept.tuning.windows, kept.refusals) == (5, 11)
+
+
 def test_the_state_is_all_there_is() -> None:
     """The fold gives the same from the same state, and begins anew with another stream."""
     sound = untouched("prototype")
