@@ -4,8 +4,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from monochord.core.workers import Worker
-from monochord.live.sinks.base import Sink
-from monochord.live.sinks.web import Web
+from monochord.live.sinks.base import PageSink, Sink
 
 if TYPE_CHECKING:
     from monochord.live.web.server import Part
@@ -15,15 +14,16 @@ NICENESS = 5
 
 
 def with_page(sinks: Iterable[Sink]) -> tuple[Sink, ...]:
-    """Return sinks; the page among them can record, guide and design, beside showing the run.
+    """Return sinks; a page among them can record, guide and design, beside showing the run.
 
     Examples
     --------
-    >>> from monochord.live.sinks.csv import Csv
-    >>> with_page([Csv(path="run.csv")])
-    (Csv(path='run.csv'),)
+    >>> from monochord.live.sinks import SINKS
+    >>> udp = SINKS.build("udp")
+    >>> with_page([udp]) == (udp,)
+    True
     """
-    return tuple(_whole(each) if isinstance(each, Web) else each for each in sinks)
+    return tuple(_whole(each) if isinstance(each, PageSink) else each for each in sinks)
 
 
 def design_page() -> "Part":
@@ -35,7 +35,7 @@ def design_page() -> "Part":
     return design_part(Worker(encoded_answer, niceness=NICENESS))
 
 
-def _whole(page: Web) -> Sink:
+def _whole(page: PageSink) -> Sink:
     from monochord.live.guides.bench import Bench  # noqa: PLC0415  (what a recording and a tuning take)
 
     return page.with_tasks(Bench, parts=(design_page(),))

@@ -6,23 +6,28 @@ output, and whether each of several strings has its own instance. The loop does 
 
 import warnings
 from abc import ABC, abstractmethod
-from collections.abc import Generator, Mapping
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from monochord.capture.sources.base import Controls
 from monochord.core.ranges import Checked
 from monochord.core.types import Signal
 from monochord.core.units import Metres
 from monochord.live.update import Update
+from monochord.live.web.tasks import MakeTasks
+
+if TYPE_CHECKING:
+    from monochord.live.web.server import Part
 
 __all__ = [
     "BACKLOG",
     "NEWEST",
     "Listener",
     "NotDeliveredError",
+    "PageSink",
     "Run",
     "Sink",
     "Update",
@@ -140,6 +145,14 @@ class Sink(Checked, ABC):
     def is_for_each_string(self) -> bool:
         """Whether each of several strings has its own instance; otherwise one instance takes all updates."""
         return False
+
+
+class PageSink(Sink, ABC):
+    """A sink that serves a page, which can do more than show the run where that is handed to it."""
+
+    @abstractmethod
+    def with_tasks(self, tasks: MakeTasks, *, parts: "Sequence[Part]" = ()) -> Sink:
+        """Return this sink with what its page can ask for, and with further pages of its server."""
 
 
 class Listener(Sink, Writer):

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from monochord.capture.recording.settings import of_sensor
 from monochord.core.types import Signal
 from monochord.core.units import Metres
-from monochord.live.sinks.base import Run, Sink, Update, Writer
+from monochord.live.sinks.base import PageSink, Run, Sink, Update, Writer
 from monochord.live.sinks.terminal import DEFAULT_LENGTH
 from monochord.live.web.tasks import MakeTasks
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Web(Sink):
+class Web(PageSink):
     """Serve a page that shows the run in any number of browsers, without internet access.
 
     It shows the string with the touch, estimates with standard errors, both microphones' spectra, levels,
@@ -76,7 +76,7 @@ class Web(Sink):
             yield writer
 
     def with_tasks(self, tasks: MakeTasks, *, parts: "Sequence[Part]" = ()) -> Sink:
-        """Return this sink with what its page can ask for, and with further pages."""
+        """Return this sink with what its page can ask for, and with further pages of its server."""
         return _Page(options=self, tasks=tasks, parts=tuple(parts))
 
 
