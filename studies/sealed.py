@@ -20,8 +20,7 @@ from studies._command import lines_of, main
 from studies._rows import SummaryRow, summary_row
 
 from monochord.core.types import Flags
-from monochord.evaluation import Results, regression_rows
-from monochord.evaluation.results import read_results
+from monochord.evaluation import Results, read_results, regression_rows
 
 HARD, SOFT = "hard objects, held", "soft objects"
 TOGETHER: Mapping[str, tuple[str, ...]] = {
