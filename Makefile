@@ -16,9 +16,10 @@ VERSIONS := constraints.txt
 INSTALL := $(PIP) install --no-compile --constraint $(VERSIONS)
 TORCH := torch==2.13.0
 TORCH_INDEX := https://download.pytorch.org/whl/cpu
-EXTRAS := dev,ros,cluster,export,pandas,figures,train,encoders,openvino
+EXTRAS := dev,ros,cluster,export,pandas,figures,train
+PACKAGES := --editable './packages/monochord-encoders[openvino]'
 REPOSITORY_RULES := tests/contract/test_layout.py tests/contract/test_identifiers.py
-SPELLED := src docs examples hardware ros studies README.md ARCHITECTURE.md CONTRIBUTING.md CHANGELOG.md Makefile
+SPELLED := src packages docs examples hardware ros studies README.md ARCHITECTURE.md CONTRIBUTING.md CHANGELOG.md Makefile
 
 # Tests start hundreds of processes. Where bytecode may not be written, each one compiles numba, scipy and Monochord
 # again before it begins, which takes three times as long as its imports.
@@ -51,10 +52,10 @@ $(DEMO_INSTALLED): pyproject.toml $(VERSIONS) | system $(BIN)/python
 # PyTorch first and from its own index of builds for the CPU: from the default one it brings gigabytes for a graphics
 # card. Where such a build lies in a folder that pip is set to look into, it is installed from there, and nothing waits
 # for the index. What PyTorch depends on comes with the next line.
-$(INSTALLED): pyproject.toml $(VERSIONS) | $(DEMO_INSTALLED)
+$(INSTALLED): pyproject.toml packages/monochord-encoders/pyproject.toml $(VERSIONS) | $(DEMO_INSTALLED)
 	@echo "installing its development tools into $(VENV)"
 	@$(INSTALL) --no-deps --no-index '$(TORCH)+cpu' 2>/dev/null || $(INSTALL) --no-deps --index-url $(TORCH_INDEX) '$(TORCH)'
-	@$(INSTALL) --editable '.[$(EXTRAS)]'
+	@$(INSTALL) --editable '.[$(EXTRAS)]' $(PACKAGES)
 	@$(BIN)/python -m monochord.cli._compile pitch
 	@touch $@
 
@@ -66,7 +67,7 @@ install: system $(INSTALLED) ## Set everything up: Debian packages, .venv, Monoc
 
 constraints: | $(BIN)/python ## Renew constraints.txt: the newest versions that pyproject.toml allows; installs nothing
 	@$(PIP) install --dry-run --ignore-installed --report $(VENV)/versions.json \
-	  --extra-index-url $(TORCH_INDEX) '$(TORCH)' --editable '.[$(EXTRAS),docs,cad]'
+	  --extra-index-url $(TORCH_INDEX) '$(TORCH)' --editable '.[$(EXTRAS),docs,cad]' $(PACKAGES)
 	@$(BIN)/python -c "$$LIST_VERSIONS" $(VENV)/versions.json >$(VENV)/versions.txt
 	@mv $(VENV)/versions.txt $(VERSIONS)
 
@@ -75,7 +76,7 @@ define LIST_VERSIONS
 import json, sys
 packages = [package["metadata"] for package in json.load(open(sys.argv[1], encoding="utf-8"))["install"]]
 names = {package["name"]: package["version"] for package in packages}
-print(*(f"{name}=={names[name]}" for name in sorted(names, key=str.lower) if name not in ("monochord", "torch")), sep="\n")
+print(*(f"{name}=={names[name]}" for name in sorted(names, key=str.lower) if name not in ("monochord", "monochord-encoders", "torch")), sep="\n")
 endef
 export LIST_VERSIONS
 
@@ -90,9 +91,9 @@ rules: # All of make check but types
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/lint-imports
-	$(BIN)/interrogate --quiet src
+	$(BIN)/interrogate --quiet src packages
 	$(BIN)/codespell $(SPELLED)
-	$(BIN)/bandit --quiet --recursive --configfile pyproject.toml src
+	$(BIN)/bandit --quiet --recursive --configfile pyproject.toml src packages
 	$(BIN)/pytest --quiet $(REPOSITORY_RULES)
 
 format: install ## Put the code in the house format and fix what the linter can
@@ -175,4 +176,4 @@ release-check: ## Wheel, sdist, one-liners, CITATION and the Dockerfile's steps,
 
 clean: ## Remove what these commands made, the virtual environment included
 	rm -rf $(VENV) $(ROS) docs/_build .pytest_cache .ruff_cache .hypothesis .import_linter_cache build dist
-	find src tests studies -name __pycache__ -type d -prune -exec rm -rf {} +
+	find src packages tests studies -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -4,7 +4,7 @@ Makes `docs/results/paper.json` from the plan `paper`, in some five hours on two
 without the transformer):
 
 `features.toml` lists the variations. Those with YAMNet need its package and weights
-(`studies/monochord-yamnet/README.md`). Existing runs in the folder of `--out` are kept.
+(`packages/monochord-yamnet/README.md`). Existing runs in the folder of `--out` are kept.
 """
 
 import tomllib

@@ -39,6 +39,8 @@ CORRECTIONS = '{force = ["position", "open - rest"]}'
 """What an unknown build and object add to the uncertainty, and what known touches take away again."""
 READER, HEADS = 0.75, 0.88
 """Share of the builds up to which they train the reader's networks, and up to which they train heads."""
+OFTEN = frozenset({"slid", "slid_fast", "swung", "swayed", "pressed_hard"})
+"""Groups chosen twice as often: few windows have a force that swings, a place that moves, or a hard press."""
 REPORTED = 250
 """Updates between two reports."""
 LENGTH_STD = 0.0058
@@ -69,22 +71,23 @@ def in_turn(
 
 
 def group_weights(groups: Sequence[str], rows: Rows) -> Floats:
-    """Return how often each session (n,) is chosen: its group by the root of the group's windows."""
+    """Return how often each session (n,) is chosen: a group by the root of its windows."""
     windows = np.bincount(rows.session, minlength=len(groups))
     total = dict.fromkeys(groups, 0.0)
     for group, count in zip(groups, windows.tolist(), strict=True):
         total[group] += count
     sessions = {group: groups.count(group) for group in total}
-    return np.array([np.sqrt(total[group]) / sessions[group] for group in groups])
+    often = {group: 2.0 if group in OFTEN else 1.0 for group in total}
+    return np.array([often[group] * np.sqrt(total[group]) / sessions[group] for group in groups])
 
 
 @click.command()
 @click.argument("folder", type=click.Path(path_type=Path))
 @click.option("--sessions", default=100_000, help="Most sessions.")
-@click.option("--count", default=60, show_default=True, help="Touched windows of a session for the reader.")
+@click.option("--count", default=100, show_default=True, help="Touched windows of a session for the reader.")
 @click.option("--takes", default=2, show_default=True, help="Variants of a session, each changed otherwise.")
-@click.option("--epochs", default=12, show_default=True, help="Passes of the network of single windows.")
-@click.option("--updates", default=4000, show_default=True, help="Updates of the memory.")
+@click.option("--epochs", default=14, show_default=True, help="Passes of the network of single windows.")
+@click.option("--updates", default=20_000, show_default=True, help="Updates of the memory.")
 @click.option("--start", type=click.Path(path_type=Path), help="Networks to begin with; by default random.")
 @click.option("--seed", default=0, show_default=True, help="Random seed.")
 @click.option("--workers", type=int, help="Worker processes; by default one a core.")

@@ -70,8 +70,9 @@ if TYPE_CHECKING:
     from monochord.front.record import record
     from monochord.front.train import train
     from monochord.live.listen import listen, listen_async
-    from monochord.live.sinks.base import Run, Sink, Update, Writer
+    from monochord.live.sinks.base import Run, Sink, Writer
     from monochord.live.tuning import tune
+    from monochord.live.update import Update
     from monochord.metrics import detection_score, mean_absolute_error, regression_score
     from monochord.perception.data import features, load_dataset
     from monochord.perception.estimators.base import Estimator
@@ -191,8 +192,9 @@ _NAMES = {
     "monochord.front.record": "record",
     "monochord.front.train": "train",
     "monochord.live.listen": "listen listen_async",
-    "monochord.live.sinks.base": "Run Sink Update Writer",
+    "monochord.live.sinks.base": "Run Sink Writer",
     "monochord.live.tuning": "tune",
+    "monochord.live.update": "Update",
     "monochord.metrics": "detection_score mean_absolute_error regression_score",
     "monochord.perception.data": "features load_dataset",
     "monochord.perception.estimators.base": "Estimator",

@@ -26,7 +26,7 @@ from monochord.bringup import (
     write,
 )
 from monochord.bringup.drawing import LEFT, RIGHT, drawing
-from monochord.bringup.inputs import dropped_check, inputs_check, rate_check
+from monochord.bringup.inputs import dropped_check, inputs_check, level_checks, order_check, rate_check
 from monochord.bringup.noise import hum_checks
 from monochord.bringup.string import measure_pluck, tuner_turns
 from monochord.bringup.timing import drift_checks, latency_check
@@ -183,6 +183,30 @@ def test_hum_in_one_microphone_is_its_cable() -> None:
     checks = hum_checks(take(np.stack([tones((60.0, 0.02)), tones((60.0, 1e-4))])))
     assert [check.fault for check in checks] == ["hum", ""]
     assert "cable" in checks[0].advice
+
+
+@pytest.mark.parametrize("number", [1, 2])
+def test_a_microphone_that_clips_alone_is_named(number: int) -> None:
+    """Whichever step it clips in."""
+    sound = np.stack([tones((1000.0, 0.2))] * 2)
+    loud = sound.copy()
+    loud[number - 1] = np.clip(8.0 * sound[number - 1], -1.0, 1.0)
+    for steps_ in ((loud, sound), (sound, loud)):
+        checks = level_checks([take(each) for each in steps_])
+        assert [check.fault for check in checks if check.fault] == [f"microphone {number} clipped"]
+
+
+@pytest.mark.parametrize(("louder", "fault"), [(2.0, ""), (1.0, "unclear tap"), (0.5, "microphones swapped")])
+@pytest.mark.parametrize("relative", [0.2, 1.0, 5.0])
+def test_the_order_of_the_microphones_is_told_whatever_their_gains(
+    louder: float, fault: str, relative: float
+) -> None:
+    """A tap is `louder` at microphone 1, whose sensitivity is `relative` to the other one's."""
+    tap = np.zeros(RATE)
+    tap[20000:20100] = 0.05 * np.sin(np.arange(100))
+    check = order_check(take(np.stack([louder * relative * tap, tap])), relative)
+    assert check.value == pytest.approx(20.0 * math.log10(louder), abs=0.1)
+    assert check.fault == fault
 
 
 def test_latency_is_the_time_from_the_click_to_its_return() -> None:

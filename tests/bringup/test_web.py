@@ -21,6 +21,7 @@ import monochord as mc
 from monochord.bringup import END, RECORD, SKIP, STEPS, BringUp, Guide, Step, Take, Virtual, bring_up, write
 from monochord.bringup.web import BringUpPage
 from monochord.core.errors import DeviceError
+from monochord.front.page import design_page
 from monochord.live.web.server import Server
 from monochord.physics.sensors import load_sensor
 
@@ -140,7 +141,7 @@ def running(source: Hum, out: Path | None = None, token: str = "") -> Generator[
 
     thread = threading.Thread(target=work, daemon=True)
     headers = {"Cookie": f"monochord={token}"} if token else {}
-    with Server(port=free(), token=token, home="bring-up", parts=(page.part,)) as server:
+    with Server(port=free(), token=token, home="bring-up", parts=(page.part, design_page())) as server:
         thread.start()
         address = f"ws://127.0.0.1:{server.port}/bring-up-live"
         try:

@@ -14,7 +14,6 @@ from tests.cli.running import Capture, records, refusal
 
 from monochord.cli import run
 from monochord.core.types import Block, Floats
-from monochord.perception.features import FEATURES
 from monochord.physics.strings import load_string
 from monochord.sessions import Description, SessionClock, SessionWriter
 
@@ -209,10 +208,6 @@ REFUSED = {
     "bench lve": "'live'",
     "bench live --set second=1": "'seconds'",
     "bench --set seconds=1": "--set",
-    "weights get atst": "'ast'",
-    "weights export atst --out {out}.onnx": "'ast'",
-    "weights export ast --out {out}.onnx --frames 0": "--frames",
-    "weights export ast --out {out}.onx": ".onnx",
     "list sorces": "'sources'",
     "list sources jakc": "'jakc'",
     "audit absent": "absent",
@@ -240,8 +235,6 @@ REFUSED = {
     "evaluate demo --suite hardware": "studies.hardware_suite",
     "bench realstrings": "studies.real_strings",
     "figure slip": "studies.slip",
-    f"{TRAIN} --set feature.name=yamnet": "studies/monochord-yamnet",
-    "weights get yamnet": "studies/monochord-yamnet",
 }
 
 
@@ -274,8 +267,6 @@ def test_it_is_refused_and_nothing_is_written(
 ) -> None:
     if line.startswith("train"):
         pytest.importorskip("torch")
-    if "yamnet" in line and "yamnet" in FEATURES.names():
-        pytest.skip("monochord-yamnet is installed")
     monkeypatch.chdir(tmp_path)
     given = {**material, "out": tmp_path / "out"}
     error = refusal(capfd, *(word.format(**given) for word in line.split()))

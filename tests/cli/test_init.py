@@ -10,6 +10,7 @@ import pytest
 from click.shell_completion import BashComplete
 
 from monochord import __version__, cli
+from monochord.core.registry import installed
 
 COMMAND = '''
 """A command that does what its argument says."""
@@ -75,7 +76,7 @@ def test_help_lists_every_command_without_loading_it(capsys: pytest.CaptureFixtu
 def test_every_command_stands_in_one_group_with_a_summary(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.run(["--help"]) == 0
     groups, ungrouped = capsys.readouterr().out.split(f"{cli.UNGROUPED}:\n")
-    assert ungrouped.split() == ["pluck", "Pluck", "the", "string."]
+    assert re.findall(r"(?m)^  (\w+) +[A-Z]", ungrouped) == ["pluck", *installed("commands")]
     for name in [name for group in cli.GROUPS.values() for name in group]:
         assert len(re.findall(rf"(?m)^  {name} +[A-Z]", groups)) == 1
 
@@ -92,7 +93,6 @@ def test_every_command_stands_in_one_group_with_a_summary(capsys: pytest.Capture
         ("monochord record x.mcap --sensor prototype_e", ["prototype_ebow"]),
         ("monochord bench l", ["live"]),
         ("monochord list sou", ["sources"]),
-        ("monochord weights get a", ["ast"]),
     ],
 )
 def test_the_shell_completes_names(words: str, values: list[str]) -> None:

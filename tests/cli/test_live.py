@@ -22,7 +22,7 @@ from tests.cli.running import records as lines
 from monochord.cli import run
 from monochord.evaluation import recordings
 from monochord.front import locate as locating
-from monochord.live.sinks.base import Update
+from monochord.live.update import Update
 
 Take = Callable[..., Path]
 STRING = ["--length", "0.65", "--open-frequency", "110"]

@@ -9,7 +9,9 @@ from pathlib import Path
 from tests.contract.test_layout import PAGES, ROOT
 
 SOURCES = [
-    file for folder in ("src", "studies", "examples") for file in sorted((ROOT / folder).rglob("*.py"))
+    file
+    for folder in ("src", "packages", "studies", "examples")
+    for file in sorted((ROOT / folder).rglob("*.py"))
 ]
 MIN_LENGTH = 4
 """Letters of the shortest part of a name that must be a word; shorter ones are abbreviations."""

@@ -25,7 +25,9 @@ QUICK = (
     "import monochord.perception.estimators, monochord.figures",
     "assert monochord.cli.run(['--help']) == 0",
 )
-VOCABULARY = re.compile(r"monochord\.core\.(types|units|errors|config|windows|reasons)|monochord\..*\.base")
+VOCABULARY = re.compile(
+    r"monochord\.core\.(types|units|errors|config|windows|reasons|ranges|shapes|presets)|monochord\..*\.base"
+)
 """Modules that are public as a whole: the vocabulary, and the base classes of plug-ins."""
 
 
@@ -54,12 +56,14 @@ def imported(file: Path) -> Iterator[tuple[str, str]]:
             yield from ((alias.name, "") for alias in node.names)
 
 
-def test_studies_import_public_names_alone_and_nothing_imports_a_study() -> None:
+def test_studies_and_packages_import_public_names_alone_and_nothing_imports_a_study() -> None:
     private = [
         f"{file.name}: {name} of {module}"
-        for file in (ROOT / "studies").rglob("*.py")
+        for folder in ("studies", "packages")
+        for file in (ROOT / folder).rglob("*.py")
         for module, name in imported(file)
-        if module.startswith("monochord.") or (module == "monochord" and name)
+        if re.match(r"monochord(_encoders)?\.", module) or (module == "monochord" and name)
+        if module.split(".")[0] not in file.relative_to(ROOT).parts
         if not VOCABULARY.fullmatch(module) and name not in getattr(import_module(module), "__all__", ())
     ]
     assert not private

@@ -160,6 +160,93 @@ def test_a_preset_of_one_of_our_names_is_refused(preset: Any) -> None:
     assert load_sensor("long").name == "long"
 
 
+COMMAND = '''
+"""A command that was not there."""
+
+import click
+
+from monochord.cli import echo
+
+
+@click.command()
+@click.option("--times", default=1, help="How often.")
+def ring(times: int) -> None:
+    """Ring the bell.
+
+    Loudly.
+    """
+    echo("ding " * times)
+'''
+
+
+@pytest.fixture
+def commands(package: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    """Return what installs a package with commands, each as an entry point's line."""
+
+    def install(*entries: str) -> None:
+        (package / "bellfoundry" / "command.py").write_text(COMMAND, encoding="utf-8")
+        write_distribution(tmp_path / "commands", "belfry", ["[monochord.commands]", *entries])
+        monkeypatch.syspath_prepend(tmp_path / "commands")
+
+    return install
+
+
+def test_an_installed_package_adds_a_command(
+    commands: Callable[..., None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    commands("ring = bellfoundry.command:ring")
+    assert cli.run(["--help"]) == 0
+    more = capsys.readouterr().out.partition(f"{cli.UNGROUPED}:\n")[2]
+    assert ["ring", "Ring", "the", "bell."] in [line.split() for line in more.splitlines()]
+    assert "bellfoundry.command" not in sys.modules
+    assert cli.run(["ring", "--times", "2"]) == 0
+    assert capsys.readouterr().out.split() == ["ding", "ding"]
+    assert cli.run(["ring", "--tims", "2"]) == 2
+    assert "--times" in capsys.readouterr().err
+    assert cli.run(["rng"]) == 2
+    assert "did you mean 'ring'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("value", "why"),
+    [
+        ("bellfoundry.absent:ring", "ModuleNotFoundError"),
+        ("bellfoundry.command:rung", "AttributeError"),
+        ("bellfoundry.command:echo", "no command of click"),
+        ("bellfoundry.command", "no command of click"),
+        ("belfry_absent.command:ring", "ModuleNotFoundError"),
+    ],
+)
+def test_a_command_that_cannot_be_imported_is_told_in_one_line_and_the_others_work(
+    commands: Callable[..., None], capsys: pytest.CaptureFixture[str], value: str, why: str
+) -> None:
+    commands(f"ring = {value}", "live = bellfoundry.command:ring")
+    assert cli.run(["ring"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert why in line
+    assert "reinstall or remove belfry" in line
+    assert cli.run(["--help"]) == 0
+    assert cli.run(["list", "sinks"]) == 0
+    capsys.readouterr()
+    assert cli.run(["live", "--help"]) == 0  # a name of Monochord's stays Monochord's
+    assert "--estimator" in capsys.readouterr().out
+
+
+def test_a_command_of_two_packages_is_refused(
+    commands: Callable[..., None],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    commands("ring = bellfoundry.command:ring")
+    write_distribution(
+        tmp_path / "b", "carillon", ["[monochord.commands]", "ring = bellfoundry.command:ring"]
+    )
+    monkeypatch.syspath_prepend(tmp_path / "b")
+    assert cli.run(["ring"]) == 2
+    assert "belfry and of carillon" in capsys.readouterr().err
+
+
 def test_names_are_listed_without_importing_a_package(package: Path) -> None:
     registry_of("monochord.live.sinks").names()
     assert "bellfoundry.sinks" not in sys.modules

@@ -7,6 +7,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+import tomllib
 from email.message import Message
 from pathlib import Path
 from typing import Any
@@ -22,7 +23,6 @@ EXTRAS = {
     "train": ["torch>=2.6"],
     "export": ["pyarrow>=17"],
     "cluster": ["dask>=2025.1", "distributed>=2025.1"],
-    "encoders": ["transformers>=5", "torch>=2.6"],
 }
 
 
@@ -63,11 +63,45 @@ def test_pytorch_comes_first_and_from_its_index_for_the_cpu(
 ) -> None:
     installed(monkeypatch, {"url": python.as_uri(), "dir_info": {}})
     assert arguments(installation("train")) == [[TORCH, "--index-url", TORCH_INDEX]]
-    first, second = arguments(installation("encoders"))
-    assert first == [TORCH, "--index-url", TORCH_INDEX]
-    assert second == ["transformers>=5"]
     monkeypatch.setattr(sys, "platform", "darwin")
     assert arguments(installation("train")) == [[TORCH]]
+
+
+@pytest.mark.parametrize("with_torch", [True, False])
+def test_a_package_comes_from_the_checkout_or_as_a_wheel(
+    python: Path, monkeypatch: pytest.MonkeyPatch, *, with_torch: bool
+) -> None:
+    found = object() if with_torch else None
+    monkeypatch.setattr(installing, "find_spec", lambda name: found if name == "torch" else object())
+    (python / "a checkout" / "packages").mkdir(parents=True)
+    (python / "monochord-0.2.0-py3-none-any.whl").touch()
+    folder, wheel = python / "a checkout", python / "monochord-0.2.0-py3-none-any.whl"
+    first = [] if with_torch else [[TORCH, "--index-url", TORCH_INDEX]]
+    for noted, place in (
+        ({"url": folder.as_uri(), "dir_info": {"editable": True}}, f"{folder}/packages"),
+        ({"url": wheel.as_uri(), "archive_info": {}}, "./packages"),
+        (None, "./packages"),
+    ):
+        installed(monkeypatch, noted)
+        line, _, elsewhere = installation("monochord-encoders").partition(" # ")
+        assert arguments(line) == [*first, [f"{place}/monochord-encoders"]]
+        assert elsewhere.endswith(" from monochord_encoders-*.whl")
+        assert arguments(installation("monochord-yamnet").partition(" # ")[0]) == [
+            *first,
+            [f"{place}/monochord-encoders", f"{place}/monochord-yamnet"],
+        ]
+    monkeypatch.chdir(folder)
+    installed(monkeypatch, {"url": folder.as_uri(), "dir_info": {}})
+    assert installation("monochord-encoders").partition(" # ")[0].endswith(" ./packages/monochord-encoders")
+
+
+def test_every_package_of_the_repository_has_its_line() -> None:
+    folders = {file.parent.name for file in ROOT.glob("packages/*/pyproject.toml")}
+    assert installing.PACKAGES.keys() == folders
+    for name, needed in installing.PACKAGES.items():
+        project = tomllib.loads((ROOT / "packages" / name / "pyproject.toml").read_text("utf-8"))["project"]
+        others = [line for line in project["dependencies"] if re.match("monochord-", line)]
+        assert [re.split("[><=]", line)[0] for line in others] + [name] == list(needed)
 
 
 def test_several_libraries_come_as_the_extra_of_what_monochord_was_installed_from(
@@ -132,8 +166,9 @@ def test_no_page_asks_an_index_for_monochord_before_a_release() -> None:
         asked = re.findall(r"pip install (?:--\S+ )*'?monochord(?:\[|'|\s|$)", text)
         assert not asked, name
     for name, text in texts().items():
-        for extra in re.findall(r"pip install (?:--\S+ )*'[^']*\[([a-z,]+)\]'", text):
-            known = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+        for place, extra in re.findall(r"pip install (?:--\S+ )*'([^'\[]*)\[([a-z,]+)\]'", text):
+            folder = ROOT / place if place.startswith("./packages/") else ROOT
+            known = (folder / "pyproject.toml").read_text(encoding="utf-8")
             assert all(f"\n{each} = [" in known for each in extra.split(",")), f"{name}: {extra}"
 
 

@@ -1,10 +1,12 @@
 """Pictures over pictures: what is written to a terminal."""
 
+from io import StringIO
+
 import pytest
 from rich.console import Console
 from rich.text import Text
 
-from monochord.core.screen import HIDE_CURSOR, SHOW_CURSOR, Screen, can_draw
+from monochord.core.screen import HIDE_CURSOR, SHOW_CURSOR, Screen, can_draw, console_of
 
 
 @pytest.fixture
@@ -57,3 +59,11 @@ def test_only_a_terminal_that_moves_its_cursor_is_drawn_on(
     assert not can_draw(Console(force_terminal=False))
     monkeypatch.setenv("TERM", "dumb")
     assert not can_draw(Console(force_terminal=True))
+
+
+def test_what_forces_colours_makes_no_terminal_of_a_pipe() -> None:
+    pipe = StringIO()
+    console = console_of(pipe, {"FORCE_COLOR": "1", "TTY_COMPATIBLE": "1", "TERM": "xterm-256color"})
+    console.print("[bold red]red")
+    assert pipe.getvalue() == "red\n"
+    assert not can_draw(console)

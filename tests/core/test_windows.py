@@ -65,8 +65,9 @@ def test_a_window_comes_with_the_block_that_completes_it(lengths: list[int], siz
         assert last_block[given_so_far] < window.start + size <= given_so_far
 
 
-def test_samples_own_their_memory() -> None:
-    blocks, whole, _ = stream([(0, 100)], 2)
+@pytest.mark.parametrize("channels", [1, 2])
+def test_samples_own_their_memory(channels: int) -> None:
+    blocks, whole, _ = stream([(0, 100)], channels)
     seen = list(windows(blocks, size=10, hop=5, sample_rate=1000))
     seen[0].samples[:] = -1.0
     np.testing.assert_array_equal(seen[1].samples, whole[:, 5:15])

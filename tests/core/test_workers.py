@@ -7,6 +7,7 @@ import sys
 import textwrap
 import time
 from collections.abc import Callable, Generator
+from concurrent.futures.process import BrokenProcessPool
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ from tests.waiting import wait_for
 
 from monochord.core import workers
 from monochord.core.errors import DeviceError, InputError
-from monochord.core.workers import run_all
+from monochord.core.workers import Worker, run_all
 
 JOBS = """
     import os
@@ -60,6 +61,10 @@ JOBS = """
     def asleep(folder):
         (Path(folder) / str(os.getpid())).touch()
         time.sleep(60)
+
+
+    def itself(_):
+        return os.getpid(), os.getpriority(os.PRIO_PROCESS, 0)
 """
 
 
@@ -117,6 +122,32 @@ def test_workers_are_other_processes_of_one_thread_and_the_environment_is_restor
     assert dict(os.environ) == before
     assert len({pid for pid, _ in results.values()} - {os.getpid()}) == 2
     assert all(threads == ["1", "1"] for _, threads in results.values())
+
+
+def test_one_worker_takes_job_after_job_and_starts_again_where_it_died(job: GetJob) -> None:
+    worker = Worker(job("itself"), niceness=1)
+    pid, niceness = worker.submit(None).result(60)
+    assert pid != os.getpid()
+    assert niceness == min(os.getpriority(os.PRIO_PROCESS, 0) + 1, 19)
+    assert worker.submit(None).result(60) == (pid, niceness)
+    os.kill(pid, signal.SIGKILL)
+    wait_for(lambda: not psutil.pid_exists(pid))
+    again, _ = worker.submit(None).result(60)
+    assert again != pid
+    worker.end()
+    assert not psutil.pid_exists(again)
+    worker.end()
+
+
+def test_one_worker_is_ended_whatever_it_does(job: GetJob, tmp_path: Path) -> None:
+    worker = Worker(job("asleep"))
+    result = worker.submit(str(tmp_path))
+    wait_for(lambda: any(tmp_path.iterdir()))
+    worker.end()
+    with pytest.raises(BrokenProcessPool):
+        result.result(10)
+    (file,) = tmp_path.iterdir()
+    assert not psutil.pid_exists(int(file.name))
 
 
 def test_closing_early_ends_every_worker_and_nothing_listens(job: GetJob) -> None:

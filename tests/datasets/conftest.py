@@ -46,9 +46,10 @@ def write_session(
     folder: str = "sessions",
     labels: Mapping[str, np.ndarray] | None = None,
     lost: tuple[int, int] = (0, 0),
+    driven: tuple[float, float] | None = None,
     **description: Any,
 ) -> Path:
-    """Write a session and return its file."""
+    """Write a session and return its file; `driven` is when its drivers come on and go off, in s."""
     samples = sound(sum(name.encode()) + len(name)) if samples is None else samples
     (home / folder).mkdir(exist_ok=True)
     path = home / folder / f"{name}.mcap"
@@ -61,6 +62,8 @@ def write_session(
                 part = samples[:, first:stop]
                 writer.audio(Block(samples=part, start=first, dropped=dropped, adc_time=first / RATE))
         writer.labels(time, usual if labels is None else labels)
+        for at, state in zip(driven or (), ("on", "off"), strict=False):
+            writer.event(at, "drivers", state)
     return path
 
 

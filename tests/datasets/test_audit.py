@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.datasets.conftest import Make, sound
+from tests.datasets.conftest import RATE, Make, sound
 
 from monochord.core.errors import InputError
 from monochord.datasets.audit import audit
@@ -116,6 +116,16 @@ def test_a_copy_that_was_changed(make: Make, how: str) -> None:
     assert leak.kind == "near duplicate"
     assert leak.where.startswith("a and b")
     assert leak.parts == ("train", "test")
+
+
+@pytest.mark.parametrize("driven", [(5.0, 12.0), None])
+def test_taps_that_sound_alike_are_no_copies(make: Make, driven: tuple[float, float] | None) -> None:
+    alike = sound(2)
+    alike[:, : 5 * RATE] = sound(1)[:, : 5 * RATE]
+    one, two = ({"samples": samples, "driven": driven} for samples in (sound(1), alike))
+    dataset = make({"one": one, "two": two})
+    split = split_of(dataset, rows_of(dataset, 0), rows_of(dataset, 1))
+    assert [*leaks(dataset, split)] == ([] if driven else ["near duplicate"])
 
 
 def test_a_split_of_another_dataset(pair: Dataset, several: Dataset) -> None:

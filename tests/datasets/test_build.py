@@ -1,9 +1,11 @@
 """Sessions become a dataset whole, or not at all."""
 
+import os
 import re
 import tracemalloc
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -41,7 +43,7 @@ def test_equal_sessions_give_equal_bytes_in_whatever_order(write: Write, tmp_pat
 
 def test_samples_are_unchanged_and_faults_are_flagged(make: Make) -> None:
     samples = 0.1 * np.random.default_rng(0).normal(size=(2, 4 * RATE)).astype(np.float32)
-    samples[0, 850], samples[1, 2500], samples[0, 4100] = 1.0, np.nan, -np.inf
+    samples[0, 1599], samples[1, 2400], samples[0, 4100] = 1.0, np.nan, -np.inf  # at a window's edges, too
     dataset = make({"one": {"samples": samples, "lost": (5000, 6500)}})
     assert np.flatnonzero(dataset.clipped).tolist() == [1, 5]  # infinite is clipped, too
     assert np.flatnonzero(dataset.not_finite).tolist() == [3, 5]
@@ -81,6 +83,14 @@ def test_labels_follow_the_touches(make: Make) -> None:
     assert dataset.label("force")[35] == pytest.approx(0.6)
     assert not dataset.valid["force"][25]
     assert not dataset.label("calibrating").any()
+
+
+def test_windows_that_reach_into_the_taps_have_no_labels(make: Make) -> None:
+    dataset = make({"one": {"driven": (1.05, 10.95)}})
+    taps = np.flatnonzero(dataset.label("calibrating"))
+    assert taps.tolist() == [*range(11), *range(109, 120)]
+    assert np.isnan(dataset.label("contact")[taps]).all()
+    assert dataset.label("contact")[11] == 1.0
 
 
 def test_columns_that_only_some_sessions_have(make: Make) -> None:
@@ -202,6 +212,22 @@ def test_files_folders_and_patterns(write: Write, tmp_path: Path) -> None:
     for absent in ("nothing*.mcap", "nothing", str(tmp_path / "empty")):
         with pytest.raises(InputError, match=re.escape(absent)):
             find_sessions([absent])
+
+
+def test_a_folder_that_vanishes_is_passed_over(
+    write: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one, gone, real = write("one"), tmp_path / "sessions" / "gone", os.scandir
+    gone.mkdir()
+
+    def scandir(path: Any) -> Any:
+        if gone.exists() and Path(path) == gone:
+            gone.rmdir()
+        return real(path)
+
+    monkeypatch.setattr(os, "scandir", scandir)
+    assert find_sessions([str(tmp_path / "sessions")]) == [one]
+    assert not gone.exists()
 
 
 def test_a_damaged_session_is_refused_unless_forced(tmp_path: Path) -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from monochord.core.types import Audio
-from monochord.dsp.levels import tone_prominence
+from monochord.dsp.levels import measure_levels, tone_prominence
 
 
 def noise(seconds: float, rate: int, seed: int = 0) -> Audio:
@@ -47,3 +47,11 @@ def test_one_channel_is_enough() -> None:
 @pytest.mark.parametrize(("seconds", "rate"), [(0.01, 44100), (0.1, 800)])
 def test_a_window_that_is_too_short_has_any_tone(seconds: float, rate: int) -> None:
     assert tone_prominence(noise(seconds, rate), rate) == np.inf
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_what_is_cut_off_at_one_side_is_loud(sign: float) -> None:
+    samples = (0.1 * noise(0.1, 44100)).clip(-0.5, 0.5)
+    samples[0, ::100] = sign
+    loud = measure_levels(samples, 44100)[:, 1]
+    assert loud.tolist() == pytest.approx([0.01, 0.0], abs=5e-4)

@@ -47,14 +47,16 @@ def test_a_peak_that_leaks_from_hum_is_hum() -> None:
     assert lines([50.0, 100.8, 150.0], [1.0, 0.003, 0.05]) == [True, True, True]
 
 
-@pytest.mark.parametrize("level", [-15.0, -25.0, -35.0])
-def test_hum_does_not_lower_a_note_by_an_octave(level: float) -> None:
-    sound = tone(123.0, [-6.0 * np.log2(n) for n in range(1, 15)], 4e-5)
-    sound += 10.0 ** (level / 20.0) * tone(60.0, [0, -25, -12, -30, -14, -30, -12])
+@pytest.mark.parametrize(
+    ("note", "base", "level"), [(123.0, 60.0, level) for level in (-15.0, -25.0, -35.0)] + [(98.0, 50.0, 0.0)]
+)
+def test_hum_does_not_lower_a_note_by_an_octave(note: float, base: float, level: float) -> None:
+    sound = tone(note, [-6.0 * np.log2(n) for n in range(1, 15)], 4e-5)
+    sound += 10.0 ** (level / 20.0) * tone(base, [0, -25, -12, -30, -14, -30, -12])
     sound += 1e-4 * np.random.default_rng(1).standard_normal(SIZE)
     finder = PitchFinder(sample_rate=RATE, size=SIZE, lowest=60.0, highest=308.0)
     best, other = finder.find(sound[np.newaxis])[:2]
-    assert best.frequency == pytest.approx(123.0, abs=0.1)
+    assert best.frequency == pytest.approx(note, abs=0.1)
     assert best.evidence > other.evidence + 7.0
 
 

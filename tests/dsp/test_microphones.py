@@ -138,6 +138,13 @@ def test_what_tells_nothing_is_unknown() -> None:
         assert compare_inputs(sound.astype(np.float32), RATE) is Inputs.UNKNOWN
 
 
+def test_lost_sound_tells_nothing_of_the_inputs(sensor: Audio) -> None:
+    alone = np.stack((sensor[0], 0.0 * sensor[0]))[:, :SIZE]
+    look = Window(samples=alone, start=0, sample_rate=RATE)
+    assert Microphones()(look) is Inputs.FIRST
+    assert Microphones()(replace(look, has_gap=True)) is Inputs.UNKNOWN
+
+
 @pytest.mark.parametrize(
     ("seen", "last"),
     [

@@ -24,6 +24,7 @@ from rich.text import Text
 from tests.e2e.browser import BRING_UP, Page, opened
 from tests.e2e.test_web import READY, String, demonstration, on_a_terminal
 
+from monochord.front.page import design_page
 from monochord.lab.demonstration import UNSEEN
 from monochord.live.web.server import Server
 
@@ -124,7 +125,10 @@ def of_the_page(address: str, folder: Path) -> None:
 
 def of_the_design() -> None:
     """Take a picture of the design's sliders and figures in light, and of its charts in dark."""
-    with Server(home="design") as server, opened(f"{server.address}design#tension=40&gap=2") as page:
+    with (
+        Server(home="design", parts=(design_page(),)) as server,
+        opened(f"{server.address}design#tension=40&gap=2") as page,
+    ):
         page.size(1200, 900)
         page.scheme("light")
         page.wait("window.monochord?.own && monochord.advice && !monochord.busy ? 1 : 0", PATIENCE)

@@ -16,8 +16,9 @@ from tests.live.web.test_server import SIGNAL, Keep, update
 
 from monochord.core.reasons import Reason
 from monochord.core.types import Estimate, Signal, Tracked
+from monochord.live.guides.bench import Bench
 from monochord.live.health import Note
-from monochord.live.sinks.base import Update
+from monochord.live.update import Update
 from monochord.live.web.server import Server
 from monochord.physics.sensors import load_sensor, with_sensor
 
@@ -79,7 +80,7 @@ def telling_page(signal: Signal, controls: Keep | None, folder: Path) -> Generat
 
     with (
         Server(port=0) as server,
-        server.show(signal, 1.3, controls, folder=folder, model="demo") as writer,
+        server.show(signal, 1.3, controls, tasks=Bench(signal, 1.3, folder, "demo")) as writer,
         opened(server.address) as page,
     ):
         thread = threading.Thread(target=write, args=(writer,))
@@ -181,6 +182,32 @@ def test_no_text_overlaps_another_or_is_cut(told: tuple[Page, list[Update]], siz
         assert page.ask("document.documentElement.scrollWidth") == size[0]
 
 
+LABELS = """new Promise((done) => {
+    const canvas = CanvasRenderingContext2D.prototype, draw = canvas.fillText, seen = {};
+    canvas.fillText = function (text, x, y) {
+        const name = this.canvas.getAttribute('aria-label') ?? '', mark = this.font.startsWith('600');
+        if (name.startsWith('Spectrum')) (seen[name] ??= {})[mark ? `mark ${text}` : text] = x;
+        draw.call(this, text, x, y);
+    };
+    setTimeout(() => { canvas.fillText = draw; done(seen); }, 1000);
+})"""
+"""The labels that a second writes into each spectrum, kHz and numbers of partials, with their places."""
+
+
+def test_each_spectrum_has_the_partials_of_its_own_segment(told: tuple[Page, list[Update]]) -> None:
+    page, now = told
+    now[0] = telling(CASES["long"])
+    sized(page, (1280, 800))
+    page.ask("document.getElementById('spectra').scrollIntoView({block: 'center'})")
+    page.wait("document.getElementById('reading-position').textContent.includes('1234.6 mm')")
+    place, labels = LONG["position"].value, page.ask(LABELS)
+    speed = 1.03 * page.ask("monochord.run.speed")  # at the pitch that is followed
+    for end, segment in (("pickup 1", place), ("pickup 2", 1.3 - place)):
+        at = labels[f"Spectrum of {end}"]
+        hertz = 2000.0 * (at["mark 1"] - at["0"]) / (at["2"] - at["0"])
+        assert hertz == pytest.approx(speed / (2.0 * segment), rel=0.01)
+
+
 def test_a_section_stays_as_a_person_left_it(told: tuple[Page, list[Update]]) -> None:
     page, _ = told
     open_ = "document.querySelector('[data-section=history]').open"
@@ -223,7 +250,7 @@ def test_a_link_explains_the_page(page: Page, tmp_path: Path) -> None:
     assert len(page.requests) == requests
     with (
         Server(port=0) as server,
-        server.show(SIGNAL, 0.2, None, folder=tmp_path) as writer,
+        server.show(SIGNAL, 0.2, None) as writer,
         opened(f"{server.address}#about") as other,
     ):
         other.wait("window.monochord?.run ? 1 : 0")

@@ -13,7 +13,7 @@ from tests.live.web.test_server import LENGTH, SIGNAL, update
 from monochord.lab.demonstration import ruled_length, twin_options
 from monochord.live.web.server import Server
 from monochord.physics.sensors import load_sensor
-from monochord.physics.twin.setup import lengthened
+from monochord.physics.setup import lengthened
 
 pytestmark = [
     pytest.mark.slow,

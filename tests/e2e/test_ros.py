@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from monochord.capture.dds.messages import TYPE_HASHES
 from monochord.capture.instruments.pose_dds import PoseDds
 from monochord.lab.pose_publisher import PosePublisher, PublisherSettings
+from monochord.sessions.codec import typestore
 
 ROOT = Path(__file__).parents[2]
 DOMAIN = 1 + os.getpid() % 99  # another run of the tests has another one
@@ -83,7 +83,7 @@ def test_rclpy_and_monochord_exchange_messages(listener: "subprocess.Popen[str]"
     hashes = messages[-1]["hashes"]
     assert set(hashes) == {"geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/WrenchStamped"}
     for name, seen in hashes.items():
-        assert TYPE_HASHES[name].removeprefix("RIHS01_") in seen.lower()
+        assert typestore().hash_rihs01(name).removeprefix("RIHS01_") in seen.lower()
     answers = np.concatenate([part.values for part in readings])
     assert len(answers) > 50
     assert np.all(np.diff(answers[:, 0]) == 1.0)
@@ -116,7 +116,7 @@ def test_rclpy_subscribes_to_a_live_sensor() -> None:
     assert heard["topics"]["/diagnostics"] == ["diagnostic_msgs/msg/DiagnosticArray"]
     assert len(heard["hashes"]) == 6
     for name, seen in heard["hashes"].items():
-        assert TYPE_HASHES[name].removeprefix("RIHS01_") in seen.lower()
+        assert typestore().hash_rihs01(name).removeprefix("RIHS01_") in seen.lower()
 
 
 @pytest.mark.slow

@@ -28,9 +28,9 @@ from monochord.bringup import STEPS, Virtual
 from monochord.capture.dds.participant import Participant
 from monochord.core.types import Audio
 from monochord.core.units import Hertz
-from monochord.perception.encoders.ast.network import Sizes, Weights, network_of
 from monochord.physics.sensors import load_sensor
 from monochord.physics.twin.virtual_sensor import VirtualSensor
+from monochord_encoders.network import Sizes, Weights, network_of
 
 HOW_TO, PRESETS = ROOT / "docs" / "how-to", ROOT / "src" / "monochord" / "physics"
 LIVE = "live", "demo", "record", "tune"

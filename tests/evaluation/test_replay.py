@@ -108,6 +108,23 @@ def test_noise_is_added_and_named_and_the_dataset_unchanged(dataset: Dataset) ->
     np.testing.assert_array_equal(dataset.window(100), before)
 
 
+def test_lost_sound_does_not_count_for_the_level_of_the_noise(dataset: Dataset) -> None:
+    rows, noise = np.array([0]), Disturbance(kind="white", ratio=10.0)
+    touched = np.flatnonzero((dataset.label("contact") == 1.0) & (dataset.session == 0))
+    has_gap = dataset.has_gap.copy()
+    powers = [np.mean(dataset.window(row).astype(float) ** 2) for row in touched.tolist()]
+    loud = touched[np.array(powers) > np.median(powers)]
+    has_gap[loud] = True
+    counting, quiet = Counting(), Counting()
+    part = replace(dataset, has_gap=has_gap)
+    replay(selection(part, rows), counting, name="counting", disturbance=noise)
+    replay(selection(part, rows), quiet, name="counting")
+    added = counting.seen[0][1].astype(float) - quiet.seen[0][1]
+    power = np.mean([each for row, each in zip(touched, powers, strict=True) if row not in loud])
+    assert np.mean(added**2) == pytest.approx(0.1 * power, rel=0.05)
+    assert np.mean(powers) > 1.2 * power
+
+
 def with_music(dataset: Dataset, music: str | None) -> Dataset:
     parts = tuple(replace(part, music=music) for part in dataset.manifest.parts)
     return replace(dataset, manifest=replace(dataset.manifest, parts=parts))

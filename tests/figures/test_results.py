@@ -60,8 +60,10 @@ def test_confusion_counts_by_truth_and_estimate(write: Write) -> None:
     assert numbers["slip"] == [[120, 40, 0], [40, 120, 0]]
     shares = np.asarray(figure.draw().axes[1].images[0].get_array())
     np.testing.assert_allclose(shares, [[0.75, 0.25, 0.0], [0.25, 0.75, 0.0]])
-    silent = Confusion(results=write(quiet=("contact",))).numbers()
-    assert silent["contact"] == [[0, 0, 160], [0, 0, 320]]
+    silent = Confusion(results=write(quiet=("contact",)))
+    assert silent.numbers()["contact"] == [[0, 0, 160], [0, 0, 320]]
+    shares = np.asarray(silent.draw().axes[0].images[0].get_array())
+    np.testing.assert_allclose(shares, [[0.0, 0.0, 1.0], [0.0, 0.0, 1.0]])  # of each truth
 
 
 def test_error_maps_have_mean_errors_and_cross_cells_with_few_windows(write: Write) -> None:

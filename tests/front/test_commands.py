@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import soundfile
+from tests.capture.recording.test_loop import GoneSource
 from tests.cli.running import Capture, records
 from tests.lab.tiny import tiny
 
@@ -271,6 +272,15 @@ def test_a_recording_that_cannot_begin_raises_before_its_block(tmp_path: Path) -
     ):
         pytest.fail("the block is not entered")
     assert not list(tmp_path.iterdir())
+
+
+def test_a_device_that_is_lost_for_good_is_raised_after_its_block(tmp_path: Path) -> None:
+    path = tmp_path / "take.mcap"
+    with pytest.raises(mc.DeviceError, match="48000 Hz"), mc.record(path, GoneSource()) as recording:
+        assert recording.wait(30.0)
+    session = mc.read_session(path)
+    assert session.complete
+    assert session.audio.samples.shape[1] == GoneSource().blocks * 512
 
 
 def test_a_block_that_fails_leaves_a_whole_session_and_its_own_error(tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from tests.contract.test_layout import PAGES, ROOT
 import monochord as mc
 from monochord.cli import run
 from monochord.front.design import StringDesign
+from monochord.front.design_figure import draw
 from monochord.physics.design import Wishes, ambiguity, bounds_at, candidate, curves, sensor_from, string_of
 from monochord.physics.sensors import Sensor, with_length
 
@@ -197,7 +198,7 @@ def test_it_is_drawn(made: StringDesign, suffix: str, tmp_path: Path, capsys: Ca
     assert run(["design", "--gauge", "0.254e-3", "--figure", str(path)]) == 0
     assert path.stat().st_size > 10_000
     assert str(path) in capsys.readouterr().out
-    page = made.draw()
+    page = draw(made)
     assert len(page.axes) == 6
     heights = [bar.get_height() for bar in page.axes[5].patches]  # pyright: ignore[reportAttributeAccessIssue]
     assert heights == pytest.approx([force for _, force in made.frames.values()])

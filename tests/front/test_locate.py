@@ -12,6 +12,7 @@ import monochord as mc
 from monochord.cli import run
 from monochord.core.types import Audio
 from monochord.figures import base
+from monochord.front.locate_figure import draw
 
 RATE, LENGTH = 44100, 0.65
 HOLD = "groups=[{name='hold', sessions=1, grid=[1, 1], forces=[0.4, 1.4], hold=0.3}]"
@@ -156,7 +157,7 @@ def test_the_figure_shows_places_and_frets(
     printed = text(capsys, path, "--length", LENGTH, "--open", "A2", "--frets", "--figure", figure)
     assert printed.endswith(f"written to {figure}\n")
     assert figure.stat().st_size > 5000
-    (axes,) = mc.locate(path, length=LENGTH, open="A2").draw(frets=True).axes
+    (axes,) = draw(mc.locate(path, length=LENGTH, open="A2"), frets=True).axes
     names = [text.get_text().split() for text in axes.texts]
     assert ["5", "D3"] in names
     heights = {height for line in axes.lines for height in np.unique(np.asarray(line.get_ydata(), float))}
@@ -165,10 +166,10 @@ def test_the_figure_shows_places_and_frets(
 
 def test_the_figure_of_simulated_sound_says_so(tmp_path: Path, capsys: Capture) -> None:
     sound = mc.simulate("appendix", position=0.2275, seconds=0.3).microphones
-    (real,) = mc.locate(sound, sample_rate=RATE, string="appendix").draw().axes
+    (real,) = draw(mc.locate(sound, sample_rate=RATE, string="appendix")).axes
     assert "simulated" not in real.get_title()  # nothing says where an array comes from
     (session,) = mc.collect("quick", tmp_path, only="hold_000", settings=[HOLD], workers=1)
-    (simulated,) = mc.locate(session.path).draw().axes
+    (simulated,) = draw(mc.locate(session.path)).axes
     assert simulated.get_title().startswith("simulated")
 
 
@@ -212,6 +213,14 @@ def test_a_table_has_a_row_for_each_window() -> None:
     frame = places.to_pandas()
     assert list(frame) == ["position", "std", "frequency", "fret", "note", "reason"]
     assert frame["note"].tolist() == [row.note for row in rows]
+
+
+def test_a_note_begins_where_the_one_before_it_ends() -> None:
+    """Windows of 0.1 s hold both."""
+    places = mc.locate(plucked(E, 2.0 ** (2 / 12) * E), sample_rate=RATE, length=LENGTH, open="A2")
+    first, second = places.held_notes()
+    assert (round(first.fret), round(second.fret)) == (5, 7)
+    assert first.end == second.begin == pytest.approx(0.5, abs=0.06)
 
 
 def test_a_harmonic_or_a_bend_is_spoken_of(write: Write, capsys: Capture) -> None:

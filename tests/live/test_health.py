@@ -19,10 +19,10 @@ from monochord.live import LiveRun, health
 from monochord.live.filter import FilterState
 from monochord.live.health import HealthSettings, HealthState, Note
 from monochord.live.loop import opened
-from monochord.live.sinks.base import Update
-from monochord.perception.estimators.base import Condition
+from monochord.live.update import Update
 from monochord.perception.estimators.model import ModelEstimator
 from monochord.perception.model.faults import FAULTS
+from monochord.perception.watching import Condition
 
 RATE, SIZE, HOP = 44100, 4410, 441
 TIME = np.arange(4 * RATE) / RATE
@@ -46,13 +46,16 @@ def watched(
     skipped: Sequence[int] = (),
     state: HealthState | None = None,
     contact: Estimate | None = None,
+    gap: slice = slice(0, 0),
 ) -> list[tuple[Note, ...]]:
-    """Return the notes after each window of a sound."""
+    """Return the notes after each window of a sound; the windows of a slice have a gap."""
     state, notes = state or HealthState(), list[tuple[Note, ...]]()
     each = Estimate.abstain("", why_not) if why_not else GOOD
     estimates: Estimates = {"contact": contact or each, "position": each}
     for k, start in enumerate(range(0, sound.shape[1] - SIZE, HOP)):
-        window = Window(samples=sound[:, start : start + SIZE], start=start, sample_rate=RATE)
+        has_gap = k in range(*gap.indices(sound.shape[1]))
+        samples = np.zeros_like(sound[:, :SIZE]) if has_gap else sound[:, start : start + SIZE]
+        window = Window(samples=samples, start=start, sample_rate=RATE, has_gap=has_gap)
         stream = streams[min(k, len(streams) - 1)] if streams else StreamHealth()
         count = skipped[min(k, len(skipped) - 1)] if skipped else 0
         state, told = health.step(
@@ -77,6 +80,8 @@ def clipped(sound: Audio) -> Audio:
         (STRING * np.array([[0.0], [1.0]], np.float32), "microphone_1_dead"),
         (STRING * np.array([[1.0], [1e-4]], np.float32), "microphone_2_dead"),
         (clipped(STRING), "clipping"),
+        (np.stack((clipped(STRING)[0], STRING[1])), "clipping"),
+        (np.stack((STRING[0], clipped(STRING)[1])), "clipping"),
         (STRING + np.stack((wave(50.0, 0.5), wave(50.0, 0.5))), "hum"),
         (STRING + np.stack((wave(120.0, 0.5), wave(120.0, 0.0))), "hum"),
         (STRING * np.float32("nan"), "not_numbers"),
@@ -175,6 +180,10 @@ def test_lost_sound_and_skipped_windows_are_said_for_a_while() -> None:
     assert keys(notes[100]) == ["sound_lost", "windows_skipped"]
     assert keys(notes[1080]) == ["windows_skipped"]
     assert not notes[-1]
+
+
+def test_lost_sound_is_no_silent_microphone() -> None:
+    assert not any(watched(STRING, gap=slice(100, 300)))
 
 
 def test_an_xrun_that_lost_nothing_is_said_to_have_lost_nothing() -> None:

@@ -160,6 +160,20 @@ def test_after_a_change_of_rate_nothing_is_stated_until_the_untouched_string_was
     assert "detuned" in notes
 
 
+@pytest.mark.parametrize("rates", [(44100, 48000), (48000, 44100)])
+def test_a_touch_that_is_held_over_a_change_of_rate_is_stated_no_more(rates: tuple[int, int]) -> None:
+    twin = mc.VirtualSensor("prototype", seed=1)
+    rest = twin.advance(1.2)[0]
+    twin.press(0.08, 1.0)
+    before, after = twin.advance(1.0)[0], soxr.resample(twin.advance(1.0)[0].T, *rates).T
+    sound, cut = np.concatenate((rest, before, after), axis=1), rest.shape[1] + before.shape[1]
+    updates = [*mc.listen(sound, sample_rate=RATE, sensor="prototype", model="demo", hop=0.05)]
+    assert any(each.position.valid for each in updates if each.prediction.start < cut - 4410)
+    late = [each for each in updates if each.prediction.start >= cut + 4410]
+    assert late
+    assert not any(each.position.valid or each.force.valid for each in late)
+
+
 def test_one_line_says_it_wherever_sound_is_taken(
     sensor: tuple[Audio, Floats], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -15,7 +15,7 @@ import soundfile
 import monochord as mc
 from monochord.core.errors import InputError
 from monochord.live.sinks import base
-from monochord.live.sinks.base import Update
+from monochord.live.update import Update
 
 RATE = 44100
 

@@ -22,7 +22,8 @@ from monochord.core.types import Audio, Block, Estimate, Prepared, Signal, Strea
 from monochord.live import LiveRun, WindowSettings, run
 from monochord.live.loop import opened
 from monochord.live.sinks.base import Listener, Run, Sink, Update, Writer
-from monochord.perception.estimators.base import Condition, Estimator, Watching
+from monochord.perception.estimators.base import Estimator
+from monochord.perception.watching import Condition, Watching
 from monochord.physics.sensors import load_sensor
 
 RATE = 1000

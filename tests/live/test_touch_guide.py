@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from monochord.core.types import Estimate, Prediction, Signal, StreamHealth, Window
-from monochord.live.sinks.base import Update
 from monochord.live.touch_guide import GUARD, HOLD, REST, SETTLE, UNTOUCHED, TouchGuide
+from monochord.live.update import Update
 from monochord.physics.known_touches import in_newtons
 from monochord.physics.sensors import load_sensor, with_sensor
 

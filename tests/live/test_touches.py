@@ -6,11 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import soundfile
+from tests.sessions.made import plain_readings
 
 from monochord import VirtualSensor
 from monochord.cli import run
-from monochord.core.types import Floats
-from monochord.sessions import read_session
+from monochord.core.types import POSE, Block, Feed, Floats
+from monochord.live.touches import robot_positions
+from monochord.sessions import Description, SessionClock, SessionWriter, read_session
 
 RATE = 44100
 TOUCHES = ((0.07, 0.6), (0.12, 1.2))
@@ -63,6 +65,22 @@ def test_each_row_lies_within_its_touch(take: tuple[Path, Floats], tmp_path: Pat
     assert run(["sessions", "import", *given]) == 0
     columns = read_session(session).labels.columns
     assert {*columns["position"][columns["contact"] == 1.0]} == {place for place, _ in TOUCHES}
+
+
+def test_positions_are_those_of_a_robots_pose_along_the_string(tmp_path: Path) -> None:
+    """The audio begins at 100.5 s of the clock of all streams; the robot moves while it touches last."""
+    path, at = tmp_path / "take.mcap", 100.0 + np.arange(600) / 100.0
+    pose = Feed(stream="pose", columns=POSE, units=("m",) * 3 + ("",) * 4)
+    about = Description(name="take", sample_rate=RATE, feeds=(pose,))
+    values = np.zeros((600, 7))
+    values[:, 0] = np.interp(at, (102.0, 102.5, 104.0, 106.0), (0.07, 0.12, 0.12, 0.14))
+    values[:, 1:3] = 0.3, 0.2
+    with SessionWriter(path, about, SessionClock(epoch_ns=10**18, origin=100.0)) as writer:
+        writer.audio(Block(samples=np.full((2, 5 * RATE), 0.1, np.float32), start=0, adc_time=100.5))
+        writer.readings(plain_readings("pose", at, values))
+    positions = robot_positions(path, [(0.5, 1.4), (2.1, 3.4), (3.6, 4.5)])
+    assert positions == pytest.approx([0.07, 0.12, np.nan], nan_ok=True)
+    assert robot_positions("take.wav", [(0.5, 1.4)]) is None
 
 
 def test_a_table_that_exists_is_kept(take: tuple[Path, Floats], tmp_path: Path) -> None:

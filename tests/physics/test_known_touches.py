@@ -5,7 +5,7 @@ import pytest
 
 from monochord.core.errors import InputError
 from monochord.core.types import Floats, StringParams
-from monochord.physics.known_touches import Estimated, why_impossible
+from monochord.physics.known_touches import Estimated, in_newtons, why_impossible
 from monochord.physics.strings import load_string, string_names
 from monochord.physics.theory import breaking_force, geometric_tension
 
@@ -87,3 +87,8 @@ def test_positions_of_other_touches_contradict_the_model() -> None:
     assert rolled is not None
     assert rolled.touch is None
     assert why_impossible(np.roll(PLACES, 1), FORCES, STRING, read(position_std=0.03)) is None
+
+
+def test_a_kitchen_scale_shows_a_newton_as_102_grams() -> None:
+    assert in_newtons(101.97, "g") == pytest.approx(1.0, rel=1e-4)
+    assert in_newtons(1.0, "N") == 1.0

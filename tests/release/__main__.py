@@ -65,10 +65,12 @@ class Release:
         return files[0]
 
     def build(self) -> str:
-        """Build the sdist, and the wheel from it."""
+        """Build the sdist, the wheel from it, and the wheels of the packages beside it."""
         shutil.rmtree(self.out / "dist", ignore_errors=True)
         python = tools(self.out / "tools", "build", "cffconvert", "uv", "pipx") / "python"
         run(python, "-m", "build", "--outdir", self.out / "dist", ROOT)
+        for project in sorted(ROOT.glob("packages/*/pyproject.toml")):
+            run(python, "-m", "build", "--wheel", "--outdir", self.out / "dist", project.parent)
         return ", ".join(
             f"{file.name} {file.stat().st_size / 1e6:.1f} MB"
             for file in sorted((self.out / "dist").iterdir())

@@ -35,7 +35,7 @@ class Fault:
     fix
         Subject of the commit whose fix it takes back; empty for a fault that was never there.
     tests
-        The files and folders that should notice it; the folder of its package by default.
+        The files, folders and tests (``FILE::TEST``) that should notice it; its package's folder by default.
     slow
         Whether a test that should is a slow one.
     """
@@ -53,7 +53,7 @@ class Fault:
     def applied(self, root: Path) -> tuple[Path, str]:
         """Return the file of a tree that has the fault's place, and its text with the fault.
 
-        A text that has moved to another file of the package is followed.
+        A text that has moved to another file of the same kind is followed.
 
         Raises
         ------
@@ -61,9 +61,9 @@ class Fault:
             If the text is in no file, or in several places.
         """
         source, pattern = root / SOURCE, self._pattern()
-        texts = {file: file.read_text(encoding="utf-8") for file in sorted(source.rglob("*.py"))}
-        found = {file: n for file, text in texts.items() if (n := len(pattern.findall(text)))}
         own = source / self.file
+        texts = {file: file.read_text(encoding="utf-8") for file in sorted(source.rglob(f"*{own.suffix}"))}
+        found = {file: n for file, text in texts.items() if (n := len(pattern.findall(text)))}
         places = {own: found[own]} if own in found else found
         if sum(places.values()) != 1:
             raise DoesNotApplyError(
@@ -74,7 +74,7 @@ class Fault:
 
     def paths(self, root: Path) -> list[str]:
         """Return the tests of a tree that should notice it, all of its package where those have gone."""
-        named = [name for name in self.tests if (root / name).exists()]
+        named = [name for name in self.tests if (root / name.partition("::")[0]).exists()]
         package = f"tests/{self.package}"
         return named or [package if (root / package).is_dir() else "tests"]
 

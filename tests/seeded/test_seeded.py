@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -152,12 +153,33 @@ def test_a_fault_follows_its_text_at_any_indentation(tree: Path) -> None:
         fault.applied(tree)
 
 
-def test_there_are_forty_half_of_them_of_fixes_and_each_applies_to_the_source_as_it_is() -> None:
-    forty = read_faults()
-    assert (len(forty), sum(bool(fault.fix) for fault in forty.values())) == (40, 20)
-    assert min(Counter(fault.package for fault in forty.values()).values()) >= 3
-    for fault in forty.values():
+def test_a_fault_of_a_script_follows_its_text_to_another_one(tree: Path) -> None:
+    fault = replace(read_faults(tree / "faults.toml")["tripled"], file="live/page.js")
+    script = tree / SOURCE / "live" / "static" / "page.js"
+    script.parent.mkdir(parents=True)
+    script.write_text("number *= 2;\n")
+    assert fault.applied(tree) == (script, "number *= 3;\n")
+
+
+def test_a_single_test_may_be_named_that_should_notice_a_fault(tree: Path) -> None:
+    listed = (tree / "faults.toml").read_text()
+    one = 'effect = "too much"\ntests = ["tests/core/test_numbers.py::test_two_is_doubled"]'
+    (tree / "faults.toml").write_text(listed.replace('effect = "too much"', one))
+    (tree / "tests" / "core" / "test_numbers.py").write_text(f"{TESTS}\ndef test_else():\n    assert False\n")
+    done = run(tree, "tripled")
+    assert done.returncode == 0
+    assert "test_two_is_doubled" in done.stdout
+
+
+def test_a_third_of_all_faults_are_of_fixes_and_each_applies_to_the_source_as_it_is() -> None:
+    faults = read_faults()
+    assert len(faults) >= 120
+    assert 3 * sum(bool(fault.fix) for fault in faults.values()) >= len(faults)
+    assert min(Counter(fault.package for fault in faults.values()).values()) >= 3
+    for fault in faults.values():
         file, text = fault.applied(ROOT)
         assert text != file.read_text(encoding="utf-8")
-        compile(text, file, "exec")
-        assert not [name for name in fault.tests if not (ROOT / name).exists()], fault.name
+        if file.suffix == ".py":
+            compile(text, file, "exec")
+        absent = [name for name in fault.tests if not (ROOT / name.partition("::")[0]).exists()]
+        assert not absent, fault.name

@@ -21,7 +21,14 @@ from monochord.sessions import (
     SessionWriter,
     read_session,
 )
-from monochord.sessions.alignment import Alignment, Limits, align, aligned_readings, reading_times
+from monochord.sessions.alignment import (
+    Alignment,
+    Limits,
+    align,
+    aligned_readings,
+    calibration_spans,
+    reading_times,
+)
 
 Late = Mapping[str, tuple[Seconds, Seconds]]
 
@@ -126,6 +133,56 @@ def test_readings_that_are_no_numbers_do_not_matter(tmp_path: Path, monkeypatch:
     alignment = align(session)
     assert alignment.flags == ()
     assert alignment.lateness["audio"].offsets[0].value == pytest.approx(0.05, abs=0.5e-3)
+
+
+def test_readings_that_overtook_each_other_are_put_in_order(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session = recorded(tmp_path, replace(played(), late={"audio": (0.05, 0.05)}))
+    as_stamped = Alignment(reference="wrench", lateness={})
+    straight = {name: aligned_readings(session, name, as_stamped) for name in ("wrench", "pose")}
+    real = SessionReader.readings
+
+    def overtaken(session: SessionReader, stream: str) -> ReadingTrack:
+        track = real(session, stream)
+        order = np.arange(track.time.size)
+        first = np.arange(20, order.size - 1, 50)
+        order[first], order[first + 1] = first + 1, first
+        columns = ("time", "values", "sequence", "device_time")
+        changed = {name: getattr(track, name)[order] for name in columns}
+        return replace(track, **changed | {"time": np.maximum.accumulate(changed["time"])})
+
+    monkeypatch.setattr(SessionReader, "readings", overtaken)
+    alignment = align(session)
+    assert alignment.flags == ()
+    assert alignment.lateness["audio"].offsets[0].value == pytest.approx(0.05, abs=0.5e-3)
+    for name, expected in straight.items():
+        track = aligned_readings(session, name, as_stamped)
+        assert np.abs(track.time - expected.time).max() < 1e-6
+        assert np.array_equal(track.values, expected.values)
+
+
+def test_the_sound_of_a_tap_travels_to_the_microphones(tmp_path: Path) -> None:
+    session = recorded(tmp_path, played())
+    fast = session.description.string
+    assert fast is not None
+    offset = align(session).lateness["audio"].offsets[0].value
+    session.description = replace(session.description, string=replace(fast, tension=fast.tension / 100.0))
+    slow_offset = align(session).lateness["audio"].offsets[0].value
+    travel = 0.5 * fast.length / np.sqrt(fast.tension / fast.linear_density)
+    assert offset - slow_offset == pytest.approx(9.0 * travel, rel=1e-6)  # ten times as long on the way
+
+
+def test_without_events_there_are_no_labels_around_the_taps(tmp_path: Path) -> None:
+    truth = played()
+    session = recorded(tmp_path, truth)
+    spans = calibration_spans(session, align(session))
+
+    def is_free(time: float) -> bool:
+        return not any(begin <= time <= end for begin, end in spans)
+
+    assert not any(is_free(time) for time in (0.0, *truth.touches, truth.seconds))
+    assert is_free(0.5 * float(truth.touches.min() + truth.touches.max()))
 
 
 def test_a_force_sensor_that_never_spoke_is_flagged(tmp_path: Path) -> None:

@@ -1,28 +1,6 @@
 """Evaluation's results whose scores are known, and YAMNet's package."""
 
-import tomllib
-from pathlib import Path
-
-import pytest
 from tests.evaluation.conftest import _oracle, oracle
+from tests.packages.conftest import yamnet_package
 
-__all__ = ["_oracle", "oracle"]
-
-YAMNET = Path(__file__).parents[2] / "studies" / "monochord-yamnet"
-
-
-@pytest.fixture
-def yamnet_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Install the package of YAMNet as far as the path goes: its entry points, as its project states them."""
-    project = tomllib.loads((YAMNET / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    about = tmp_path / "site" / "monochord_yamnet-0.1.0.dist-info"
-    about.mkdir(parents=True)
-    about.joinpath("METADATA").write_text(
-        f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\n", encoding="utf-8"
-    )
-    groups = [
-        f"[{group}]\n" + "".join(f"{name} = {value}\n" for name, value in entries.items())
-        for group, entries in project["entry-points"].items()
-    ]
-    about.joinpath("entry_points.txt").write_text("\n".join(groups), encoding="utf-8")
-    monkeypatch.syspath_prepend(about.parent)
+__all__ = ["_oracle", "oracle", "yamnet_package"]

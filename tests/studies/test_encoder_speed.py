@@ -7,8 +7,8 @@ import pytest
 from studies.encoder_speed import Encoders
 
 from monochord.core.errors import InputError
-from monochord.perception.encoders.ast.network import Sizes, Weights
-from monochord.perception.features import ast
+from monochord_encoders import ast
+from monochord_encoders.network import Sizes, Weights
 
 
 def test_every_way_stands_beside_the_spectrogram(monkeypatch: pytest.MonkeyPatch) -> None:

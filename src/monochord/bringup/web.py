@@ -25,7 +25,7 @@ from monochord.bringup.takes import Virtual
 from monochord.core.errors import MonochordError
 from monochord.core.types import Audio
 from monochord.core.units import Seconds
-from monochord.live.sinks._view import LOUD_LEVEL, levels
+from monochord.dsp.levels import LOUD_LEVEL, levels
 from monochord.live.web.messages import number as finite
 from monochord.live.web.messages import packed
 from monochord.live.web.server import Part

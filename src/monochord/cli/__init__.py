@@ -1,5 +1,9 @@
 """The command line: one module per command, found by name; it only parses arguments and prints.
 
+Another distribution adds commands by entry points of the group ``monochord.commands``: the entry's name is
+the command's, its value the module and the click command in it, ``my_lab.command:lamp``. Such a command
+prints with `echo`.
+
 A command exits with status 0 only if its work was done, and with status 2 and one line on stderr for a bad
 argument or input. Control-C, SIGTERM or SIGHUP end it with one line and status 130; commands that run until
 stopped instead print their summary and exit with status 0. Importing this module and asking for help are
@@ -16,6 +20,7 @@ from _thread import interrupt_main
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from importlib import import_module
+from importlib.metadata import EntryPoint
 from importlib.util import find_spec
 from pathlib import Path
 from pkgutil import iter_modules
@@ -29,13 +34,15 @@ from monochord.cli._moved import refuse_moved
 from monochord.cli._output import echo
 from monochord.core.errors import DeviceError, InputError, MonochordError, did_you_mean
 
+__all__ = ["echo", "main", "run"]
+
 INTERRUPTED = 130
 """Exit status of an interrupted command."""
 GROUPS: Mapping[str, tuple[str, ...]] = {
     "Try it": ("demo", "simulate", "design"),
     "Use a sensor": ("tune", "identify", "live", "locate", "calibrate"),
     "Record and collect": ("record", "collect", "sessions"),
-    "Train and test": ("build", "audit", "train", "evaluate", "publish", "weights"),
+    "Train and test": ("build", "audit", "train", "evaluate", "publish"),
     "Look and check": ("list", "doctor", "figure", "bench"),
 }
 """Command groups in the help; a command in no group comes last."""
@@ -49,18 +56,19 @@ _NOT_WRITTEN = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 
 
 class _Commands(click.Group):
-    """The commands of this folder: each module holds one command of its name."""
+    """The commands of this folder, each module with one command of its name, and those of packages."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
-        names = (module.name for module in iter_modules(__path__))
-        return sorted(name for name in names if not name.startswith("_"))
+        return sorted({*_built_in_names(), *_added()})
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name in _built_in_names():  # without a look at what is installed, which takes time
+            return getattr(import_module(f"{__name__}.{cmd_name}"), cmd_name)
         names = self.list_commands(ctx)
         refuse_moved("command", cmd_name, names)
         if cmd_name not in names:
             raise InputError(f"command '{cmd_name}'", ", ".join(names), did_you_mean(cmd_name, names))
-        return getattr(import_module(f"{__name__}.{cmd_name}"), cmd_name)
+        return _added_command(cmd_name)
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
         names = [name for name in self.list_commands(ctx) if name.startswith(incomplete)]
@@ -227,12 +235,44 @@ def _forget_output() -> None:
             os.close(null)
 
 
+def _built_in_names() -> set[str]:
+    return {module.name for module in iter_modules(__path__) if not module.name.startswith("_")}
+
+
+def _added() -> Mapping[str, tuple[EntryPoint, ...]]:
+    """Return what installed packages add, by name."""
+    from monochord.core.registry import installed  # noqa: PLC0415  (few command lines need it)
+
+    return installed("commands")
+
+
+def _added_command(name: str) -> click.Command:
+    """Return a command of an installed package; raises `InputError` where it is none, or one of two."""
+    from monochord.core.registry import load_added, refuse_clash  # noqa: PLC0415
+
+    def command_of(value: Any) -> click.Command:
+        if not isinstance(value, click.Command):
+            raise TypeError(f"{entry.value} is no command of click")
+        return value
+
+    refuse_clash("command", name, _added()[name], built_in=False)
+    (entry,) = _added()[name]
+    return load_added("command", entry, "a command that can be imported", command_of)
+
+
 def _summary(command: str) -> str:
     """Return the first line of a command's docstring from its text: help must import no heavy module."""
-    spec = find_spec(f"{__name__}.{command}")
+    module, function = f"{__name__}.{command}", command
+    if command not in _built_in_names():
+        entry = _added()[command][0]
+        module, function = entry.module, entry.attr
+    try:
+        spec = find_spec(module)
+    except Exception:  # noqa: BLE001  (a package runs its code; the command itself says what is wrong)
+        spec = None
     if spec is None or spec.origin is None:
         return ""
     for node in ast.parse(Path(spec.origin).read_text(encoding="utf-8")).body:
-        if isinstance(node, ast.FunctionDef) and node.name == command:
+        if isinstance(node, ast.FunctionDef) and node.name == function:
             return (ast.get_docstring(node) or "").partition("\n")[0]
     return ""

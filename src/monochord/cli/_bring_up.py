@@ -36,6 +36,7 @@ from monochord.cli._options import (
 from monochord.cli._output import echo
 from monochord.core.config import Tree, override
 from monochord.core.errors import InputError
+from monochord.front.page import design_page
 from monochord.live import LiveRun
 from monochord.physics.sensors import load_sensor
 from monochord.physics.twin import sensor_of
@@ -122,7 +123,8 @@ def _on_the_page(options: dict[str, Any], todo: tuple[Step, ...]) -> BringUp:
     )
     source = _source_of(options, page.on_audio)
     names, browser = options["allow_host"], not options["no_browser"]
-    with served(str(options["port"]), names=names, browser=browser, home=page.part.path, parts=(page.part,)):
+    parts = (page.part, design_page())
+    with served(str(options["port"]), names=names, browser=browser, home=page.part.path, parts=parts):
         return bring_up(options["sensor"], source, todo, page.guide(source))
 
 

@@ -1,8 +1,8 @@
-"""Names of version 0.1 that are now studies in the repository."""
+"""Names of version 0.1 that are now studies, or in packages, of the repository."""
 
 from collections.abc import Iterable, Mapping
 
-from monochord.core.errors import InputError
+from monochord.core.errors import InputError, MissingLibraryError
 
 MOVED: Mapping[str, Mapping[str, str]] = {
     "command": {"ablate": "ablation", "transfer": "unseen_builds"},
@@ -27,11 +27,16 @@ MOVED: Mapping[str, Mapping[str, str]] = {
     },
 }
 """The study that replaces each name, by kind of name."""
+PACKAGES: Mapping[str, str] = {"weights": "monochord-encoders"}
+"""The package that has each command."""
 
 
 def refuse_moved(kind: str, name: str | None, known: Iterable[str]) -> None:
-    """Raise `InputError` for a name that is now a study, with its new place."""
+    """Raise `InputError` for a name that is now a study, or in a package that is not installed."""
     study = MOVED[kind].get(name or "")
     if study:
         remedy = f"it is a study now: python -m studies.{study}, in the repository"
         raise InputError(f"{kind} '{name}'", ", ".join(known), remedy)
+    package = PACKAGES.get(name or "") if kind == "command" else None
+    if package and name not in set(known):
+        raise MissingLibraryError(f"The command '{name}'", f"the package {package}", package)

@@ -14,6 +14,7 @@ from monochord.cli._output import echo
 from monochord.core.errors import InputError, did_you_mean
 from monochord.core.interruption import interruption
 from monochord.core.ownership import scratch_folder
+from monochord.front.page import with_page
 from monochord.lab.demonstration import (
     LEARNED,
     PHYSICS,
@@ -137,7 +138,7 @@ def demo(sensor: str, **options: Any) -> None:
             server = jack_server(stack)
             played = {name: value for name, value in source.items() if name != "name"}
             setup = dataclasses.replace(setup, source=JackTwin(server=server, twin=played))
-        begun = [stack.enter_context(sink.ahead()) for sink in setup.sinks]
+        begun = [stack.enter_context(sink.ahead()) for sink in with_page(setup.sinks)]
         as_tuned = write_tuned(source, stack.enter_context(scratch_folder()) / "sensor.toml")
         summary = run(dataclasses.replace(setup, sinks=(*begun, score), sensor=as_tuned))
     if options["as_json"]:

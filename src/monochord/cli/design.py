@@ -21,6 +21,8 @@ from monochord.core.errors import InputError
 from monochord.core.files import replacing
 from monochord.figures.base import require_matplotlib
 from monochord.front.design import design as designed
+from monochord.front.design_figure import draw
+from monochord.front.page import design_page
 from monochord.physics.design import FRAMES, NO_MODEL, WIRES, Wishes
 from monochord.physics.materials import material_names
 
@@ -143,7 +145,7 @@ def design(
             part.write_text(result.toml(), encoding="utf-8")
     if figure is not None:
         with replacing(figure) as part:
-            result.draw().savefig(part)
+            draw(result).savefig(part)
     written = {name: str(path) for name, path in (("path", out), ("figure", figure)) if path is not None}
     if as_json:
         echo(json.dumps({**result.tree(), **written}))
@@ -155,6 +157,6 @@ def _serve(page: dict[str, Any]) -> None:
     """Serve the page of the design until Control-C."""
     from monochord.live.web.serving import served, until_interrupted  # noqa: PLC0415  (loads a web server)
 
-    names, browser = page["allow_host"], not page["no_browser"]
-    with served(str(page["port"]), names=names, browser=browser, home="design"):
+    names, browser, part = page["allow_host"], not page["no_browser"], design_page()
+    with served(str(page["port"]), names=names, browser=browser, home=part.path, parts=(part,)):
         until_interrupted()

@@ -23,6 +23,7 @@ from monochord.cli._options import (
 from monochord.cli._output import echo
 from monochord.core.config import Tree, dump_toml, load_toml, override, table
 from monochord.core.errors import InputError
+from monochord.front.page import with_page
 from monochord.live import LiveRun, run
 from monochord.live.calibration import calibrated
 from monochord.live.saved_settings import SavedSettings
@@ -102,7 +103,7 @@ def live(inputs: tuple[str, ...], **options: Any) -> int:
     saving: tuple[Sink, ...] = ()
     if options["save_config"]:
         saving = (SavedSettings(options["save_config"], dump_toml(setup.resolved())),)
-    summary = run(dataclasses.replace(setup, sinks=(*saving, *setup.sinks)))
+    summary = run(dataclasses.replace(setup, sinks=(*saving, *with_page(setup.sinks))))
     refuse_short(opened or table(tree, "source")["name"], setup, summary)
     # Standard output may carry data, of which the summary is no part.
     echo(*summary.lines(), err=options["as_json"])

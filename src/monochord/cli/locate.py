@@ -23,6 +23,7 @@ from monochord.core.errors import InputError
 from monochord.core.files import replacing
 from monochord.figures.base import require_matplotlib
 from monochord.front.locate import locate as located
+from monochord.front.locate_figure import draw
 from monochord.perception.model.bundled import bundled_names
 
 
@@ -90,7 +91,7 @@ def locate(
     )
     if figure is not None:
         with replacing(figure) as part:
-            places.draw(frets=frets).savefig(part)
+            draw(places, frets=frets).savefig(part)
     if not as_json:
         drawn = [] if figure is None else [f"written to {figure}"]
         echo(file, *places.lines(frets=frets), *drawn)

@@ -52,12 +52,13 @@ def unreadable(error: BaseException) -> str:
     return f"a worker cannot read its job ({error}): install the same code there"
 
 
-def prepare() -> None:
-    """Initialise a worker as it starts.
+def prepare(niceness: int = 0) -> None:
+    """Initialise a worker as it starts, with a niceness above its parent's.
 
     Workers ignore Control-C, since their parent ends them; a worker also ends when its parent does, in any
     way.
     """
+    os.nice(niceness)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = parent_process()
     if parent is not None:

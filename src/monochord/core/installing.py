@@ -1,4 +1,4 @@
-"""The lines that install what an optional part of Monochord needs: in errors, in `doctor`, and on every page.
+"""The lines that install what an optional part of Monochord needs: in errors and on every page.
 
 PyTorch from the default index of packages brings gigabytes of libraries for a graphics card on Linux, also as
 a dependency of something else. So it comes first, from PyTorch's own index of builds for the CPU. For macOS
@@ -7,7 +7,9 @@ and Windows, the default index has such builds too.
 
 import shlex
 import sys
+from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, distribution
+from importlib.util import find_spec
 from json import loads
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
@@ -19,18 +21,24 @@ TORCH_INDEX = "https://download.pytorch.org/whl/cpu"
 TORCH_LINE = f"pip install {TORCH} --index-url {TORCH_INDEX}"
 """The line on every page that installs PyTorch."""
 NAME = "monochord"
+PACKAGES: Mapping[str, tuple[str, ...]] = {
+    "monochord-encoders": ("monochord-encoders",),
+    "monochord-yamnet": ("monochord-encoders", "monochord-yamnet"),
+}
+"""Packages in the repository's folder `packages`, each with those that are installed for it."""
 
 
 def installation(extra: str) -> str:
-    """Return the command that installs an extra's libraries into the running environment.
+    """Return the command that installs an extra's libraries, or a package, into the running environment.
 
     One library is installed by its name; several as the extra of whatever Monochord was installed from, a
-    checkout or a wheel, or each by its name where that is gone. PyTorch comes first and separately.
+    checkout or a wheel, or each by its name where that is gone. PyTorch comes first and separately. A package
+    of `PACKAGES` is installed from its folder in the checkout; a comment says what to name elsewhere.
 
     Parameters
     ----------
     extra
-        The name of an extra, or of a package that belongs to none.
+        The name of an extra, of a package in `PACKAGES`, or of a library that belongs to no extra.
 
     Examples
     --------
@@ -39,21 +47,39 @@ def installation(extra: str) -> str:
     >>> installation("pandas").endswith("pip install 'pandas>=2.2'")
     True
     """
+    if extra in PACKAGES:
+        return _package_installation(PACKAGES[extra])
     needed = _requirements(extra)
     others = [name for name in needed if not name.startswith("torch")]
     if len(others) > 1 and (source := _source()):
         arguments = [*source[:-1], f"{source[-1]}[{extra}]"]
     else:
         arguments = others or ([] if needed else [extra])
+    lines = [_torch_line()] * (len(others) < len(needed))
+    return " && ".join([*lines, *([f"{_pip()} {shlex.join(arguments)}"] if arguments else [])])
+
+
+def _package_installation(packages: tuple[str, ...]) -> str:
+    checkout = Path((_source() or ["."])[-1])
+    checkout = checkout if (checkout / "packages").is_dir() else Path()
+    start = "" if checkout.is_absolute() else "./"
+    folders = [shlex.quote(f"{start}{checkout / 'packages' / name}") for name in packages]
+    wheels = " and ".join(f"{name.replace('-', '_')}-*.whl" for name in packages)
+    lines = [_torch_line()] * (find_spec("torch") is None)
+    line = " && ".join([*lines, f"{_pip()} {' '.join(folders)}"])
+    return f"{line} # in a checkout of Monochord; elsewhere from {wheels}"
+
+
+def _pip() -> str:
     python = Path(sys.executable)
     if python.is_relative_to(Path.cwd()):
         python = python.relative_to(Path.cwd())
-    pip = f"{shlex.quote(str(python))} -m pip install"
-    lines = [f"{pip} {shlex.join(arguments)}"] if arguments else []
-    if len(others) < len(needed):
-        index = ["--index-url", TORCH_INDEX] if sys.platform == "linux" else []
-        lines.insert(0, f"{pip} {shlex.join([TORCH, *index])}")
-    return " && ".join(lines)
+    return f"{shlex.quote(str(python))} -m pip install"
+
+
+def _torch_line() -> str:
+    index = ["--index-url", TORCH_INDEX] if sys.platform == "linux" else []
+    return f"{_pip()} {shlex.join([TORCH, *index])}"
 
 
 def _requirements(extra: str) -> list[str]:

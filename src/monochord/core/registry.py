@@ -13,7 +13,7 @@ import inspect
 import logging
 import pkgutil
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache
@@ -23,7 +23,7 @@ from types import ModuleType
 from typing import Any, Generic, TypeVar
 
 from monochord.core.config import from_tree
-from monochord.core.errors import InputError, did_you_mean
+from monochord.core.errors import InputError, MissingLibraryError, did_you_mean
 
 T = TypeVar("T")
 _log = logging.getLogger("monochord")
@@ -40,7 +40,7 @@ class Registry(Generic[T]):
     base
         The abstract class that its plug-ins subclass.
     moved
-        Names moved to another package, each with the way to get it.
+        Names that a package of the repository has, each with the package's name.
     """
 
     package: str
@@ -67,14 +67,15 @@ class Registry(Generic[T]):
         Raises
         ------
         InputError
-            If the name is unknown (with a suggestion) or ambiguous.
+            If the name is unknown (with a suggestion) or ambiguous, or its package is not installed.
         TypeError
             If a file of the folder holds no plug-in, or several.
         """
         key, names = name.replace("-", "_"), self.names()
+        if key not in names and (package := self.moved.get(key)):
+            raise MissingLibraryError(f"The {self.kind} '{name}'", f"the package {package}", package)
         if key not in names:
-            remedy = self.moved.get(key) or did_you_mean(key, names)
-            raise InputError(f"{self.kind} '{name}'", ", ".join(names), remedy)
+            raise InputError(f"{self.kind} '{name}'", ", ".join(names), did_you_mean(key, names))
         added = installed(self.folder).get(key, ())
         built_in = key in self._built_in_names()
         refuse_clash(self.kind, key, added, built_in=built_in)
@@ -121,23 +122,14 @@ class Registry(Generic[T]):
 
     def _added(self, entry: EntryPoint) -> type[T]:
         """Return the plug-in class of an installed package."""
-        given = f"{self.kind} '{entry.name}' of the package {_distribution(entry)}"
-        remedy = f"reinstall or remove {_distribution(entry)}"
-        try:
-            value = entry.load()
-            value = self._class_in(value) if isinstance(value, ModuleType) else value
-        except (
-            Exception,
-            SystemExit,
-        ) as error:  # importing a package runs its code
-            raise InputError(
-                f"{given} ({type(error).__name__}: {error})",
-                f"a {self.base.__name__} that can be imported",
-                remedy,
-            ) from error
-        if not (inspect.isclass(value) and issubclass(value, self.base)):
-            raise InputError(f"{given} ({entry.value})", f"a subclass of {self.base.__name__}", remedy)
-        return value
+
+        def class_of(value: Any) -> type[T]:
+            cls = self._class_in(value) if isinstance(value, ModuleType) else value
+            if not (inspect.isclass(cls) and issubclass(cls, self.base)):
+                raise TypeError(f"{entry.value} is no subclass of {self.base.__name__}")
+            return cls
+
+        return load_added(self.kind, entry, f"a {self.base.__name__} that can be imported", class_of)
 
 
 def installed(folder: str) -> Mapping[str, tuple[EntryPoint, ...]]:
@@ -185,6 +177,22 @@ def _entries(group: str) -> Iterable[EntryPoint]:
             _log.warning("monochord: %s", InputError(given, "valid entry points", "reinstall or remove it"))
             by_package[package.name] = ()
     return [entry for entries in by_package.values() for entry in entries]
+
+
+def load_added(kind: str, entry: EntryPoint, expected: str, read: Callable[[Any], T]) -> T:
+    """Return what `read` makes of the object that an installed package's entry point names.
+
+    Raises
+    ------
+    InputError
+        If the object cannot be imported, or `read` raises; `kind` and `expected` are for the message.
+    """
+    try:
+        return read(entry.load())
+    except (Exception, SystemExit) as error:  # importing a package runs its code
+        package = _distribution(entry)
+        given = f"{kind} '{entry.name}' of the package {package} ({type(error).__name__}: {error})"
+        raise InputError(given, expected, f"reinstall or remove {package}") from error
 
 
 def refuse_clash(kind: str, name: str, added: tuple[EntryPoint, ...], *, built_in: bool) -> None:

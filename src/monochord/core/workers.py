@@ -1,4 +1,7 @@
-"""Runs independent jobs in this process, in several, or on a dask cluster; a dead worker loses no job."""
+"""Runs independent jobs in this process, in several, or on a dask cluster; a dead worker loses no job.
+
+A `Worker` is one process for the jobs of a program that goes on meanwhile.
+"""
 
 import logging
 import multiprocessing
@@ -10,7 +13,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Generic, TypeVar
 
 from monochord.core._worker import (
     MAX_DEATHS,
@@ -94,6 +97,47 @@ def run_all(
     return _on_this_machine(jobs, work, number)
 
 
+class Worker(Generic[Job, Result]):
+    """One process for jobs that this one does not wait for: it starts with the first, and again if it died.
+
+    Parameters
+    ----------
+    work
+        The function of one job, from a module that the process can import.
+    niceness
+        How far below this process it stands for the system's scheduler.
+
+    Examples
+    --------
+    >>> worker = Worker(float)
+    >>> worker.submit(3).result(), worker.submit(4).result()
+    (3.0, 4.0)
+    >>> worker.end()
+    """
+
+    def __init__(self, work: Callable[[Job], Result], *, niceness: int = 0) -> None:
+        self._work, self._niceness = pack(work), niceness
+        self._pool: ProcessPoolExecutor | None = None
+
+    def submit(self, job: Job) -> Future[Result]:
+        """Return the result to come; it raises `BrokenProcessPool` if the process dies meanwhile."""
+        if self._pool is not None:
+            try:
+                return self._pool.submit(call, self._work, pack(job))
+            except BrokenProcessPool:  # it died between two jobs
+                self.end()
+        context = multiprocessing.get_context("spawn")
+        self._pool = ProcessPoolExecutor(1, context, initializer=prepare, initargs=(self._niceness,))
+        with shielded(), without_main():
+            return self._pool.submit(call, self._work, pack(job))
+
+    def end(self) -> None:
+        """End the process, whatever it does."""
+        pool, self._pool = self._pool, None
+        if pool is not None:
+            _end(pool)
+
+
 def _require_dask(task: str) -> None:
     if find_spec("distributed") is None:
         raise MissingLibraryError(task, "dask >= 2025.1", "cluster")
@@ -162,13 +206,18 @@ def _pool(
             futures = {pool.submit(call, packed, pack(job)): number for number, job in jobs.items()}
         yield futures
     finally:
-        with shielded():
-            processes = list((pool._processes or {}).values())  # noqa: SLF001  (no other way to end one)
-            pool.shutdown(wait=False, cancel_futures=True)
-            for process in processes:
-                process.kill()
-            for process in processes:
-                process.join()
+        _end(pool)
+
+
+def _end(pool: ProcessPoolExecutor) -> None:
+    """End the processes of a pool, whatever they do."""
+    with shielded():
+        processes = list((pool._processes or {}).values())  # noqa: SLF001  (no other way to end one)
+        pool.shutdown(wait=False, cancel_futures=True)
+        for process in processes:
+            process.kill()
+        for process in processes:
+            process.join()
 
 
 def _results(client: Any, jobs: Sequence[Job], work: Callable[[Job], Result]) -> Iterator[tuple[Job, Result]]:

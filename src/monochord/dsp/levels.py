@@ -1,4 +1,4 @@
-"""Levels of a window, its shares of clipped samples and of hum, and its strongest tone's prominence."""
+"""Levels of sound, its shares of clipped samples and of hum, and its strongest tone's prominence."""
 
 import math
 
@@ -8,7 +8,7 @@ from monochord.core.clipping import LOUD
 from monochord.core.kernels import kernel
 from monochord.core.shapes import sound
 from monochord.core.types import Audio, Floats
-from monochord.core.units import Hertz
+from monochord.core.units import Hertz, decibels
 
 MAINS: tuple[Hertz, Hertz] = (50.0, 60.0)
 HARMONICS = 3
@@ -19,6 +19,21 @@ NEIGHBOURHOOD: Hertz = 400.0
 """Width of the bands whose median is the noise beside a tone, in Hz."""
 MIN_LINES = 16
 """Smallest number of lines for a median."""
+LOUD_LEVEL = decibels(LOUD)
+"""Peak in dB from which a meter says that sound is clipped."""
+
+
+def levels(channel: Audio) -> tuple[float, float]:
+    """Return a channel's level, root mean square and peak, in dB below full scale; NaN stays NaN.
+
+    Examples
+    --------
+    >>> [round(level, 2) for level in levels(np.array([0.1, -0.1, 0.1, -0.1], np.float32))]
+    [-20.0, -20.0]
+    """
+    with np.errstate(all="ignore"):
+        wide = channel.astype(np.float64)
+        return decibels(float(np.sqrt(np.mean(wide**2)))), decibels(float(np.max(np.abs(wide))))
 
 
 def measure_levels(samples: Audio, sample_rate: Hertz) -> Floats:

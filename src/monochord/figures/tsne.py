@@ -63,7 +63,7 @@ class Tsne(Measured):
     """
 
     dataset: Path
-    features: tuple[str, ...] = ("log_mel",)
+    features: tuple[str, ...] = ("fft_harmonic",)
     windows: Annotated[int, Meta(ge=MIN_WINDOWS, le=MAX_WINDOWS)] = 1000
     perplexity: Annotated[float, Meta(gt=1.0)] = 30.0
     sensor: str = "prototype"

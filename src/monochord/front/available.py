@@ -4,7 +4,6 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-import monochord
 from monochord.core.errors import InputError, did_you_mean
 from monochord.core.ranges import checked
 from monochord.core.registry import Registry
@@ -62,7 +61,7 @@ def registries() -> dict[str, Registry[Any]]:
     >>> registries()["sinks"].kind
     'sink'
     """
-    root = Path(monochord.__path__[0])
+    root = Path(__file__).parents[1]
     packages = [
         ".".join(base.relative_to(root.parent).parent.parts) for base in sorted(root.rglob("base.py"))
     ]

@@ -2,7 +2,7 @@
 
 from dataclasses import asdict, dataclass, replace
 from functools import cache, cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +12,6 @@ from monochord.core.lengths import refuse_other_units
 from monochord.core.notebook import lines
 from monochord.core.types import Contact
 from monochord.core.units import Metres, Newtons
-from monochord.front.design_figure import drawn
 from monochord.perception.model import Model
 from monochord.perception.model import load as load_model
 from monochord.physics.design import (
@@ -38,9 +37,6 @@ from monochord.physics.design import (
 )
 from monochord.physics.sensors import Sensor, design_toml, with_length
 from monochord.physics.theory import stretch_stiffness
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as Canvas
 
 LENGTHS = "length", "range", "resolution", "gauge", "end_std", "gap"
 """Wishes that are lengths in m."""
@@ -266,10 +262,6 @@ class StringDesign:
                 **{name: value.tolist() for name, value in _arrays(own).items()},
             },
         }
-
-    def draw(self) -> "Canvas":
-        """Return the figure of the design; requires matplotlib."""
-        return drawn(self)
 
     def toml(self) -> str:
         """Return the text of a sensor file, which `load_sensor`, ``--sensor`` and the hardware's CAD take."""

@@ -7,17 +7,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from monochord.figures import COLOURS, style
+from monochord.front.design import StringDesign
 from monochord.physics.design import COMPARED, MAX_MODE, ambiguity, string_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
 
-    from monochord.front.design import StringDesign
 
+def draw(design: StringDesign) -> Canvas:
+    """Return six panels: trade-off, tension, force, position, ambiguity and drift.
 
-def drawn(design: StringDesign) -> Canvas:
-    """Return six panels: trade-off, tension, force, position, ambiguity and drift."""
+    Raises
+    ------
+    MissingLibraryError
+        If matplotlib is not installed; the error says how to install it.
+    """
     page = style.canvas(125.0)
     panels = page.subplots(2, 3)
     _trade_off(panels[0, 0], design)

@@ -1,11 +1,5 @@
-"""The page of a design: one request a line on standard input, one answer a line on standard output.
+"""What the page of a design asks for: one request, one answer, as JSON."""
 
-The page's server starts it as a process of its own, ``python -m monochord.front.design_page``: a sweep takes
-a second, for which no window of a running sensor may wait.
-"""
-
-import os
-import sys
 from collections.abc import Mapping
 from typing import Any, Literal, get_args, get_type_hints
 
@@ -20,8 +14,6 @@ from monochord.physics.materials import material_names
 
 MODELS = (Wishes().model, NO_MODEL)
 """Models that a page may name."""
-NICENESS = 5
-"""A running sensor goes first."""
 
 
 class Request(msgspec.Struct, forbid_unknown_fields=True):
@@ -105,12 +97,9 @@ FREE = {"gauge": None, "tension": None}
 """What a recommendation sweeps."""
 
 
-def main() -> None:
-    """Answer requests until the standard input ends."""
-    os.nice(NICENESS)
-    for line in sys.stdin.buffer:
-        sys.stdout.buffer.write(msgspec.json.encode(answer(line), enc_hook=_plain) + b"\n")
-        sys.stdout.buffer.flush()
+def encoded_answer(request: bytes) -> bytes:
+    """Return the answer to a request as JSON."""
+    return msgspec.json.encode(answer(request), enc_hook=_plain)
 
 
 def _wishes(given: Mapping[str, Any]) -> Wishes:
@@ -149,7 +138,3 @@ def _meta(kind: Any) -> msgspec.Meta | None:
 def _plain(value: Any) -> Any:
     """Return an array or a number of NumPy as plain values."""
     return value.tolist()
-
-
-if __name__ == "__main__":
-    main()

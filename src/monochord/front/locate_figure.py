@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from monochord.core.pitch_names import pitch_name
+from monochord.core.ranges import checked
 from monochord.figures import style
+from monochord.front.located import Located
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
-
-    from monochord.front.located import Located
-
 ERRORS, FAINT = "#7FB3D9", "#D5D5D5"
 """Colours of standard errors and of frets without a dot."""
 NAME_HEIGHT = 0.03
@@ -26,8 +25,15 @@ ROOM = 0.05
 """Room above and below the places, as a share of their range, and at least this share of the length."""
 
 
-def drawn(places: Located, *, frets: bool) -> Canvas:
-    """Return one panel; with `frets`, lines where the frets are, named on the right by number and note."""
+@checked
+def draw(places: Located, *, frets: bool = False) -> Canvas:
+    """Return one panel; with `frets`, lines where the frets are, named on the right by number and note.
+
+    Raises
+    ------
+    MissingLibraryError
+        If matplotlib is not installed; the error says how to install it.
+    """
     page = style.canvas(80.0)
     axes = page.subplots()
     style.dress(axes, "", _title(places), "time (s)", f"position from {places.origin} (mm)")

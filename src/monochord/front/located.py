@@ -15,11 +15,9 @@ from monochord.core.pitch_names import pitch_name
 from monochord.core.ranges import checked
 from monochord.core.types import Floats
 from monochord.core.units import Hertz, Metres, Seconds
-from monochord.front.locate_figure import drawn
 from monochord.perception.model.table import PredictionTable
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure as Canvas
     from pandas import DataFrame
 
 NUT, PICKUP = "the nut", "pickup 1"
@@ -265,17 +263,6 @@ class Located:
         frame = self.table.to_pandas()
         names = ("position", "std", "frequency", "fret", "note", "reason")
         return type(frame)({name: getattr(self, name) for name in names}, index=frame.index)
-
-    @checked
-    def draw(self, *, frets: bool = False) -> "Canvas":
-        """Return a figure of the places over time with standard errors; `frets` adds lines at the frets.
-
-        Raises
-        ------
-        MissingLibraryError
-            If matplotlib is not installed; the error says how to install it.
-        """
-        return drawn(self, frets=frets)
 
     def __repr__(self) -> str:
         valid = int(self.table.position.valid.sum())

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from monochord.lab.objects import evenly
-from monochord.physics.twin.setup import Ebow, Sensor
+from monochord.physics.setup import Ebow, Sensor
 
 ALIKE = 0.5
 """Share of designs with two identical drivers."""

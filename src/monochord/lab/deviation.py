@@ -11,8 +11,8 @@ from msgspec import Meta
 
 from monochord.core.ranges import Checked
 from monochord.core.units import Hertz
+from monochord.physics.setup import ContactLaw, End, Mount, Pickups
 from monochord.physics.twin import Sensor, Touch
-from monochord.physics.twin.setup import ContactLaw, End, Mount, Pickups
 from monochord.physics.twin.variation import tension_per_kelvin
 from monochord.physics.twin.world import SIGNAL
 

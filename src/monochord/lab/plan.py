@@ -18,9 +18,9 @@ from monochord.lab.deviation import MAX_TUNING, NONE, Deviation
 from monochord.lab.objects import DRAWN, evenly
 from monochord.physics.materials import Material, load_material
 from monochord.physics.sensors import load_sensor
+from monochord.physics.setup import MountKind
 from monochord.physics.twin import Key, Sensor, Touch
 from monochord.physics.twin.held import drawn_mount
-from monochord.physics.twin.setup import MountKind
 from monochord.physics.twin.world import ALL, Effects, World, plausible_touch, sensor_of
 
 Amount: TypeAlias = Annotated[int, Meta(ge=1, le=100000)]

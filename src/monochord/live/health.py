@@ -38,7 +38,7 @@ from monochord.core.silence import SILENT_LEVEL
 from monochord.core.types import Estimates, StreamHealth, Window
 from monochord.core.units import Seconds
 from monochord.live.filter import CONTACT, FilterState
-from monochord.perception.estimators.base import Condition
+from monochord.perception.watching import Condition
 
 RINGING_LEVEL, PROMINENCE = 5.6e-3, 40.0
 """Root mean square (-45 dB) and prominence of the strongest tone below which a string does not ring.

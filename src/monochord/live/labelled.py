@@ -11,9 +11,9 @@ from monochord.core.files import replacing
 from monochord.core.types import Signal
 from monochord.core.units import Metres
 from monochord.live.delivery import reason
-from monochord.live.sinks.base import Update
+from monochord.live.recording import Recording
 from monochord.live.touch_guide import Row, TouchGuide
-from monochord.live.web.recording import Recording
+from monochord.live.update import Update
 
 COLUMNS = "begin,end,position,force,contact"
 

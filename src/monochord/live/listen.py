@@ -19,7 +19,7 @@ from monochord.core.ranges import Positive, checked
 from monochord.core.units import Hertz, Seconds
 from monochord.live.loop import opened
 from monochord.live.settings import MODEL, Hop, LiveRun, WindowLength, WindowSettings, recording_source
-from monochord.live.sinks.base import Update
+from monochord.live.update import Update
 from monochord.perception.estimators import ESTIMATORS
 from monochord.perception.estimators._loaded import LoadedModel
 from monochord.perception.estimators.base import Estimator

@@ -26,7 +26,7 @@ from monochord.live.delivery import Delivered, Delivery
 from monochord.live.settings import LiveRun, channels_of
 from monochord.live.sinks.base import Run, Update
 from monochord.live.summary import Meter, Summary
-from monochord.perception.estimators.base import Watching
+from monochord.perception.watching import Watching
 from monochord.physics.sensors import load_sensor, refuse_other_length, with_sensor
 from monochord.physics.strings import load_string
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from monochord.core.types import Signal
 from monochord.core.units import Metres, Newtons, Seconds
-from monochord.live.sinks.base import Update
+from monochord.live.update import Update
 from monochord.physics.known_touches import Estimated, beside_nodes, why_impossible
 
 UNTOUCHED: Seconds = 2.0
@@ -38,8 +38,6 @@ MARGIN = 0.05
 """Share of the sensing range at each end without proposed touches: hands are not that precise."""
 TICK: Seconds = 1e-6
 """Rounding of times, in s."""
-Act: TypeAlias = Literal["announce", "undo", "skip"]
-"""What a person may do beside giving position and force."""
 Phase: TypeAlias = Literal["rest", "press", "hold", "label"]
 """Let go; press; hold still; say position and force."""
 

@@ -1,4 +1,4 @@
-"""Estimates from windows of sound: features, encoders, heads, closed forms, models and their training."""
+"""Estimates from windows of sound: features, heads, closed forms, models and their training."""
 
-MOVED = {"yamnet": "it is a package of its own: pip install ./studies/monochord-yamnet, in the repository"}
-"""Features that another package provides, with how to install each."""
+MOVED = {"ast": "monochord-encoders", "log_mel": "monochord-encoders", "yamnet": "monochord-yamnet"}
+"""Features that another package of the repository has, with its name."""

@@ -21,6 +21,7 @@ from monochord.core.units import Hertz, Metres, Newtons, Pascals, Seconds
 from monochord.physics.lengthening import MountName, contact_compliance, lengthening
 from monochord.physics.materials import Material, load_material
 from monochord.physics.sensors import load_sensor
+from monochord.physics.setup import Ebow, Sensor
 from monochord.physics.theory import (
     Losses,
     contact_bound,
@@ -34,7 +35,6 @@ from monochord.physics.theory import (
 )
 from monochord.physics.theory.bounds import frequency_sensitivities
 from monochord.physics.theory.tension import STRENGTH
-from monochord.physics.twin.setup import Ebow, Sensor
 
 LINE_STD, OPEN_STD, END_STD = 5e-4, 7e-4, 1e-4
 """Relative standard errors of a segment's fundamental and of the open pitch, and that of an end in m."""

@@ -15,9 +15,9 @@ import numpy as np
 from monochord.core.types import Floats, StringParams
 from monochord.core.units import Metres, Newtons
 from monochord.physics.materials import Material
+from monochord.physics.setup import MountKind
 from monochord.physics.theory import hertz_stiffness
 from monochord.physics.twin.held import drawn_mount
-from monochord.physics.twin.setup import MountKind
 
 MountName = Literal["bolted", "light", "soft", "known"]
 DRAWS = 600

@@ -17,7 +17,7 @@ from monochord.core.types import Feed, Floats
 from monochord.core.units import Seconds
 from monochord.sessions import codec, walk
 from monochord.sessions._layout import BEGIN, END, refuse_later, rewritten
-from monochord.sessions._picture import session_plot
+from monochord.sessions._picture import tracks_plot
 from monochord.sessions._places import named, places, records_of
 from monochord.sessions.bounds import (
     MAX_COLUMNS,
@@ -323,7 +323,8 @@ class SessionReader:
         MissingLibraryError
             If matplotlib is not installed; the error says how to install it.
         """
-        return session_plot(self)
+        feeds = [self.description.feed(stream) for stream in self.streams]
+        return tracks_plot(self.audio, [(feed, self.readings(feed.stream)) for feed in feeds], self.labels)
 
     def __repr__(self) -> str:
         return lines(*self._facts())

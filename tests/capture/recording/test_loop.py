@@ -13,7 +13,9 @@ from typing import Any
 import numpy as np
 import pytest
 import soundfile
+from tests.ports import free_ports
 
+from monochord.capture.instruments import INSTRUMENTS
 from monochord.capture.recording import About, RecordingJob, RecordingSummary, record
 from monochord.capture.recording.streams import NamedInstrument
 from monochord.capture.sources.base import Source, Stream
@@ -57,6 +59,17 @@ def test_a_session_holds_every_frame_as_it_was(make_job: Any, sound: Path) -> No
     assert (summary.frames, summary.dropped, dict(summary.flags)) == (2 * RATE, 0, {})
     assert np.array_equal(session.audio.samples, samples_of(sound))
     assert kinds(session) == ["stop"]
+
+
+def test_a_kill_leaves_all_that_had_been_written(make_job: Any, tmp_path: Path) -> None:
+    left = list[tuple[int, bytes]]()
+    job = make_job(seconds=0.5)
+    record(job, lambda now, _notices: left.append((now.frames, job.path.read_bytes())))
+    killed = tmp_path / "killed.mcap"
+    for frames, content in left:
+        killed.write_bytes(content)
+        assert read_session(killed).audio.samples.shape[1] == frames
+    assert left[-1][0] > left[0][0] > 0
 
 
 def test_audio_and_force_are_on_one_clock(make_job: Any, force: Any, sound: Path) -> None:
@@ -160,6 +173,13 @@ def test_two_streams_of_one_given_name_are_refused(make_job: Any, force: Any) ->
     with pytest.raises(InputError, match="left"):
         record(job)
     assert not job.path.exists()
+
+
+def test_instruments_of_a_kind_have_streams_of_their_own(make_job: Any) -> None:
+    addresses = {f"pose_{port}": f"127.0.0.1:{port}" for port in free_ports(3)}
+    instruments = {name: INSTRUMENTS.build("pose_udp", {"address": at}) for name, at in addresses.items()}
+    _, session = recorded(make_job(instruments=instruments, seconds=0.2))
+    assert session.streams == ("pose", "pose_2", "pose_3")
 
 
 def test_its_priority_is_raised_where_permitted_and_restored(make_job: Any) -> None:

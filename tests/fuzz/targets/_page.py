@@ -19,7 +19,8 @@ from websockets.sync.client import connect
 
 from monochord.capture.sources import SOURCES
 from monochord.core.types import Estimate, Prediction, StreamHealth, Window
-from monochord.live.sinks.base import Update
+from monochord.live.guides.bench import Bench
+from monochord.live.update import Update
 from monochord.live.web.server import Server
 
 PATIENCE = 10.0
@@ -45,9 +46,8 @@ class Page:
         server = self._stack.enter_context(Server(token=token))
         stream = self._stack.enter_context(SOURCES.build("twin").open())
         folder = Path(self._stack.enter_context(TemporaryDirectory()))
-        self._view = self._stack.enter_context(
-            server.show(stream.signal, 0.2, stream.controls, folder=folder)
-        )
+        tasks = Bench(stream.signal, 0.2, folder, "")
+        self._view = self._stack.enter_context(server.show(stream.signal, 0.2, stream.controls, tasks=tasks))
         self._headers, self._count = {"Cookie": f"monochord={token}"}, 0
         self._address = ("127.0.0.1", server.port)
         self._witness = connect(

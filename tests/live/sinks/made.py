@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from monochord.core.types import Estimate, Prediction, Signal, StreamHealth, Window
-from monochord.live.sinks.base import Update
+from monochord.live.update import Update
 
 SIGNAL = Signal(sample_rate=44100, channels=2)
 

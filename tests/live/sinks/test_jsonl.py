@@ -12,7 +12,7 @@ from monochord.core.types import Estimate, Tracked
 from monochord.live.health import Note
 from monochord.live.sinks.base import Run, Update
 from monochord.live.sinks.jsonl import Jsonl
-from monochord.perception.estimators.base import Condition
+from monochord.perception.watching import Condition
 
 POSITION = Estimate(value=0.2275, std=2e-4, unit="m")
 FREQUENCY = Estimate(value=169.2307692307692, std=0.05, unit="Hz")

@@ -133,6 +133,26 @@ def test_what_is_known_to_be_true_and_followed_is_beside_it(tmp_path: Path) -> N
     assert set(track.column("decided_slip")) == {0.0}
 
 
+def test_a_quantity_and_its_error_have_one_unit(tmp_path: Path) -> None:
+    force = Estimate(value=0.5, std=0.1, unit="N")
+    given = [
+        replace(
+            each,
+            prediction=replace(each.prediction, estimates={"position": POSITION, "force": force}),
+            tracked=Tracked(estimates={"position": POSITION, "force": force}),
+            truth={"contact": 1.0},
+        )
+        for each in updates([Block(samples=NOISE[:, :8820], start=0)], 100.0)
+    ]
+    (feed,) = written(tmp_path / "a.mcap", given).description.feeds
+    unit = dict(zip(feed.columns, feed.units, strict=True))
+    for prefix in ("", "tracked_"):
+        for name, own in (("position", "m"), ("force", "N")):
+            assert unit[f"{prefix}{name}"] == unit[f"{prefix}{name}_std"] == own
+    assert (unit["true_position"], unit["true_force"], unit["latency"]) == ("m", "N", "s")
+    assert unit["true_contact"] == "1"
+
+
 def test_a_session_without_a_window_is_a_whole_one(tmp_path: Path) -> None:
     assert written(tmp_path / "a.mcap", []).audio.samples.shape[1] == 0
 

@@ -15,7 +15,6 @@ import pytest
 from tests.live.sinks.made import SIGNAL, update
 from tests.waiting import wait_for
 
-from monochord.capture.dds import messages as ros
 from monochord.capture.dds.participant import Participant
 from monochord.core.errors import DeviceError, InputError
 from monochord.core.types import Estimate, Tracked
@@ -24,7 +23,7 @@ from monochord.live.health import Note
 from monochord.live.sinks import SINKS
 from monochord.live.sinks.base import Run, Update
 from monochord.live.sinks.ros2 import TOPICS, Ros2
-from monochord.sessions.codec import decode
+from monochord.sessions.codec import decode, nanoseconds
 
 pytestmark = pytest.mark.real_time
 DOMAIN = 1 + os.getpid() % 99  # another run of the tests has another one
@@ -70,7 +69,7 @@ def test_a_touch_is_on_every_topic() -> None:
     assert [(m.data) for m in (*messages["contact"], *messages["slip"])] == [True, False]
     for message in (point, wrench, messages["estimates"][0]):
         assert message.header.frame_id == "nut"
-        assert ros.nanoseconds(message.header.stamp) * 1e-9 == pytest.approx(wall, abs=0.5)
+        assert nanoseconds(message.header.stamp) * 1e-9 == pytest.approx(wall, abs=0.5)
 
 
 def test_nothing_touches_is_no_force_and_no_position() -> None:
@@ -122,7 +121,7 @@ def test_an_event_is_stamped_by_its_onset() -> None:
     (event,), (touch,) = messages["events"], messages["estimates"]
     assert event.kind == "contact_begins"
     assert json.loads(event.data) == {"delay": 0.02, "confidence": 0.97}
-    stamps = [ros.nanoseconds(message.header.stamp) for message in (event, touch)]
+    stamps = [nanoseconds(message.header.stamp) for message in (event, touch)]
     assert stamps[1] - stamps[0] == pytest.approx(0.02e9, abs=10)  # the window ends at 0.11 s
     assert decode("monochord_msgs/msg/Event", event.serialize()).kind == "contact_begins"
 

@@ -15,10 +15,11 @@ from tests.live.web.test_server import free, live, messages_of
 from websockets.sync.client import ClientConnection
 
 from monochord.core.types import Signal
+from monochord.live.guides.bench import Bench
 from monochord.live.loop import opened
 from monochord.live.settings import LiveRun
-from monochord.live.sinks.base import Update, Writer
-from monochord.live.web.server import Server
+from monochord.live.update import Update
+from monochord.live.web.server import Server, View
 from monochord.physics.sensors import load_sensor, with_sensor
 from monochord.sessions import read_session
 
@@ -57,7 +58,7 @@ def shown(updates: Sequence[Update], folder: Path, pause: float = 0.005) -> Gene
     """Run a server that shows these updates over and over, usually ten times as fast, and connect to it."""
     ended = threading.Event()
 
-    def play(writer: Writer) -> None:
+    def play(writer: View) -> None:
         frames = updates[-1].window.start + updates[-1].window.samples.shape[1]
         for turn in itertools.count():
             for update in updates:
@@ -66,9 +67,10 @@ def shown(updates: Sequence[Update], folder: Path, pause: float = 0.005) -> Gene
                 if ended.wait(pause):
                     return
 
+    tasks = Bench(SIGNAL, SENSOR.string.length, folder, "demo")
     with (
         Server(port=free()) as server,
-        server.show(SIGNAL, SENSOR.string.length, None, folder=folder, model="demo") as writer,
+        server.show(SIGNAL, SENSOR.string.length, None, tasks=tasks) as writer,
     ):
         player = threading.Thread(target=play, args=(writer,))
         player.start()

@@ -15,6 +15,7 @@ from tests.live.web.test_server import TOKEN, free, get
 from tests.waiting import wait_for
 
 import monochord as mc
+from monochord.front.page import design_page
 from monochord.live.web.design import MAX_REQUEST
 from monochord.live.web.server import Server
 
@@ -24,7 +25,7 @@ GIVEN = b'{"do": "string", "wishes": {%s}}'
 
 @pytest.fixture(scope="module")
 def server() -> Iterator[Server]:
-    with Server(port=free(), home="design") as server:
+    with Server(port=free(), home="design", parts=(design_page(),)) as server:
         yield server
 
 
@@ -121,7 +122,7 @@ def test_a_long_request_and_a_foreign_page_are_refused(server: Server) -> None:
     assert post(server, b" " * (MAX_REQUEST + 1))[0] == 413
     assert post(server, b"{}", Origin="http://evil.example")[0] == 403
     assert post(server, b"{}", Host="evil.example")[0] == 421
-    with Server(port=free(), token=TOKEN) as guarded:
+    with Server(port=free(), token=TOKEN, parts=(design_page(),)) as guarded:
         assert post(guarded, b"{}")[0] == 401
         assert get(guarded, "/design").status == 401
         assert get(guarded, "/design", Cookie=f"monochord={TOKEN}").status == 200
@@ -129,12 +130,12 @@ def test_a_long_request_and_a_foreign_page_are_refused(server: Server) -> None:
 
 def workers() -> list[psutil.Process]:
     children = psutil.Process().children()
-    return [each for each in children if "monochord.front.design_page" in each.cmdline()]
+    return [each for each in children if any("spawn_main" in word for word in each.cmdline())]
 
 
 def test_a_process_that_dies_is_started_again_and_none_is_left() -> None:
     before = {each.pid for each in workers()}
-    with Server(port=free()) as server:
+    with Server(port=free(), parts=(design_page(),)) as server:
         ask(server, "about")
         (worker,) = [each for each in workers() if each.pid not in before]
         worker.send_signal(signal.SIGKILL)
@@ -167,7 +168,7 @@ def test_every_page_leads_to_the_others(server: Server) -> None:
     alone = get(server, "/design").body.decode()  # pyright: ignore[reportAttributeAccessIssue]
     assert '<a href="design" aria-current="page">Design</a>' in alone
     assert "Live" not in alone
-    with Server(port=free()) as running:
+    with Server(port=free(), parts=(design_page(),)) as running:
         for path, other in (("/", "design"), ("/design", "./")):
             page = get(running, path).body.decode()  # pyright: ignore[reportAttributeAccessIssue]
             assert f'<a href="{other}">' in page

@@ -23,13 +23,14 @@ from monochord.core.errors import DeviceError, InputError
 from monochord.core.reasons import Reason
 from monochord.core.types import Contact, Estimate, Prediction, Signal, StreamHealth, StringParams, Window
 from monochord.live.events import Event
+from monochord.live.guides.bench import Bench
 from monochord.live.health import Note
 from monochord.live.sinks import SINKS
 from monochord.live.sinks.base import Run as SinkRun
-from monochord.live.sinks.base import Update, Writer
+from monochord.live.update import Update
 from monochord.live.web import messages
-from monochord.live.web.server import MAX_MESSAGE, PAGE, RATE, Server
-from monochord.perception.estimators.base import Condition
+from monochord.live.web.server import MAX_MESSAGE, PAGE, RATE, Server, View
+from monochord.perception.watching import Condition
 from monochord.physics.sensors import load_sensor, with_sensor
 from monochord.sessions import read_session
 
@@ -97,7 +98,7 @@ class Keep(Controls):
 class Run:
     """A run that hands over a hundred updates a second, from a thread of its own."""
 
-    def __init__(self, writer: Writer, string: str = "") -> None:
+    def __init__(self, writer: View, string: str = "") -> None:
         self._writer, self._string, self._ended = writer, string, threading.Event()
         self.longest = 0.0
         self.written = 0
@@ -121,11 +122,12 @@ class Run:
 
 @contextmanager
 def running(
-    controls: Controls | None = None, token: str = "", folder: Path = Path(), model: str = ""
+    controls: Controls | None = None, token: str = "", folder: Path = Path()
 ) -> Generator[tuple[Server, Run]]:
+    tasks = Bench(SIGNAL, LENGTH, folder, "")
     with (
         Server(port=free(), token=token) as server,
-        server.show(SIGNAL, LENGTH, controls, folder=folder, model=model) as writer,
+        server.show(SIGNAL, LENGTH, controls, tasks=tasks) as writer,
         Run(writer) as run,
     ):
         yield server, run
@@ -261,6 +263,8 @@ def test_a_page_is_told_what_is_estimated_and_what_happened() -> None:
             history = messages_of(client, "hello")[0]["history"]
         assert len(history) > 3
         assert history[0][0] < history[-1][0]
+        time_, _, _, *quantities = history[-1][:7]
+        assert quantities == [pytest.approx(1e-3 * time_, abs=1e-5), 1e-4, None, None]  # position, force
         assert history[0][-6:] == [1.0, None, None, None, 1.0, None]  # truth, and what is decided
 
 

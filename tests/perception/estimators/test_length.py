@@ -12,8 +12,8 @@ from monochord.core.types import Audio, Floats, Signal, Window
 from monochord.perception.model import Model, load
 from monochord.perception.model.stream import ModelStream
 from monochord.physics.sensors import Sensor, load_sensor, with_sensor
+from monochord.physics.setup import lengthened
 from monochord.physics.theory import open_frequency
-from monochord.physics.twin.setup import lengthened
 from monochord.physics.twin.virtual_sensor import VirtualSensor
 
 RATE, SIZE = 44100, 4410

@@ -13,11 +13,11 @@ from monochord.core.reasons import Reason
 from monochord.core.types import Audio, Estimates, Floats, Signal, StringParams, Window
 from monochord.metrics import DECISION
 from monochord.perception.estimators import ESTIMATORS
-from monochord.perception.estimators.base import Watching
 from monochord.perception.model import ModelState, load
 from monochord.perception.model.network import estimates_of
 from monochord.perception.tuning import Tuner, TunerState
 from monochord.perception.usable import PATIENCE
+from monochord.perception.watching import Watching
 from monochord.physics.sensors import load_sensor
 from monochord.physics.theory import open_frequency
 from monochord.physics.twin.virtual_sensor import VirtualSensor
@@ -190,6 +190,22 @@ def test_a_stream_that_goes_on_touched_from_its_beginning_is_withheld_until_it_r
     late = between(PATIENCE, PATIENCE + 1.0)
     assert {each.reason for one in late for each in one.values()} == {Reason.UNTOUCHED_MISSING}
     assert all(abs(each["position"].value - 0.09) < 1e-3 for each in between(PATIENCE + 2.8, PATIENCE + 3.5))
+
+
+@pytest.mark.parametrize("name", ESTIMATED)
+def test_lost_sound_is_no_untouched_string(name: str) -> None:
+    twin = VirtualSensor("prototype", seed=1)
+    twin.advance(0.5)
+    twin.press(0.08, 1.0)
+    twin.advance(0.3)
+    signal = Signal(sample_rate=RATE, channels=2, string=DESIGN)
+    estimate = ESTIMATORS.build(name, ESTIMATED[name]).prepare(signal, SIZE)
+    late = list[Estimates]()
+    for window in windows(twin.advance(PATIENCE + 0.5)[0], SIZE):
+        each = estimate(replace(window, has_gap=RATE <= window.start < 1.2 * RATE))
+        late += [each] if window.start > PATIENCE * RATE else []
+    assert late
+    assert {each.reason for one in late for each in one.values()} == {Reason.UNTOUCHED_MISSING}
 
 
 def test_a_sensor_at_the_pitch_of_the_training_is_read_as_before() -> None:

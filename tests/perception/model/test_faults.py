@@ -83,7 +83,9 @@ def test_contact_is_told_beside_faults_that_leave_it_right(
 def test_outside_the_sensing_range_all_that_a_touch_tells_is_withheld(drawn: Model) -> None:
     model = dataclasses.replace(drawn, sensing_range=(0.05, 0.15))
     at = drawn.definition.heads["position"]
-    for place, reason in ((0.10, ""), (0.16, Reason.OUTSIDE_RANGE), (0.03, Reason.OUTSIDE_RANGE)):
+    ends = ((0.0499, ""), (0.0501, ""), (0.1499, ""), (0.1501, ""))  # they are off by less than 0.14 mm
+    beyond = ((place, Reason.OUTSIDE_RANGE) for place in (0.03, 0.0497, 0.1503, 0.16))
+    for place, reason in ((0.10, ""), *ends, *beyond):
         reading = WindowReading(ModelState(), outputs(9.0, (place - at.offset) / at.scale), "")
         estimates = estimates_in(model.prepared, reading)
         assert {estimates[name].reason for name in ("slip", "position", "force")} == {reason}

@@ -16,7 +16,7 @@ import soundfile
 import monochord as mc
 from monochord.core.reasons import Reason
 from monochord.core.units import Metres, Newtons, Seconds
-from monochord.live.sinks.base import Update
+from monochord.live.update import Update
 from monochord.physics.twin.virtual_sensor import VirtualSensor
 from monochord.physics.twin.world import World
 

@@ -11,8 +11,8 @@ from tests.physics.twin.built import planned
 
 from monochord.core.errors import InputError
 from monochord.core.reasons import Reason
-from monochord.core.types import Audio, Floats, Signal, StringParams, Window
-from monochord.dsp.resample import Resampler
+from monochord.core.types import Audio, Block, Floats, Signal, StringParams, Window
+from monochord.dsp.resample import resampled
 from monochord.perception.tuning import Tuner, TunerState, tuner
 from monochord.physics.sensors import load_sensor
 from monochord.physics.theory import inharmonicity, open_frequency, stiff_partials
@@ -110,8 +110,9 @@ def test_each_tuning_is_heard_after_any_touch(name: str, percent: int) -> None:
 def test_resampled_sound_is_that_of_another_tuning(rate: int) -> None:
     """Sound played faster by the tuning's ratio is that of a string of that pitch, whatever the twin does."""
     nominal = followed(untouched("prototype"), PROTOTYPE).tuning
-    resampler = Resampler(sample_rate=RATE, new_rate=rate, size=RATE)
-    tuning = followed(resampler(untouched("prototype")), PROTOTYPE).tuning
+    sound = Block(samples=untouched("prototype"), start=0)
+    blocks = list(resampled([sound], sample_rate=RATE, new_rate=rate))
+    tuning = followed(np.concatenate([block.samples for block in blocks], axis=1), PROTOTYPE).tuning
     assert nominal is not None
     assert tuning is not None
     assert tuning.frequency / nominal.frequency == pytest.approx(RATE / rate, rel=3e-4)
@@ -281,6 +282,21 @@ def test_the_pitch_is_followed_past_touches() -> None:
     assert state.tuning is not None
     assert state.tuning.frequency == pytest.approx(1.01 * own, rel=1e-3)
     assert state.refusals >= 9
+
+
+def test_lost_sound_does_not_move_the_pitch() -> None:
+    """What a device fills a gap with may ring as a string does."""
+    own, kept = open_frequency(PROTOTYPE), TunerState()
+    tuner = Tuner.of(Signal(sample_rate=RATE, channels=2, string=PROTOTYPE), SIZE)
+    before, within = tones([2.0 * own], [0.1]), tones([2.1 * own], [0.1])
+    for number in range(16):
+        has_gap = number >= 5
+        samples = (within if has_gap else before)[:, :SIZE]
+        window = Window(samples=samples, start=number * SIZE, sample_rate=RATE, has_gap=has_gap)
+        kept = tuner.step(kept, window)
+    assert kept.tuning is not None
+    assert kept.tuning.frequency == pytest.approx(own, rel=1e-3)
+    assert (kept.tuning.windows, kept.refusals) == (5, 11)
 
 
 def test_the_state_is_all_there_is() -> None:

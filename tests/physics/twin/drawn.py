@@ -7,6 +7,7 @@ import numpy as np
 from monochord.core.errors import InputError
 from monochord.core.types import StringParams
 from monochord.physics.materials import Material
+from monochord.physics.setup import MAX_END_SHARE
 from monochord.physics.theory import Losses
 from monochord.physics.twin import (
     ContactLaw,
@@ -25,7 +26,6 @@ from monochord.physics.twin import (
     begin,
 )
 from monochord.physics.twin.rate import HALF_SIZES, TOP_FREQUENCIES, mode_count, padded
-from monochord.physics.twin.setup import MAX_END_SHARE
 
 Draw = np.random.Generator
 MIN_LENGTH = 0.02

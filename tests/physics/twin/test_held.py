@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest, kstest
 
+from monochord.physics.setup import MountKind
 from monochord.physics.twin.held import CLASSES, drawn_mount
-from monochord.physics.twin.setup import MountKind
 
 MOUNTS = [drawn_mount("plastic", seed) for seed in range(1000)]
 

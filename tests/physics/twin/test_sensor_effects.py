@@ -28,6 +28,7 @@ from tests.physics.twin.built import (
 
 from monochord.core.errors import InputError
 from monochord.core.types import Floats
+from monochord.physics.setup import DISTORTION_LEVEL, HUM_SHARES
 from monochord.physics.twin import (
     End,
     Outside,
@@ -43,7 +44,6 @@ from monochord.physics.twin import (
 )
 from monochord.physics.twin import records as layout
 from monochord.physics.twin.energy import energy
-from monochord.physics.twin.setup import DISTORTION_LEVEL, HUM_SHARES
 
 STILL = (False, False)
 PLUCK = Pluck(position=0.0413, height=1e-4)

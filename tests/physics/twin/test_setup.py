@@ -10,10 +10,10 @@ import pytest
 from tests.physics.twin.built import PLASTIC, SENSOR, STRING, key, touch
 
 from monochord.core.errors import InputError
+from monochord.physics.setup import Tolerances
 from monochord.physics.strings import load_string, string_names
 from monochord.physics.theory import bending_stiffness
 from monochord.physics.twin import MAX_TOUCHES, Ebow, Outside, Pickups, Pluck, Scene, Touch, hold, rate
-from monochord.physics.twin.setup import Tolerances
 
 PARTS = (
     Ebow(sense=0.02, drive=0.03), Pickups(), SENSOR, key(0.0, 0.08),

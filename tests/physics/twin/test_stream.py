@@ -24,6 +24,7 @@ from monochord.physics.twin import (
 from monochord.physics.twin import records as layout
 from monochord.physics.twin.rate import mode_frequencies
 from monochord.physics.twin.records import CONTACT_HOLD
+from monochord.physics.twin.virtual_sensor import VirtualSensor
 
 SLIDES = Scene(
     touches=(touch(key(0.0, 0.08, 0.8, 0.0, 0.05), key(0.05, 0.09, 1.5, 0.0, 0.05), rolls=False),),
@@ -94,6 +95,16 @@ def test_labels_tell_what_is_asked_and_what_is() -> None:
     assert labels.position[0, -1] == pytest.approx(0.09)
     assert labels.force[0, -2000:].mean() == pytest.approx(1.0, rel=0.05)
     assert labels.settled[5000] == 0
+
+
+def test_labels_of_two_objects_are_those_of_the_one_that_presses_hardest() -> None:
+    twin = VirtualSensor("prototype", seed=1)
+    twin.press(0.06, 0.3)
+    twin.press(0.12, 1.5)
+    labels = twin.advance(0.2)[1]
+    assert labels["contacts"][-1] == 2.0
+    assert labels["position"][-1] == pytest.approx(0.12)
+    assert labels["force"][-2000:].mean() == pytest.approx(1.5, rel=0.05)
 
 
 def test_rates_that_cannot_be_are_refused() -> None:

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from monochord.physics.sensors import load_sensor, sensor_names
+from monochord.physics.setup import Changes, Tolerances
 from monochord.physics.theory import open_frequency
 from monochord.physics.twin import Sensor
-from monochord.physics.twin.setup import Changes, Tolerances
 from monochord.physics.twin.variation import TRUNCATION, build, day, tension_per_kelvin
 
 DESIGN = load_sensor("prototype")

@@ -190,6 +190,16 @@ def test_a_step_under_a_ringing_string_is_located_to_the_sample_however_loud() -
         assert abs(int(novelty(errors, 44).argmax()) * 44 - 12000) <= 44
 
 
+@pytest.mark.parametrize("quiet", [8, 16, 32])
+def test_a_faint_tap_is_located_though_the_noise_before_it_begins_quietly(quiet: int) -> None:
+    rng = np.random.default_rng(quiet)
+    for _ in range(20):
+        errors = rng.standard_normal(600)
+        errors[:quiet] *= 0.2
+        errors[500:] *= 5.0
+        assert abs(first_onset(errors) - 500) <= 6
+
+
 def test_the_first_of_two_events_is_located_but_no_faint_one_nor_a_quiet_beginning() -> None:
     rng = np.random.default_rng(0)
     for _ in range(10):

@@ -15,6 +15,7 @@ from typing import Any
 from monochord.core.closing import Closing
 from monochord.core.errors import DeviceError, InputError, MissingLibraryError
 from monochord.core.units import Seconds
+from monochord.sessions.codec import typestore
 
 MAX_DOMAIN = 232
 DEPTH = 10  # what ROS 2 keeps of a topic
@@ -220,9 +221,10 @@ def _topic(participant: Any, topic: str, message: str) -> tuple[type[Any], Any]:
 
 
 def _hash(message: type[Any]) -> str:
-    from monochord.capture.dds.messages import TYPE_HASHES, ros_name  # noqa: PLC0415
+    """Return the hash of a type's definition (REP-2016), which ROS 2 tools compare."""
+    from monochord.capture.dds.messages import ros_name  # noqa: PLC0415
 
-    return TYPE_HASHES[ros_name(message)]
+    return str(typestore().hash_rihs01(ros_name(message)))
 
 
 def _own_domain() -> int:

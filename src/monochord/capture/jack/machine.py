@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-import monochord
 from monochord.capture.jack.client import JackClient
 from monochord.capture.jack.libjack import START_JACK, no_server, pipewire
 from monochord.capture.jack.libjack import path as jack_library
@@ -53,7 +52,7 @@ def python() -> Check:
 
 def compile_cache() -> Check:
     """Check whether compiled kernels can be cached, so that only the first start is slow."""
-    folder = Path(os.environ.get("NUMBA_CACHE_DIR") or Path(monochord.__file__).parent)
+    folder = Path(os.environ.get("NUMBA_CACHE_DIR") or Path(__file__).parents[2])
     writable = os.access(folder, os.W_OK) or (not folder.exists() and os.access(folder.parent, os.W_OK))
     return Check(
         name="compile cache",

@@ -11,7 +11,7 @@ from monochord.core.errors import InputError, did_you_mean
 from monochord.core.types import Contact
 from monochord.core.units import Metres, MetresPerSecond, Newtons, Seconds
 from monochord.physics.materials import load_material
-from monochord.physics.twin.setup import Key, Touch
+from monochord.physics.setup import Key, Touch
 from monochord.physics.twin.world import World, plausible_touch
 
 FORCES: tuple[Newtons, Newtons] = (0.05, 2.5)

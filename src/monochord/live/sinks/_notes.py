@@ -8,7 +8,7 @@ from rich.text import Text
 from monochord.core.printable import printable
 from monochord.core.units import Seconds
 from monochord.live.health import Level, Note
-from monochord.live.sinks.base import Update
+from monochord.live.update import Update
 
 LABELS: Mapping[Level, str] = {"error": "error", "warning": "warning", "info": "note"}
 """Label of a note by level, worst first."""

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from monochord.core.types import Prediction
-from monochord.live.sinks.base import Update
+from monochord.live.update import Update
 
 NANO = 1_000_000_000
 

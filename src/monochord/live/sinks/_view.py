@@ -10,17 +10,17 @@ from operator import itemgetter
 import numpy as np
 from rich.text import Text
 
-from monochord.core.clipping import LOUD
 from monochord.core.labels import SETTLED
 from monochord.core.printable import printable
 from monochord.core.reasons import Reason
 from monochord.core.timing import Percentiles
-from monochord.core.types import Audio, Estimate, Signal, Truth
-from monochord.core.units import Metres, Newtons, decibels
+from monochord.core.types import Estimate, Signal, Truth
+from monochord.core.units import Metres, Newtons
+from monochord.dsp.levels import LOUD_LEVEL, levels
 from monochord.live.events import Event
 from monochord.live.sinks import _notes, _string
 from monochord.live.sinks._string import TOUCH, TRUTH
-from monochord.live.sinks.base import Update
+from monochord.live.update import Update
 
 LABEL, DIM, WARN, BAND = "grey62", "grey42", "bold orange1", "cyan"
 MAX_FORCE: Newtons = 2.0
@@ -31,8 +31,6 @@ ESTIMATED, TRUE, BOTH = "●", "◆", "◉"
 NAMED_COLUMNS = 72
 """Smallest width in columns at which the ends of a scale are named."""
 FLOOR = -60.0  # decibels at the left end of a level meter
-LOUD_LEVEL = decibels(LOUD)
-"""Peak in dB from which a meter says that sound is clipped."""
 EIGHTHS = " ▏▎▍▌▋▊▉"
 ORDER = ("contact", "position", "force", "slip", "frequency")  # what a person looks for first
 NORMAL_REASONS = (Reason.NO_CONTACT, Reason.NOT_ESTIMATED)
@@ -203,13 +201,6 @@ def _events_in_words(events: Sequence[Event]) -> str:
 
 def _change(event: Event) -> str:
     return WORDS[event.name][event.on]
-
-
-def levels(channel: Audio) -> tuple[float, float]:
-    """Return a channel's level, root mean square and peak, in dB below full scale; NaN stays NaN."""
-    with np.errstate(all="ignore"):
-        wide = channel.astype(np.float64)
-        return decibels(float(np.sqrt(np.mean(wide**2)))), decibels(float(np.max(np.abs(wide))))
 
 
 def quantity(value: float, unit: str) -> str:

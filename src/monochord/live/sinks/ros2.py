@@ -13,6 +13,7 @@ from monochord.core.units import Seconds
 from monochord.live.events import Event
 from monochord.live.sinks._record import NANO, unix_nanoseconds
 from monochord.live.sinks.base import NEWEST, NotDeliveredError, Run, Sink, Update, Writer
+from monochord.sessions.codec import nanoseconds
 
 if TYPE_CHECKING:
     from monochord.capture.dds.participant import Participant
@@ -115,8 +116,6 @@ class _Topics(Writer):
     def write(self, update: Update) -> None:
         from cyclonedds.core import DDSException  # noqa: PLC0415
 
-        from monochord.capture.dds import messages as ros  # noqa: PLC0415
-
         self._windows += 1
         self._latencies.append(update.prediction.latency)
         stamp = unix_nanoseconds(update)
@@ -125,7 +124,7 @@ class _Topics(Writer):
                 self._writers[topic].write(message, stamp)
             for event in update.events:
                 message = self._event(event, update, stamp)
-                self._writers["events"].write(message, ros.nanoseconds(message.header.stamp))
+                self._writers["events"].write(message, nanoseconds(message.header.stamp))
             if time.monotonic() >= self._next:
                 self._next = time.monotonic() + DIAGNOSTICS_INTERVAL
                 self._diagnostics.write(self._diagnostics_message(update, stamp), stamp)

@@ -1,29 +1,31 @@
 """A browser page of the run, in which a simulated string can be touched."""
 
-from collections.abc import Generator, Mapping
-from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from monochord.capture.recording.settings import of_sensor
+from monochord.core.types import Signal
 from monochord.core.units import Metres
-from monochord.live.sinks.base import Run, Sink, Update, Writer
+from monochord.live.sinks.base import PageSink, Run, Sink, Update, Writer
 from monochord.live.sinks.terminal import DEFAULT_LENGTH
+from monochord.live.web.tasks import MakeTasks
 
 if TYPE_CHECKING:
-    from monochord.live.web.server import Server
+    from monochord.live.web.server import Part, Server, View
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Web(Sink):
+class Web(PageSink):
     """Serve a page that shows the run in any number of browsers, without internet access.
 
     It shows the string with the touch, estimates with standard errors, both microphones' spectra, levels,
     history, latency and health notes. A simulated string can be touched by mouse or finger, and the truth
-    stands beside the estimates. The page also starts a recording, and guides tuning, calibration and touches
-    with labels. A page gets at most 30 updates a second, always the newest; a slow page gets fewer and delays
-    no other.
+    stands beside the estimates. In a run of ``monochord live``, the page also starts a recording, and guides
+    tuning, calibration and touches with labels. A page gets at most 30 updates a second, always the newest; a
+    slow page gets fewer and delays no other.
 
     Parameters
     ----------
@@ -64,8 +66,8 @@ class Web(Sink):
     @contextmanager
     def ahead(self) -> Generator[Sink]:
         """Serve the page and print its address; raises `DeviceError` where the address is taken."""
-        with self.served(to_stderr=self.stderr) as server:
-            yield _Page(options=self, server=server)
+        with _Page(options=self).ahead() as page:
+            yield page
 
     @contextmanager
     def open(self, run: Run) -> Generator[Writer]:
@@ -73,20 +75,9 @@ class Web(Sink):
         with _Page(options=self).open(run) as writer:
             yield writer
 
-    @contextmanager
-    def served(self, *, to_stderr: bool) -> Generator["Server"]:
-        """Run the server and print its address."""
-        from monochord.live.web.serving import served  # noqa: PLC0415  (loads a web server)
-
-        with served(
-            self.at,
-            token=self.token,
-            names=self.allow_host,
-            browser=self.browser,
-            to_stderr=to_stderr,
-            first=self.string,
-        ) as server:
-            yield server
+    def with_tasks(self, tasks: MakeTasks, *, parts: "Sequence[Part]" = ()) -> Sink:
+        """Return this sink with what its page can ask for, and with further pages of its server."""
+        return _Page(options=self, tasks=tasks, parts=tuple(parts))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,36 +85,62 @@ class _Page(Sink):
     """The page of a run, on a running server or a new one."""
 
     options: Web
+    tasks: MakeTasks | None = None
+    parts: "tuple[Part, ...]" = ()
     server: "Server | None" = None
+
+    @contextmanager
+    def ahead(self) -> Generator[Sink]:
+        with self._served(to_stderr=self.options.stderr) as server:
+            yield replace(self, server=server)
 
     @contextmanager
     def open(self, run: Run) -> Generator[Writer]:
         options = self.options
-        length = options.length or run.length
         with ExitStack() as stack:
-            served = options.served(to_stderr=options.stderr or run.is_output_taken)
-            server = self.server or stack.enter_context(served)
+            server = self.server or stack.enter_context(
+                self._served(to_stderr=options.stderr or run.is_output_taken)
+            )
             views = {
-                name: stack.enter_context(
-                    server.show(
-                        own,
-                        length or (own.string.length if own.string else DEFAULT_LENGTH),
-                        run.controls,
-                        string=name,
-                        folder=Path(options.folder),
-                        model=options.model or run.model,
-                        described=of_sensor(sensor) if (sensor := run.sensors.get(name)) else {},
-                    )
-                )
+                name: stack.enter_context(self._shown(server, run, name, own))
                 for name, own in (run.strings or {"": run.signal}).items()
             }
             yield _Views(views)
 
+    @contextmanager
+    def _served(self, *, to_stderr: bool) -> Generator["Server"]:
+        """Run the server and print its address."""
+        from monochord.live.web.serving import served  # noqa: PLC0415  (loads a web server)
+
+        options = self.options
+        with served(
+            options.at,
+            token=options.token,
+            names=options.allow_host,
+            browser=options.browser,
+            to_stderr=to_stderr,
+            first=options.string,
+            parts=self.parts,
+        ) as server:
+            yield server
+
+    def _shown(self, server: "Server", run: Run, name: str, signal: Signal) -> "AbstractContextManager[View]":
+        """Show one string of a run."""
+        options = self.options
+        known = signal.string.length if signal.string else DEFAULT_LENGTH
+        length = options.length or run.length or known
+        tasks = None
+        if self.tasks is not None:
+            described = of_sensor(sensor) if (sensor := run.sensors.get(name)) else {}
+            folder, model = Path(options.folder), options.model or run.model
+            tasks = self.tasks(signal, length, folder, model, described)
+        return server.show(signal, length, run.controls, string=name, tasks=tasks)
+
 
 class _Views(Writer):
-    """Passes each update to the views of its string."""
+    """Passes each update to the view of its string."""
 
-    def __init__(self, views: Mapping[str, Writer]) -> None:
+    def __init__(self, views: "Mapping[str, View]") -> None:
         self._views = views
 
     def write(self, update: Update) -> None:

@@ -1,20 +1,21 @@
 """The page's design of a sensor: it is computed in a process of its own, so that no window of a run waits."""
 
 import asyncio
-import sys
+from collections.abc import Callable, Sequence
 from contextlib import suppress
+from importlib.resources import files
 
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response
+from starlette.routing import BaseRoute, Route
 
 from monochord.core.units import Seconds
+from monochord.core.workers import Worker
 from monochord.live.web.messages import packed
+from monochord.live.web.server import Part
 
-COMMAND = sys.executable, "-m", "monochord.front.design_page"
-"""Answers one line with one line; it lies above this package, and starts at the first request."""
 MAX_REQUEST = 4096
 """Largest request, in bytes."""
-MAX_ANSWER = 1 << 20
 MAX_WAITING = 8
 """Most requests that wait for those before; a page has one or two at a time."""
 MAX_KEPT = 32
@@ -25,11 +26,27 @@ PATIENCE: Seconds = 120.0
 """Time for an answer, in s."""
 
 
-class Designer:
-    """Passes requests to the process, one at a time, and starts it again if it ended."""
+def design_part(answer: Worker[bytes, bytes]) -> Part:
+    """Return the page of a design for a `Server`, from the process that answers its requests."""
+    designer, static = Designer(answer), files("monochord.live.web").joinpath("static")
 
-    def __init__(self) -> None:
-        self._process: asyncio.subprocess.Process | None = None
+    def routes(with_tabs: Callable[[bytes], bytes]) -> Sequence[BaseRoute]:
+        html = with_tabs(static.joinpath("design.html").read_bytes())
+        script = static.joinpath("design.js").read_bytes()
+        return (
+            Route("/design", lambda _: Response(html, media_type="text/html")),
+            Route("/design", designer.respond, methods=["POST"]),
+            Route("/static/design.js", lambda _: Response(script, media_type="text/javascript")),
+        )
+
+    return Part(path="design", title="Design", routes=routes, close=designer.close)
+
+
+class Designer:
+    """Passes requests to the process, one at a time."""
+
+    def __init__(self, answer: Worker[bytes, bytes]) -> None:
+        self._worker = answer
         self._turn = asyncio.Lock()
         self._answers: dict[bytes, asyncio.Task[bytes]] = {}  # the oldest first
 
@@ -47,7 +64,7 @@ class Designer:
                     return _refused(
                         413, f"a request above {MAX_REQUEST} bytes: expected the wishes of a design"
                     )
-        line = b" ".join(body.split()) + b"\n"
+        line = b" ".join(body.split())
         if line not in self._answers:
             if sum(not each.done() for each in self._answers.values()) >= MAX_WAITING:
                 return _refused(429, "too many designs are asked for: try again in some seconds")
@@ -67,42 +84,17 @@ class Designer:
         for task in self._answers.values():
             task.cancel()
         await asyncio.gather(*self._answers.values(), return_exceptions=True)
-        await self._end()
-
-    async def _end(self) -> None:
-        process, self._process = self._process, None
-        if process is not None:
-            with suppress(ProcessLookupError):
-                process.kill()
-            await process.wait()
+        self._worker.end()
 
     async def _ask(self, line: bytes) -> bytes:
-        """Return the answer to a line."""
-        answer = b""
+        """Return the answer to a request; a process that takes too long for it is ended."""
         async with self._turn:
             try:
                 async with asyncio.timeout(PATIENCE):
-                    answer = await self._answer(line)
-            finally:
-                if not answer.endswith(b"\n"):  # what it still says would be taken for the next answer
-                    await self._end()
-        if not answer.endswith(b"\n"):
-            raise OSError("the process ended")
-        return answer
-
-    async def _answer(self, line: bytes) -> bytes:
-        process = self._process
-        if process is None or process.returncode is not None:
-            pipe, none = asyncio.subprocess.PIPE, asyncio.subprocess.DEVNULL
-            # Control-C in the terminal is for this process alone, which then ends the other.
-            self._process = process = await asyncio.create_subprocess_exec(
-                *COMMAND, stdin=pipe, stdout=pipe, stderr=none, limit=MAX_ANSWER, start_new_session=True
-            )
-        assert process.stdin is not None
-        assert process.stdout is not None
-        process.stdin.write(line)
-        await process.stdin.drain()
-        return await process.stdout.readline()
+                    return await asyncio.wrap_future(self._worker.submit(line))
+            except BaseException:
+                self._worker.end()
+                raise
 
 
 def _refused(status: int, line: str) -> Response:

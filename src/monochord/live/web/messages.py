@@ -14,12 +14,11 @@ from monochord.core.reasons import Reason
 from monochord.core.timing import Percentiles
 from monochord.core.types import Audio, Contact, Estimate, Signal
 from monochord.core.units import Hertz, Seconds
+from monochord.dsp.levels import LOUD_LEVEL, levels
 from monochord.live.events import Event
-from monochord.live.sinks._view import LOUD_LEVEL, levels
-from monochord.live.sinks.base import Update
-from monochord.live.touch_guide import Act
-from monochord.live.web.guided import Bench
-from monochord.perception.estimators.base import Condition
+from monochord.live.update import Update
+from monochord.live.web.tasks import Act, Tasks
+from monochord.perception.watching import Condition
 from monochord.physics.known_touches import Unit, in_newtons
 
 TOP: Hertz = 10_000.0
@@ -104,7 +103,7 @@ _decoder = msgspec.json.Decoder(Show | Touch | Release | Change | Task)
 
 
 def carry_out(
-    text: str | bytes, controls: Controls | None, bench: Bench | None, show: Callable[[str], bool]
+    text: str | bytes, controls: Controls | None, tasks: Tasks | None, show: Callable[[str], bool]
 ) -> str | None:
     """Carry out a page's request, and return it; None where that was not possible.
 
@@ -116,7 +115,7 @@ def carry_out(
         if isinstance(request, Show):
             return "show" if show(request.string) else None
         if isinstance(request, Task):
-            return "task" if bench is not None and _begun(request, bench) else None
+            return "task" if tasks is not None and _begun(request, tasks) else None
         return None if controls is None else _handled(request, controls)
     except (msgspec.DecodeError, InputError, ValueError, RecursionError):
         return None
@@ -134,23 +133,23 @@ def _handled(request: Touch | Release | Change, controls: Controls) -> str:
     return "change"
 
 
-def _begun(request: Task, bench: Bench) -> bool:
+def _begun(request: Task, tasks: Tasks) -> bool:
     match request:
         case Record(on=on):
-            done = bench.record(on=on)
+            done = tasks.record(on=on)
         case Tune():
-            done = bench.tune()
+            done = tasks.tune()
         case Calibrate(touches=touches):
-            done = bench.calibrate(touches)
+            done = tasks.calibrate(touches)
         case Label(touches=touches):
-            done = bench.label(touches)
+            done = tasks.label(touches)
         case Hold(position=position, force=force, unit=unit):
             place, press = (math.nan if each is None else each for each in (position, force))
-            done = bench.hold(place, in_newtons(press, unit))
+            done = tasks.hold(place, in_newtons(press, unit))
         case Do(act=act):
-            done = bench.touch(act)
+            done = tasks.touch(act)
         case Cancel():
-            done = bench.cancel()
+            done = tasks.cancel()
     return done
 
 

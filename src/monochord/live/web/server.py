@@ -14,12 +14,11 @@ import threading
 import time
 from bisect import bisect_right
 from collections import deque
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import partial
 from importlib.resources import files
-from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 from urllib.parse import quote
@@ -36,12 +35,11 @@ from monochord.core.errors import DeviceError
 from monochord.core.timing import Histogram
 from monochord.core.types import Signal
 from monochord.core.units import Metres, Seconds
-from monochord.live.sinks.base import Update, Writer
+from monochord.live.update import Update
 from monochord.live.web import messages
 from monochord.live.web.access import Guard, page_name
 from monochord.live.web.connections import Connections, share_of_descriptors
-from monochord.live.web.design import Designer
-from monochord.live.web.guided import NOTHING, Bench
+from monochord.live.web.tasks import Tasks
 
 PORTS = range(8420, 8440)
 """Ports to try where none is given; the first free one is used."""
@@ -76,10 +74,9 @@ PAGE = {
         for name in (
             "page.css", "page.js", "state.js", "string.js", "spectrum.js", "history.js", "numbers.js",
             "touch.js", "tasks.js", "label.js", "strings.js", "sections.js", "icon.svg",
-            "uplot/uPlot.iife.min.js", "uplot/uPlot.min.css", "theme.js", "plot.js", "design.js",
+            "uplot/uPlot.iife.min.js", "uplot/uPlot.min.css", "theme.js", "plot.js",
         )
     },
-    "/design": "design.html",
 }  # fmt: skip
 """Files of the page by path; no other file is served."""
 TABS = b"<!--tabs-->"
@@ -90,12 +87,13 @@ TABS = b"<!--tabs-->"
 class Part:
     """A further page of the server: its path, the label of its tab, and its routes.
 
-    `routes` gets a function that adds the tabs to the page's file.
+    `routes` gets a function that adds the tabs to the page's file. `close` is awaited as the server ends.
     """
 
     path: str
     title: str
     routes: Callable[[Callable[[bytes], bytes]], Sequence[BaseRoute]]
+    close: Callable[[], Awaitable[None]] | None = None
 
 
 class Server:
@@ -144,10 +142,9 @@ class Server:
         self._max_clients = share_of_descriptors(4, MAX_CLIENTS)
         self._everywhere = ipaddress.ip_address(bound).is_unspecified
         self._stage = _Stage(first=first)
-        self._designer = Designer()
         tabs = {} if home else {"": "Live"}
-        self._tabs = tabs | {part.path: part.title for part in parts} | {"design": "Design"}
-        self._home = home
+        self._tabs = tabs | {part.path: part.title for part in parts}
+        self._parts = tuple(parts)
         routes = [route for part in parts for route in part.routes(partial(self._with_tabs, part.path))]
         files_ = {path: _file(name) for path, name in PAGE.items() if path != "/" or not home}
         app = Starlette(
@@ -157,7 +154,6 @@ class Server:
                     for path, (each, kind) in files_.items()
                 ),
                 Route("/", lambda _: RedirectResponse(home, 303)),
-                Route("/design", self._designer.respond, methods=["POST"]),
                 WebSocketRoute("/live", self._live),
                 *routes,
             ]
@@ -228,20 +224,18 @@ class Server:
         controls: Controls | None,
         *,
         string: str = "",
-        folder: Path = Path(),
-        model: str = "",
-        described: Mapping[str, Any] = NOTHING,
-    ) -> Generator[Writer]:
-        """Show a run, or one of its strings by name: the writer takes its updates.
+        tasks: Tasks | None = None,
+    ) -> Generator["View"]:
+        """Show a run, or one of its strings by name: the view takes its updates.
 
-        See `Bench` for `folder`, `model` and `described`.
+        `tasks` are what the page can ask for beside touches, and are closed at the end.
         """
-        bench = Bench(signal, length, folder, model, described)
-        self._stage.views[string] = view = _View(signal, length, controls, bench)
+        self._stage.views[string] = view = View(signal, length, controls, tasks)
         try:
             yield view
         finally:
-            bench.close()
+            if tasks is not None:
+                tasks.close()
 
     def _run(self) -> None:
         asyncio.run(self._serve())
@@ -257,7 +251,9 @@ class Server:
             for task in (pace, taking):
                 task.cancel()
             await asyncio.gather(pace, taking, return_exceptions=True)
-            await self._designer.close()
+            for close in (part.close for part in self._parts):
+                if close is not None:
+                    await close()
 
     def _protocol(self, state: dict[str, Any]) -> asyncio.Protocol:
         """Return uvicorn's protocol for a connection."""
@@ -294,7 +290,7 @@ class _Stage:
     """State shared by all clients, used in the server's thread only, except `views` and `closing`."""
 
     first: str = ""
-    views: "dict[str, _View]" = field(default_factory=dict)
+    views: "dict[str, View]" = field(default_factory=dict)
     closing: bool = False
     loop: asyncio.AbstractEventLoop | None = None
     clients: "set[_Client]" = field(default_factory=set)
@@ -302,7 +298,7 @@ class _Stage:
     sent: int = 0
     ignored: int = 0
 
-    def view(self, string: str) -> "_View | None":
+    def view(self, string: str) -> "View | None":
         """Return a string's latest view: the first string's for an unknown name, None before any data."""
         views = self.views
         return views.get(string) or views.get(self.first) or next(iter(tuple(views.values())), None)
@@ -339,7 +335,7 @@ class _Client:
 
     async def send(self, stage: _Stage) -> None:
         """Send the newest data whenever there is something new."""
-        view: _View | None = None
+        view: View | None = None
         spectrum_number = number = 0
         try:
             await self._text(messages.waiting())
@@ -379,8 +375,8 @@ class _Client:
                 return
             content = message.get("text") or message.get("bytes") or b""
             view = stage.view(self.string)
-            controls, bench = (None, None) if view is None else (view.controls, view.bench)
-            done = messages.carry_out(content, controls, bench, lambda name: self.show(stage, name))
+            controls, tasks = (None, None) if view is None else (view.controls, view.tasks)
+            done = messages.carry_out(content, controls, tasks, lambda name: self.show(stage, name))
             if done is None:
                 stage.ignored += 1
             self._holds = done == "touch" or (self._holds and done != "release")
@@ -408,11 +404,13 @@ class _Client:
             await self._socket.send_text(text)
 
 
-class _View(Writer):
+class View:
     """A run as shown on the page: `write` runs in a sink's thread, all else in the server's."""
 
-    def __init__(self, signal: Signal, length: Metres, controls: Controls | None, bench: Bench) -> None:
-        self._signal, self._length, self.controls, self.bench = signal, length, controls, bench
+    def __init__(
+        self, signal: Signal, length: Metres, controls: Controls | None, tasks: Tasks | None
+    ) -> None:
+        self._signal, self._length, self.controls, self.tasks = signal, length, controls, tasks
         self.newest: Update | None = None
         self.text, self.number = "", 0
         self.spectrum, self.spectrum_number = b"", 0
@@ -428,6 +426,7 @@ class _View(Writer):
         self._simulated = controls is not None
 
     def write(self, update: Update) -> None:
+        """Take the newest update."""
         latency = update.prediction.latency
         self._latency.add(latency)
         self._counts[bisect_right(EDGES, latency)] += 1
@@ -436,7 +435,8 @@ class _View(Writer):
             self._event += 1
             self._events.append(messages.event(event, self._event))
         self.newest = update
-        self.bench.take(update)
+        if self.tasks is not None:
+            self.tasks.take(update)
 
     def remember(self) -> bool:
         """Add the newest update to the history; return whether there was a new one."""
@@ -467,7 +467,8 @@ class _View(Writer):
     def _state(self, update: Update, now: Seconds) -> dict[str, Any]:
         """Return the new state, with timing twice a second."""
         state = messages.state(update) | {"events": list(self._events), "simulated": self._simulated}
-        state["tasks"] = self.bench.state()
+        if self.tasks is not None:
+            state["tasks"] = self.tasks.state()
         if self.controls is not None:
             state["settings"] = messages.settings(self.controls)
         if now >= self._timing_due:

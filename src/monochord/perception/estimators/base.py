@@ -2,44 +2,13 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from monochord.core.ranges import Checked
-from monochord.core.reasons import Reason
-from monochord.core.types import Estimate, Estimates, Prepared, Signal, Window
+from monochord.core.types import Estimates, Prepared, Signal, Window
 from monochord.core.units import Metres, Samples
+from monochord.perception.watching import Condition, Watching
 
-NOT_MEASURED = Estimate.abstain("Hz", Reason.NOT_MEASURED)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Condition:
-    """The state of the string, as an estimator measures it besides the touch.
-
-    `open_frequency` is the last measured frequency of the untouched string in Hz, without stiffness.
-    `deviation` is the relative deviation of `open_frequency` from the known frequency, such as 0.01 for 1 %
-    above; None without a measurement. `follows` says whether estimates use the measured pitch.
-    """
-
-    open_frequency: Estimate = NOT_MEASURED
-    deviation: float | None = None
-    follows: bool = True
-
-
-class Watching(ABC):
-    """A prepared estimator that also monitors the string.
-
-    A prepared estimator that does not monitor the string is a plain function.
-    """
-
-    @abstractmethod
-    def __call__(self, window: Window) -> Estimates:
-        """Return the estimates of a window."""
-
-    @property
-    @abstractmethod
-    def condition(self) -> Condition:
-        """The state of the string after the last window."""
+__all__ = ["Condition", "Estimator", "Watching"]
 
 
 class Estimator(Checked, ABC):
@@ -47,6 +16,7 @@ class Estimator(Checked, ABC):
 
     Examples
     --------
+    >>> from dataclasses import dataclass
     >>> import monochord as mc
     >>> @dataclass(frozen=True, slots=True, kw_only=True)
     ... class Level(mc.Estimator):

@@ -19,10 +19,11 @@ from monochord.perception.closed_form.both_segments import MIN_CONTACT, MIN_UNTO
 from monochord.perception.closed_form.explanations import RANGE
 from monochord.perception.closed_form.far_segment import FarSegment, FollowedNote
 from monochord.perception.closed_form.one_note import NO_SIDES, SidesReader
-from monochord.perception.estimators.base import Condition, Estimator, Watching
+from monochord.perception.estimators.base import Estimator
 from monochord.perception.tuning import Tuner, TunerState
 from monochord.perception.tuning.tuner import detuned
 from monochord.perception.usable import Hearing, unusable_reason
+from monochord.perception.watching import Condition, Watching
 from monochord.physics.theory import TensionLaw, open_frequency, position_from_far_segment
 
 FAR_ONLY = ("calibration", "length", "open_frequency", "reach")

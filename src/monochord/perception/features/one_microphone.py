@@ -29,9 +29,9 @@ class OneMicrophone(Feature):
 
     Examples
     --------
-    >>> extract = OneMicrophone(microphone=2, feature={"name": "log_mel"}).prepare(
-    ...     Signal(sample_rate=44100, channels=2), 4410
-    ... )
+    >>> import monochord as mc
+    >>> signal = Signal(sample_rate=44100, channels=2, string=mc.load_sensor("prototype").string)
+    >>> extract = OneMicrophone(microphone=2, feature={"name": "fft_harmonic"}).prepare(signal, 4410)
     >>> both = np.random.default_rng(0).normal(size=(1, 2, 4410)).astype(np.float32)
     >>> second = both * np.array([[0.0], [1.0]], np.float32)
     >>> bool((extract(both) == extract(second)).all())

@@ -10,7 +10,6 @@ from monochord.core.types import Estimate, Estimates, Signal, StringParams, Wind
 from monochord.core.units import Samples
 from monochord.dsp.microphones import Microphones
 from monochord.metrics import DECISION
-from monochord.perception.estimators.base import Condition, Watching
 from monochord.perception.model.faults import OF_REASON
 from monochord.perception.model.prepared import PreparedModel
 from monochord.perception.model.state import ModelState
@@ -20,6 +19,7 @@ from monochord.perception.tuning import Tuner, TunerState, Tuning
 from monochord.perception.tuning.sessions import HIGHEST, LOWEST
 from monochord.perception.tuning.tuner import detuned
 from monochord.perception.usable import Hearing, PitchJumps
+from monochord.perception.watching import Condition, Watching
 from monochord.physics.theory import open_frequency
 
 UNTOUCHED = 0.1

@@ -13,9 +13,9 @@ from monochord.core.types import Floats
 
 PAIR_REACH, PAIR_WIDTH, MAX_MODE = 0.012, 0.004, 12.0
 """Largest and usual distance of a pair of lines from the densest position, over the length; largest mode."""
-MIN_OPEN, MAX_OPEN = 0.965, 1.022
+MIN_OPEN, MAX_OPEN = 0.965, 1.1
 """Open pitch under a touch, over the string's, that a pair of lines may have: what a give of 1e4 N/m at both
-segments and a pitch of 1.5 % below the known one make of it, and a press of 2.5 N and a pitch 0.8 % above."""
+segments and a pitch of 1.5 % below the known one make of it, and a press of 8 N."""
 NEAREST_END = 0.02
 """Smallest share of the length that is told from an end."""
 DENSE_REACH, RIVAL_DISTANCE = 2, 6

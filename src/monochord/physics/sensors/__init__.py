@@ -1,7 +1,7 @@
 """Sensors: one TOML file per design, with its source, or a tuned sensor's file.
 
 A design names its string preset, ``string = "prototype"``; ``[override]`` changes values of it. The other
-keys are the fields of `monochord.physics.twin.Sensor`. A file from ``monochord tune`` names the design,
+keys are the fields of `monochord.physics.setup.Sensor`. A file from ``monochord tune`` names the design,
 ``design = "prototype"``, with a table ``[tuning]``; the sensor is that design with the tuned string, of the
 measured length where it was measured.
 """
@@ -16,9 +16,9 @@ from monochord.core.identity import SensorIdentity
 from monochord.core.presets import Presets
 from monochord.core.types import Signal, StringParams
 from monochord.core.units import Hertz, Metres, Newtons, Seconds
+from monochord.physics.setup import Sensor, lengthened
 from monochord.physics.strings import load_string
 from monochord.physics.theory import open_frequency
-from monochord.physics.twin.setup import Sensor, lengthened
 
 __all__ = ["Sensor", "as_sensor", "design_toml", "load_sensor", "sensor_names", "with_length"]
 

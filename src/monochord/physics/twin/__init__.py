@@ -4,7 +4,7 @@
 here is simulated.
 """
 
-from monochord.physics.twin.setup import (
+from monochord.physics.setup import (
     MAX_TOUCHES,
     ContactLaw,
     Ebow,

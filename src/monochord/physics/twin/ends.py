@@ -17,9 +17,9 @@ import numpy as np
 
 from monochord.core.types import Floats, StringParams
 from monochord.core.units import Metres
+from monochord.physics.setup import End, Sensor
 from monochord.physics.theory import bending_stiffness
 from monochord.physics.twin.records import OMEGA2_BENDING, OMEGA2_TENSION, TABLE_PLACES
-from monochord.physics.twin.setup import End, Sensor
 
 
 def lengthened(sensor: Sensor) -> Sensor:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from math import pi
 
 from monochord.core.units import Hertz
-from monochord.physics.twin.setup import Mount, MountKind, MountMode
+from monochord.physics.setup import Mount, MountKind, MountMode
 from monochord.physics.twin.variation import log_uniform, random_stream
 
 MOUNT_MODES = 1, 3

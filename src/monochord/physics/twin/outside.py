@@ -7,7 +7,7 @@ import numpy as np
 from monochord.core.errors import InputError
 from monochord.core.types import Audio
 from monochord.core.units import Metres, Seconds
-from monochord.physics.twin.setup import Outside, Pluck, Scene, Sensor
+from monochord.physics.setup import Outside, Pluck, Scene, Sensor
 from monochord.physics.twin.stream import advance, begin
 
 SETTLING: Seconds = 1.0

@@ -7,11 +7,19 @@ import numpy as np
 
 from monochord.core.types import Floats, StringParams
 from monochord.core.units import Hertz, Metres, Seconds
+from monochord.physics.setup import (
+    DISTORTION_LEVEL,
+    HUM_SHARES,
+    MAX_MOUNT_MODES,
+    Mount,
+    MountMode,
+    Sensor,
+    Touch,
+)
 from monochord.physics.theory import turning_compliance
 from monochord.physics.twin.ends import offset_of, residual_shares
 from monochord.physics.twin.records import (
     DRIVE_1,
-    MAX_MOUNT_MODES,
     TABLE_PLACES,
     ChainParameters,
     CoilEffects,
@@ -25,7 +33,6 @@ from monochord.physics.twin.records import (
     dtype_of,
     record_of,
 )
-from monochord.physics.twin.setup import DISTORTION_LEVEL, HUM_SHARES, Mount, MountMode, Sensor, Touch
 from monochord.physics.twin.surface import arm_of, edges_of
 
 HUM_PLACES = 1025

@@ -435,7 +435,7 @@ class Plausible(NamedTuple):
     mounts: Records
     """(touches,) `MountParameters`."""
     mount_modes: Records
-    """(touches, `MAX_MOUNT_MODES`) `MountOscillator`; those that an object lacks stay at rest."""
+    """(touches, `setup.MAX_MOUNT_MODES`) `MountOscillator`; those that an object lacks stay at rest."""
     coils: Records
     """(2,) `CoilEffects`."""
     chain: Records
@@ -504,8 +504,6 @@ def rows(touches: int) -> int:
 
 TABLE_PLACES = 513
 """Entries of the tables along the string."""
-MAX_MOUNT_MODES = 3
-"""Modes of object, gripper and frame under a touch."""
 
 STAGE_CLIP = 1.2
 """Full scale at which the stage before the converter clips: below, it is monotonic."""

@@ -18,6 +18,13 @@ from monochord.core.cores import available_cores
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Floats, StringParams
 from monochord.core.units import Hertz, Metres, Samples
+from monochord.physics.setup import (
+    Ebow,
+    Pluck,
+    Scene,
+    Sensor,
+    Touch,
+)
 from monochord.physics.theory import (
     bending_stiffness,
     decay_rates,
@@ -64,13 +71,6 @@ from monochord.physics.twin.records import (
     dtype_of,
     record_of,
     rows,
-)
-from monochord.physics.twin.setup import (
-    Ebow,
-    Pluck,
-    Scene,
-    Sensor,
-    Touch,
 )
 from monochord.physics.twin.surface import edges_of, surface_of
 

@@ -2,6 +2,7 @@
 
 from monochord.core.types import StringParams
 from monochord.core.units import Metres, Newtons
+from monochord.physics.setup import Touch
 from monochord.physics.theory import (
     contact_width,
     edge_distance,
@@ -9,7 +10,6 @@ from monochord.physics.theory import (
     line_stiffness,
     turning_stiffness,
 )
-from monochord.physics.twin.setup import Touch
 
 LAW_FORCE: Newtons = 1.0
 """Press at which the width of a touch, the exponent of its law and how it resists turning are taken."""

@@ -21,8 +21,8 @@ import numpy as np
 from monochord.core.errors import InputError
 from monochord.core.types import Floats, StringParams
 from monochord.core.units import Hertz, Metres, MetresPerSecond, Newtons, Seconds
+from monochord.physics.setup import Key
 from monochord.physics.theory import geometric_tension, stretch_stiffness
-from monochord.physics.twin.setup import Key
 
 TRAVEL_HEIGHT: Metres = 3e-3
 """How far above the string the tool travels: many times the string's swing."""

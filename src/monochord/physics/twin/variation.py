@@ -13,8 +13,8 @@ import numpy as np
 
 from monochord.core.types import StringParams
 from monochord.core.units import Newtons
+from monochord.physics.setup import Ebow, Pickups, Sensor
 from monochord.physics.theory import Losses, stretch_stiffness
-from monochord.physics.twin.setup import Ebow, Pickups, Sensor
 
 TRUNCATION = 2.5
 """Standard deviations at which draws are truncated: a part further off would be rejected."""

@@ -15,8 +15,8 @@ from monochord.core.types import Audio, Floats
 from monochord.core.units import Metres, MetresPerSecond, Newtons, Seconds
 from monochord.physics.materials import load_material
 from monochord.physics.sensors import as_sensor
+from monochord.physics.setup import MAX_TOUCHES, Key, Pluck, Scene, Sensor, Touch
 from monochord.physics.theory import open_frequency
-from monochord.physics.twin.setup import MAX_TOUCHES, Key, Pluck, Scene, Sensor, Touch
 from monochord.physics.twin.stream import Labels, advance, begin, retouch, switch
 from monochord.physics.twin.world import World, plausible_touch, sensor_of
 

@@ -21,8 +21,8 @@ from typing import Literal, get_args
 
 from monochord.core.errors import InputError
 from monochord.core.units import Hertz, Metres, Newtons
+from monochord.physics.setup import ContactLaw, Ebow, End, Mount, Pickups, Sensor, Touch, lengthened
 from monochord.physics.twin.held import drawn_mount
-from monochord.physics.twin.setup import ContactLaw, Ebow, End, Mount, Pickups, Sensor, Touch, lengthened
 from monochord.physics.twin.variation import build as build_of
 from monochord.physics.twin.variation import day as day_of
 from monochord.physics.twin.variation import log_uniform, random_stream, uniform

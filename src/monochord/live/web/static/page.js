@@ -44,7 +44,6 @@ const connection = new Connection({
     moment = null; // the one before may be of another string
     fresh = false;
     element("waiting").hidden = true;
-    element("tasks").hidden = false;
     simulated(message.simulated);
     showSensor(run);
     hand.allow(run);
@@ -110,7 +109,8 @@ function frame(now) {
       showNotes(moment);
       showEvents(moment.events);
       showStream(moment);
-      tasks.show(moment);
+      element("tasks").hidden = !moment.tasks;
+      if (moment.tasks) tasks.show(moment);
       strings.show(moment.strings, moment.string);
       spectra.levels(moment);
       speak(moment);

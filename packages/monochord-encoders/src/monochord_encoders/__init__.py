@@ -1,0 +1,1 @@
+"""The Audio Spectrogram Transformer, log-mel bands and pretrained weights: a package of Monochord."""

@@ -1,0 +1,1 @@
+"""Recordings and guided steps that a page starts: tuning, calibration, and touches with labels."""

@@ -1,1 +1,0 @@
-"""Frozen networks that others have trained on general sounds, and their weights."""
