@@ -62,16 +62,16 @@ def tones(*lines: tuple[float, float], seconds: float = 2.0) -> np.ndarray:
 
 def test_the_pluck_gives_pitch_stiffness_and_decay_of_the_string(healthy: BringUp) -> None:
     assert healthy.pluck
-    assert healthy.pluck.frequency == pytest.approx(open_frequency(DESIGN.string), rel=1e-3)
-    assert healthy.pluck.inharmonicity == pytest.approx(inharmonicity(DESIGN.string), rel=0.1)
-    assert healthy.pluck.decay == pytest.approx(15.0, rel=0.3)
+    assert healthy.pluck.tuning.frequency == pytest.approx(open_frequency(DESIGN.string), rel=1e-3)
+    assert healthy.pluck.tuning.inharmonicity == pytest.approx(inharmonicity(DESIGN.string), rel=0.1)
+    assert healthy.pluck.tuning.decay == pytest.approx(15.0, rel=0.3)
 
 
 def test_the_sensor_file_is_read_with_the_measured_pitch(healthy: BringUp, tmp_path: Path) -> None:
     file, report = write(healthy, tmp_path / "mine.toml")
     assert file
     assert healthy.pluck
-    assert open_frequency(load_sensor(str(file)).string) == pytest.approx(healthy.pluck.frequency)
+    assert open_frequency(load_sensor(str(file)).string) == pytest.approx(healthy.pluck.tuning.frequency)
     tuning = sensor_tuning(str(file))
     assert tuning
     assert tuning.microphones == (1, 2)
@@ -159,7 +159,7 @@ def test_the_tuner_is_turned_further_for_a_larger_error_and_either_way() -> None
 
 def test_no_string_is_found_in_noise() -> None:
     noise = 1e-3 * np.random.default_rng(1).normal(size=(2, RATE))
-    found = measure_pluck(take(noise), DESIGN.string)
+    found = measure_pluck(take(noise), DESIGN)
     assert found is None or len(found.partials) < 12
 
 

@@ -53,7 +53,7 @@ def test_a_sensor_is_brought_up_through_a_real_server(
     assert result.faults == ()
     assert seen == list(range(1, len(steps) + 1))
     assert result.pluck
-    assert result.pluck.frequency == pytest.approx(1020.2, rel=2e-3)
+    assert result.pluck.tuning.frequency == pytest.approx(1020.2, rel=2e-3)
     assert all(take.elapsed for take in result.takes.values())
 
 

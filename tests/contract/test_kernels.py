@@ -106,7 +106,7 @@ WHO_CHECKS = {
     "perception.model.faults": {"step": "Definition.fault_columns"},
     "perception.model.forest": {"forest_sums": "the kernel"},
     "perception.model.network": {"outputs": "the kernel", "network_inputs": "itself"},
-    "front.identify": {"_partials": "Tuner"},
+    "perception.tuning.measurement": {"heard": "Tuner"},
     "perception.tuning.lines": {"window_lines": "spectrum_of", "lasting_lines": "window_lines"},
     "perception.tuning.tuner": {"_tuning": "window_lines"},
     "physics.split_string.stream": {"_ring_on": "SplitString"},

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from monochord.core.reasons import Reason
 from monochord.core.types import Audio
-from monochord.core.units import Hertz, Seconds
+from monochord.core.units import Seconds
 
 MICROPHONES = 1, 2
 
@@ -54,19 +54,3 @@ def left_out(step: str, name: str, reason: str) -> Check:
     True
     """
     return Check(step=step, name=name, passed=None, advice=reason)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Pluck:
-    """A plucked string as measured: see `monochord.bringup.string.measure_pluck`.
-
-    `frequency` is f0 in Hz and `inharmonicity` B of f_n = n f0 sqrt(1 + B n^2), each with its standard error;
-    B is None where too few partials sound. `decay` is the decay rate of the amplitude in 1/s.
-    """
-
-    frequency: Hertz
-    frequency_std: Hertz
-    inharmonicity: float | None
-    inharmonicity_std: float | None
-    partials: tuple[int, ...]
-    decay: float | None

@@ -1,11 +1,11 @@
 """Examines all steps of a bring-up: in which order, and what a fault leaves out."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from monochord.bringup.check import MICROPHONES, Check, Pluck, Take, left_out
+from monochord.bringup.check import MICROPHONES, Check, Take, left_out
 from monochord.bringup.drivers import Lock, driver_checks, feed_checks, lock_of
 from monochord.bringup.inputs import (
     dropped_check,
@@ -23,7 +23,8 @@ from monochord.bringup.timing import drift_checks, latency_check
 from monochord.core.errors import InputError
 from monochord.core.reasons import Reason
 from monochord.core.units import Hertz
-from monochord.physics.sensors import MAX_RETUNING, SensorTuning, retuned, sensor_toml
+from monochord.perception.tuning.measurement import StringMeasurement
+from monochord.physics.sensors import MAX_RETUNING, sensor_toml
 from monochord.physics.theory import open_frequency
 from monochord.physics.twin import Sensor
 
@@ -38,7 +39,7 @@ class BringUp:
     design: str
     sensor: Sensor
     checks: tuple[Check, ...]
-    pluck: Pluck | None
+    pluck: StringMeasurement | None
     takes: Mapping[str, Take]
     locks: Mapping[str, Lock]
     time: str = ""
@@ -69,29 +70,20 @@ class BringUp:
 
         Levels, gains and swapped inputs stand in comments: a sensor file has no place for them.
         """
-        pluck, design = self.pluck, self.sensor.string
+        pluck = self.pluck
         if pluck is None or Reason.WRONG_RATE in self.faults:
             return None
-        if abs(pluck.frequency / open_frequency(design) - 1.0) > MAX_RETUNING:
+        if abs(pluck.tuning.deviation(self.sensor.string)) > MAX_RETUNING:
             return None
         take = self.takes["pluck"]
-        tension = retuned(design, pluck.frequency).tension
         dead = {number for number in MICROPHONES if Reason.MICROPHONE_DEAD.with_detail(number) in self.faults}
-        tuning = SensorTuning(
-            open_frequency=pluck.frequency,
-            open_frequency_std=pluck.frequency_std,
-            tension=tension,
-            tension_std=2.0 * tension * pluck.frequency_std / pluck.frequency,
-            inharmonicity=pluck.inharmonicity,
-            inharmonicity_std=pluck.inharmonicity_std,
-            decay=pluck.decay,
-            decay_std=0.1 * pluck.decay if pluck.decay is not None else None,
-            partials=pluck.partials,
-            microphones=tuple(number for number in MICROPHONES if number not in dead),
+        tuning = pluck.in_file(
+            self.sensor.string,
             seconds=take.samples.shape[1] / take.sample_rate,
             time=self.time,
             source=take.source,
         )
+        tuning = replace(tuning, microphones=tuple(each for each in MICROPHONES if each not in dead))
         notes = [
             f"{check.name}: {shown(check)}"
             for check in self.checks
@@ -161,21 +153,21 @@ def examine(design: str, sensor: Sensor, takes: Mapping[str, Take], *, time: str
         checks[0] = wrong_rate
     is_wrong = checks[0].passed is False
     dead: set[int] = set()
-    pluck: Pluck | None = None
+    pluck: StringMeasurement | None = None
     if pluck_take:
         silence = silence_checks(pluck_take, quiet)
         dead = {number for number, check in zip(MICROPHONES, silence, strict=True) if check.passed is False}
         checks += silence
-        pluck = measure_pluck(pluck_take, string) if len(dead) < len(MICROPHONES) else None
+        pluck = measure_pluck(pluck_take, sensor) if len(dead) < len(MICROPHONES) else None
     else:
         checks.append(left_out("pluck", "microphones over their noise", "no recording"))
     hears = len(dead) < len(MICROPHONES)
-    pitch = pluck.frequency if pluck else open_frequency(string)
+    pitch = pluck.tuning.frequency if pluck else open_frequency(string)
     string_checks = (
         _string(pluck_take, pluck, sensor, is_wrong=is_wrong, is_silent=not hears) if pluck_take else []
     )
     is_loose = any(Reason.of(check.fault) is Reason.LOOSE_END for check in string_checks)
-    decay = pluck.decay if pluck and not is_loose else None
+    decay = decay_of(pluck_take) if pluck_take and pluck and not is_loose else None
     drivers, locks = _drivers(takes, sensor, pitch, decay, hears=hears)
     if is_loose:
         reason = "the string does not ring: mend its ends first"
@@ -275,7 +267,7 @@ def _inputs(takes: Mapping[str, Take], dead: set[int], unset: set[int], *, is_cl
 
 
 def _string(
-    take: Take, pluck: Pluck | None, sensor: Sensor, *, is_wrong: bool, is_silent: bool
+    take: Take, pluck: StringMeasurement | None, sensor: Sensor, *, is_wrong: bool, is_silent: bool
 ) -> list[Check]:
     if is_wrong or is_silent:
         reason = "no microphone hears it" if is_silent else "the sample rate is wrong: set it first"

@@ -6,13 +6,13 @@ import numpy as np
 
 from monochord.bringup.check import MICROPHONES, Check, Take, left_out
 from monochord.bringup.steps import TAP_PLACE
-from monochord.bringup.string import LOWEST, onset
 from monochord.core.clipping import LOUD, LOUD_SHARE
 from monochord.core.inputs import Inputs
 from monochord.core.reasons import Reason
 from monochord.core.types import Audio, Floats
 from monochord.core.units import Hertz, Seconds
 from monochord.dsp.microphones import LOOK, inputs_of
+from monochord.perception.tuning.pluck import LOWEST, onset
 
 INPUT_FAULTS: Mapping[Inputs, str] = {
     Inputs.SAME: Reason.INPUT_COPIED,

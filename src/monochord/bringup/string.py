@@ -4,48 +4,26 @@ import math
 
 import numpy as np
 
-from monochord.bringup.check import Check, Pluck, Take, left_out
+from monochord.bringup.check import Check, Take, left_out
 from monochord.core.clock import mistaken_rates
 from monochord.core.reasons import Reason
-from monochord.core.types import Audio, Floats, StringParams
-from monochord.core.units import Hertz, Seconds
+from monochord.core.types import StringParams
+from monochord.core.units import Seconds
+from monochord.perception.tuning.measurement import StringMeasurement, heard_pluck, measured_string
+from monochord.perception.tuning.pluck import SEARCHED, onset
 from monochord.physics.sensors import retuned
 from monochord.physics.theory import (
     decay_rates,
     inharmonicity,
     open_frequency,
-    stiff_partials,
     stretch_stiffness,
 )
 from monochord.physics.twin import Sensor
 
 STEP = "pluck"
-LOWEST: Hertz = 300.0
-"""Lowest frequency of a line that counts as the string's: hum lies below."""
-ONSET = 0.4
-"""Share of its peak that a tap or pluck first passes: noise and hum of simulated builds stay below 0.25."""
-SEARCHED = 0.25
-"""Relative range of pitches searched around the design's: what a sensor file may deviate by."""
-WINDOW: Seconds = 0.1
-"""Length of the analysed window. High partials last some 10 ms, so that its taper is largest at the pluck."""
-START: Seconds = 1e-3
-"""Time from the pluck to the window's start."""
 FRAME: Seconds = 0.005
-MAX_PARTIALS = 14
-TOP = 0.34
-"""Highest frequency of a partial, as a share of the sample rate: what preamplifiers pass."""
-STEP_F0 = 5e-4
-"""Relative step of the search in f0: half a line's width."""
-B_FACTORS = np.geomspace(0.25, 4.0, 33)
-"""Searched factors of the design's inharmonicity: half to twice its wire's diameter."""
-NEAR = 4e-3
-"""Relative distance within which a peak is a partial's; ends that yield move one by up to 2e-3."""
-MIN_SALIENCE = 10.0
-"""Power of a partial over the noise around it."""
-MIN_STIFF_PARTIALS, MIN_HIGHEST = 7, 8
-"""Partials needed to measure the stiffness: B n^2 of lower ones is below what yielding ends do to them."""
-PITCH_BIAS = 1e-3
-"""Relative standard error of f0 from what lies outside the series: magnets that pull, ends that yield."""
+KNOWN_STIFFNESS = 0.1
+"""Relative standard error of the inharmonicity from which it says nothing about the wire."""
 PITCH_TOLERANCE = 0.03
 """Relative deviation from the design's pitch, half a semitone: what the models are trained for."""
 STIFFNESS_TOLERANCE = 0.25
@@ -58,119 +36,10 @@ TUNER_RATIO, POST_DIAMETER = 14.0, 6e-3
 button."""
 
 
-def onset(samples: Audio, sample_rate: int, after: Seconds = 0.0) -> int:
-    """Return the first frame of the loudest sound in samples (channels, n), above 300 Hz.
-
-    It is where the sound first passes 0.4 of its peak, not before the time `after`. Hum lies below.
-
-    Examples
-    --------
-    >>> samples = np.zeros((1, 4410), dtype=np.float32)
-    >>> samples[0, 2000:2020] = np.sin(np.arange(20))
-    >>> abs(onset(samples, 44100) - 2000) < 5
-    True
-    """
-    size = round(sample_rate / (2.0 * LOWEST)) | 1
-    mean = np.lib.stride_tricks.sliding_window_view(samples, size, axis=1).mean(axis=2)
-    envelope = np.zeros(samples.shape[1])
-    half = size // 2
-    envelope[half : half + mean.shape[1]] = np.abs(samples[:, half : half + mean.shape[1]] - mean).max(axis=0)
-    envelope[: round(after * sample_rate)] = 0.0
-    return int(np.argmax(envelope >= ONSET * envelope.max()))
-
-
-def measure_pluck(take: Take, string: StringParams) -> Pluck | None:
-    """Return what a plucked string of about this design does; None where no series of partials is found.
-
-    The spectrum of both microphones is compared with f_n = n f0 sqrt(1 + B n^2) on a grid of f0 and B; a line
-    through (f_n / n)^2 over n^2 then gives both, without the peaks that lie off it.
-    """
-    rate = take.sample_rate
-    first = onset(take.samples, rate) + round(START * rate)
-    size = round(WINDOW * rate)
-    window = take.samples[:, first : first + size].astype(np.float64)
-    if window.shape[1] < size:
-        return None
-    points = 4 * size
-    taper = np.hanning(2 * size)[size:]
-    power = (np.abs(np.fft.rfft(window * taper, points)) ** 2).sum(axis=0) + 1e-30
-    spacing = rate / points
-    frequency, b = _searched(np.log(power), spacing, string)
-    numbers, peaks = _peaks(power, spacing, frequency, b, TOP * rate)
-    if numbers.size < 3:
-        return None
-    keep, stiff = np.ones(numbers.size, dtype=bool), True
-    intercept = slope = 0.0
-    errors = np.zeros(numbers.size)
-    squares = (peaks / numbers) ** 2
-    for _ in range(4):
-        n = numbers[keep].astype(float)
-        stiff = n.size >= MIN_STIFF_PARTIALS and n[-1] >= MIN_HIGHEST
-        if stiff:
-            slope, intercept = (float(each) for each in np.polyfit(n**2, squares[keep], 1))
-        else:
-            intercept = float(np.median(squares[keep] / (1.0 + b * n**2)))
-            slope = b * intercept
-        errors = (squares - intercept - slope * numbers**2) / intercept
-        kept = np.abs(errors) <= max(6.0 * float(np.median(np.abs(errors[keep]))), 1e-3)
-        if kept.sum() < 3 or (kept == keep).all():
-            break
-        keep = kept
-    n = numbers[keep].astype(float)
-    std = float(np.std(errors[keep])) / max(1e-9, float(np.std(n**2)) * math.sqrt(n.size))
-    f0 = math.sqrt(intercept)
-    return Pluck(
-        frequency=f0,
-        frequency_std=f0 * PITCH_BIAS,
-        inharmonicity=slope / intercept if stiff else None,
-        inharmonicity_std=std if stiff else None,
-        partials=tuple(int(each) for each in numbers[keep]),
-        decay=decay_of(take),
-    )
-
-
-def _searched(logs: Floats, spacing: float, string: StringParams) -> tuple[float, float]:
-    """Return f0 and B whose partials stand highest over the spectrum between them."""
-    nominal = open_frequency(string)
-    grid = nominal * np.exp(np.arange(math.log1p(-SEARCHED), math.log1p(SEARCHED), STEP_F0))
-    numbers = np.arange(1, MAX_PARTIALS + 1)
-    wide = np.maximum.reduce([np.roll(logs, shift) for shift in (-1, 0, 1)])
-    top = logs.size - 2
-    best, result = -np.inf, (nominal, inharmonicity(string))
-    for factor in B_FACTORS:
-        b = factor * inharmonicity(string)
-        at = grid[:, None] * numbers * np.sqrt(1.0 + b * numbers**2)
-        between = at - 0.5 * grid[:, None]
-        height = wide[np.minimum((at / spacing).round().astype(int), top)]
-        valley = wide[np.minimum((between / spacing).round().astype(int), top)]
-        score = np.clip(height - valley, 0.0, 8.0).sum(axis=1)
-        i = int(score.argmax())
-        if score[i] > best:
-            best, result = float(score[i]), (float(grid[i]), float(b))
-    return result
-
-
-def _peaks(power: Floats, spacing: float, f0: float, b: float, top: float) -> tuple[Floats, Floats]:
-    """Return numbers and frequencies of the partials that show a peak near where the series has it."""
-    numbers: list[int] = []
-    peaks: list[float] = []
-    frequencies = np.arange(power.size) * spacing
-    for n in range(1, MAX_PARTIALS + 1):
-        expected = float(stiff_partials(f0, b, n))
-        if expected > top:
-            break
-        reach = max(NEAR * expected, 2.0 * spacing)
-        low, high = int((expected - reach) / spacing), int((expected + reach) / spacing) + 2
-        around = (frequencies > expected - 0.4 * f0) & (frequencies < expected + 0.4 * f0)
-        k = low + int(power[low:high].argmax())
-        if not low < k < high - 1 or power[k] < MIN_SALIENCE * np.median(power[around]):
-            continue
-        y0, y1, y2 = np.log(power[k - 1 : k + 2])
-        bend = y0 - 2.0 * y1 + y2
-        if bend < 0.0:
-            numbers.append(n)
-            peaks.append((k + 0.5 * (y0 - y2) / bend) * spacing)
-    return np.array(numbers), np.array(peaks)
+def measure_pluck(take: Take, sensor: Sensor) -> StringMeasurement | None:
+    """Return what a plucked string of about this design does; None where no series of partials is found."""
+    found = heard_pluck(take.samples, take.sample_rate, sensor.string)
+    return measured_string(sensor, [found]) if found.partials else None
 
 
 def decay_of(take: Take) -> float | None:
@@ -214,7 +83,7 @@ def tuner_turns(string: StringParams, frequency: float) -> float:
     return missing * string.length / stretch_stiffness(string) * TUNER_RATIO / (math.pi * POST_DIAMETER)
 
 
-def pitch_check(pluck: Pluck | None, string: StringParams) -> Check:
+def pitch_check(pluck: StringMeasurement | None, string: StringParams) -> Check:
     """Return whether the open pitch is the design's, and how far to turn the tuner."""
     if pluck is None:
         searched = f"within {100.0 * SEARCHED:.0f} % of the design's pitch"
@@ -222,11 +91,11 @@ def pitch_check(pluck: Pluck | None, string: StringParams) -> Check:
         return Check(
             step=STEP, name="open pitch", unit="Hz", passed=False, advice=advice, fault=Reason.NO_STRING
         )
-    nominal = open_frequency(string)
-    off = pluck.frequency / nominal - 1.0
+    nominal, pitch = open_frequency(string), pluck.estimate("open_frequency").value
+    off = pitch / nominal - 1.0
     if abs(off) <= PITCH_TOLERANCE:
-        return Check(step=STEP, name="open pitch", value=pluck.frequency, unit="Hz")
-    turns = tuner_turns(string, pluck.frequency)
+        return Check(step=STEP, name="open pitch", value=pitch, unit="Hz")
+    turns = tuner_turns(string, pitch)
     cents = 1200.0 * math.log2(1.0 + off)
     way = "tighter" if turns > 0 else "looser"
     assumed = f"{TUNER_RATIO:g}:1, post of {1e3 * POST_DIAMETER:g} mm"
@@ -240,7 +109,7 @@ def pitch_check(pluck: Pluck | None, string: StringParams) -> Check:
     return Check(
         step=STEP,
         name="open pitch",
-        value=pluck.frequency,
+        value=pitch,
         unit="Hz",
         passed=False,
         advice=advice,
@@ -248,15 +117,16 @@ def pitch_check(pluck: Pluck | None, string: StringParams) -> Check:
     )
 
 
-def wire_check(pluck: Pluck | None, string: StringParams) -> Check:
+def wire_check(pluck: StringMeasurement | None, string: StringParams) -> Check:
     """Return whether the stiffness is that of the design's wire at the measured pitch."""
     name = "stiffness over the design's"
-    if pluck is None or pluck.inharmonicity is None:
+    stiffness = None if pluck is None else pluck.estimate("inharmonicity")
+    if pluck is None or stiffness is None or stiffness.std > KNOWN_STIFFNESS * stiffness.value:
         return left_out(
             STEP, name, "too few partials: pluck near microphone 1 with a plectrum or a fingernail"
         )
-    expected = inharmonicity(retuned(string, pluck.frequency))
-    ratio = pluck.inharmonicity / expected
+    expected = inharmonicity(retuned(string, pluck.estimate("open_frequency").value))
+    ratio = stiffness.value / expected
     if abs(ratio - 1.0) <= STIFFNESS_TOLERANCE:
         return Check(step=STEP, name=name, value=ratio, unit="times")
     thicker = math.sqrt(max(ratio, 0.0))

@@ -8,49 +8,28 @@ from typing import Any
 
 import numpy as np
 
-from monochord.capture.sources.base import Stream
 from monochord.core.errors import InputError
 from monochord.core.lengths import refuse_other_units
 from monochord.core.notebook import lines
 from monochord.core.ranges import Positive, checked
 from monochord.core.reasons import Reason
 from monochord.core.types import Estimate, Floats
-from monochord.core.units import Hertz, KilogramsPerMetre, Metres, Seconds
-from monochord.core.windows import windows
+from monochord.core.units import KilogramsPerMetre, Metres, Seconds
 from monochord.live.listen import Listenable, source_of
-from monochord.live.tuning import KEEP, SECONDS, preset_of
-from monochord.perception.tuning import Tuner, TunerState
-from monochord.perception.tuning.lines import (
-    GROWTH_STD,
-    LAST_FREQUENCY,
-    LAST_GROWTH,
-    LAST_POWER_1,
-    LAST_POWER_2,
-    LAST_STD,
-    PRESENCE,
-    lasting_lines,
-)
-from monochord.perception.tuning.reading import MIN_DECAY, SUSTAINED_DECADES, read_tuning
-from monochord.perception.tuning.tuner import MIN_SHARE, STIFFNESS_STD
+from monochord.live.tuning import SECONDS, heard_in, preset_of
+from monochord.perception.tuning.measurement import UNITS, Heard, Partial, StringMeasurement, measured_string
 from monochord.physics.identification import (
-    DRIVEN_STD,
-    FREE_STD,
-    HELD_STD,
     NAMES,
     StringFit,
     even_std,
-    fit_string,
     is_plain,
     steel_density_of,
 )
 from monochord.physics.sensors import Sensor, design_toml, load_sensor, sensor_design
-from monochord.physics.theory import decay_rates, inharmonicity, outer_diameter
+from monochord.physics.theory import decay_rates, outer_diameter
 
 DESIGN = "prototype"
 """Design assumed for a recording that does not name its sensor."""
-WINDOW: Seconds = 0.1
-HOP: Seconds = 0.025
-"""Windows of the analysis: a pluck dies away within a few of them, so they overlap."""
 LENGTH_ERROR: Metres = 5e-4
 CALIPER_ERROR: Metres = 1e-6
 WEIGHED_ERROR = 3e-3
@@ -59,7 +38,6 @@ MAX_LENGTH_DEVIATION = 0.1
 """Largest relative deviation of a build's length from its design's."""
 DISAGREEMENT = 4.0
 """Standard errors by which caliper and scales differ where the wire is not plain steel."""
-UNITS = dict(zip(NAMES, ("Hz", "1", "m", "kg/m", "N", "N/m", "N/m"), strict=True))
 MEASURE = (
     "Measure the wire's diameter to 1 um (--caliper), or weigh a measured piece of it (--weighed, kg per m)."
 )
@@ -71,26 +49,6 @@ NEVER = (
     "The tension law and the drivers' gain and limit: they need touches of known force ('monochord "
     "calibrate'). The file keeps the design's."
 )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Partial:
-    """A partial of the untouched string: number, frequency in Hz, decay rate in 1/s, their standard errors.
-
-    `level` is its power in dB of full scale; `held` says that a driver sustains it, `used` that the fit of
-    the string does not leave it out; `take` counts the recordings from 0.
-    """
-
-    number: int
-    frequency: Hertz
-    frequency_std: Hertz
-    decay: float
-    decay_std: float
-    level: float
-    held: bool
-    take: int
-    plucked: bool
-    used: bool = True
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -240,35 +198,27 @@ def identify(
     if not recordings:
         raise InputError("no recording", "one or more recordings of the untouched string")
     refuse_other_units(length=length, caliper=caliper, length_error=length_error, caliper_error=caliper_error)
-    takes = list[tuple[Partial, ...]]()
+    takes = list[Heard]()
     design, reasons, remedies = sensor_design(sensor) if sensor else "", list[str](), list[str]()
     for number, recording in enumerate(recordings):
         source = source_of(recording, dict(options), seconds=seconds)
         with source.open() as stream:
             design = design or (preset_of(stream.signal.string) if stream.signal.string else DESIGN)
             _refuse_other_size(load_sensor(design), design, length, bool(sensor))
-            partials, reason = _partials(stream, load_sensor(design), seconds, number)
-        takes.append(partials)
-        name = recording if isinstance(recording, str | Path) else type(recording).__name__
-        if reason:
+            takes.append(heard_in(stream, load_sensor(design).string, seconds, number))
+        if reason := takes[-1].reason:
+            name = recording if isinstance(recording, str | Path) else type(recording).__name__
             reasons.append(f"{name}: {reason}")
             remedies.append(Reason.of(reason).remedy)
-    partials = tuple(each for take in takes for each in take)
-    if not partials:
+    if not any(take.partials for take in takes):
         allowed = f"sound of an untouched string of the sensor {design}"
         raise InputError("; ".join(reasons), allowed, remedies[0])
     built = load_sensor(design)
     densities, notes = _densities(built, caliper, caliper_error, weighed, weighed_error)
-    fit = fit_string(
-        built,
-        np.array([each.number for each in partials], float),
-        np.array([each.frequency for each in partials]),
-        np.array([each.frequency_std for each in partials]),
-        length=(length, even_std(length_error)),
-        linear_density=_combined(densities),
+    string = measured_string(
+        built, takes, length=(length, even_std(length_error)), linear_density=_combined(densities)
     )
-    partials = tuple(replace(each, used=used) for each, used in zip(partials, fit.used, strict=True))
-    return _identified(design, built, fit, partials, (*reasons, *notes), measured=bool(densities))
+    return _identified(design, built, string, (*reasons, *notes), measured=bool(densities))
 
 
 def _refuse_other_size(sensor: Sensor, design: str, length: Metres, named: bool) -> None:  # noqa: FBT001
@@ -277,47 +227,6 @@ def _refuse_other_size(sensor: Sensor, design: str, length: Metres, named: bool)
         given = f"length {length:g} m with the sensor {design}"
         remedy = "check the length" if named else "name the design: --sensor PRESET"
         raise InputError(given, f"within 10 % of {nominal:g} m", f"{remedy}, or 'monochord design' makes one")
-
-
-def _partials(stream: Stream, sensor: Sensor, seconds: Seconds, take: int) -> tuple[tuple[Partial, ...], str]:
-    """Return the partials in a recording, or none and the reason."""
-    signal = replace(stream.signal, string=sensor.string)
-    rate = signal.sample_rate
-    size, hop = round(WINDOW * rate), round(HOP * rate)
-    tuner = replace(Tuner.of(signal, size), keep=KEEP, every=hop / rate)
-    state = TunerState()
-    for window in windows(stream, size=size, hop=hop, sample_rate=rate):
-        if window.start + size > seconds * rate:
-            break
-        state = tuner.step(state, window)
-    reason = tuner.reason_against(state)
-    if state.tuning is None or reason:
-        return (), reason or state.reason
-    lines = lasting_lines(state.lines, rate / size)
-    bend = inharmonicity(sensor.string)
-    stiffness = bend, STIFFNESS_STD[0] * bend + STIFFNESS_STD[1]
-    share = MIN_SHARE if len(state.tuning.channels) > 1 else 0.0
-    numbers = read_tuning(lines, tuner.nominal, stiffness, share).numbers
-    power = lines[:, LAST_POWER_1] + lines[:, LAST_POWER_2]
-    dying = (lines[:, LAST_GROWTH] < -MIN_DECAY) & (lines[:, LAST_GROWTH] < -3.0 * lines[:, GROWTH_STD])
-    plucked = bool(dying[0])
-    held = ~dying & (power > power[0] * 10.0**-SUSTAINED_DECADES) & (lines[:, PRESENCE] > 0.5)
-    chosen = np.flatnonzero((numbers > 0.0) & (dying | (held & (not plucked))))
-    own = np.where(held, HELD_STD, FREE_STD if plucked else DRIVEN_STD)
-    return tuple(
-        Partial(
-            number=int(numbers[i]),
-            frequency=float(lines[i, LAST_FREQUENCY]),
-            frequency_std=float(np.hypot(lines[i, LAST_STD], own[i] * lines[i, LAST_FREQUENCY])),
-            decay=float(-lines[i, LAST_GROWTH]),
-            decay_std=float(lines[i, GROWTH_STD]),
-            level=float(10.0 * np.log10(power[i])),
-            held=bool(held[i]),
-            take=take,
-            plucked=plucked,
-        )
-        for i in chosen.tolist()
-    ), ""
 
 
 def _densities(
@@ -364,17 +273,13 @@ def _combined(densities: Sequence[tuple[float, float]]) -> tuple[float, float] |
 def _identified(
     design: str,
     built: Sensor,
-    fit: StringFit,
-    partials: tuple[Partial, ...],
+    string: StringMeasurement,
     notes: tuple[str, ...],
     *,
     measured: bool,
 ) -> Identification:
-    stds = np.sqrt(np.diag(fit.covariance))
-    estimates = {
-        name: Estimate(value=float(value), std=float(std), unit=UNITS[name])
-        for name, value, std in zip(NAMES, fit.values, stds, strict=True)
-    }
+    fit, partials = string.fit, string.partials
+    estimates = {name: string.estimate(name) for name in NAMES}
     unknown = [NEVER]
     if not measured:
         for name in ("linear_density", "tension"):

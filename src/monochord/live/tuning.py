@@ -2,7 +2,9 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +19,17 @@ from monochord.core.units import Hertz, Metres, Seconds
 from monochord.core.windows import windows
 from monochord.live.listen import source_of
 from monochord.live.settings import WindowLength, WindowSettings
-from monochord.perception.tuning import Tuner, TunerState, Tuning
+from monochord.perception.tuning import Tuning
+from monochord.perception.tuning.measurement import (
+    HOP,
+    LENGTH,
+    Heard,
+    StringMeasurement,
+    heard,
+    measured_string,
+)
 from monochord.physics.sensors import (
+    RULER_STD,
     SensorTuning,
     designs_with,
     load_sensor,
@@ -32,33 +43,36 @@ from monochord.physics.sensors import (
 from monochord.physics.theory import inharmonicity, open_frequency
 from monochord.physics.twin import Sensor
 
-WINDOW = WindowSettings(length=0.1, hop=0.1)
+WINDOW = WindowSettings(length=LENGTH, hop=HOP)
 """Default windows of a tuning."""
 SECONDS: Seconds = 3.0
 """Default duration taken from a source, in s."""
-KEEP = 1000
-"""Largest number of windows used in a tuning."""
 STIFFNESS_DEVIATIONS = 4.0
 """Standard errors of stiffness deviation that indicate another wire than the design's."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class SensorAsTuned:
     """A sensor's design with its tuning, measured from untouched sound.
 
-    `design` is the preset's name, `sensor` that preset; `tuning` is the measurement, from `seconds` of
-    untouched sound of `source`, at `time`. `length` is the string's length in m, if it was measured.
+    `design` is the preset's name, `sensor` that preset; `measurement` is of `seconds` of untouched sound of
+    `source`, at `time`. `length` is the string's length in m, if it was measured.
     `refused` windows were not used.
     """
 
     design: str
     sensor: Sensor
-    tuning: Tuning
+    measurement: StringMeasurement
     seconds: Seconds
     source: str
     length: Metres | None = None
     time: str = ""
     refused: int = 0
+
+    @cached_property
+    def tuning(self) -> Tuning:
+        """Pitch, stiffness and losses with their standard errors."""
+        return self.measurement.tuning
 
     @property
     def string(self) -> StringParams:
@@ -126,7 +140,7 @@ class SensorAsTuned:
             )
         lines.append(f"  measured       partials {partials} in {self.seconds:.1f} s of untouched sound")
         if self.refused:
-            lines.append(f"  left out       {self.refused} windows: touched, silent or torn")
+            lines.append(f"  left out       {self.refused * HOP:.1f} s: touched, silent or torn")
         return lines + [f"  note           {note}" for note in self.notes]
 
     def toml(self) -> str:
@@ -135,24 +149,8 @@ class SensorAsTuned:
 
     def measured(self) -> SensorTuning:
         """Return the measured values as written to the file."""
-        tuning = self.tuning
-        tension, tension_std = tuning.tension(self.string)
-        has_decay = math.isfinite(tuning.decay)
-        return SensorTuning(
-            open_frequency=tuning.frequency,
-            open_frequency_std=tuning.frequency_std,
-            tension=tension,
-            tension_std=tension_std,
-            inharmonicity=tuning.inharmonicity,
-            inharmonicity_std=tuning.inharmonicity_std,
-            decay=tuning.decay if has_decay else None,
-            decay_std=tuning.decay_std if has_decay else None,
-            partials=tuning.partials,
-            microphones=tuning.channels,
-            length=self.length,
-            seconds=self.seconds,
-            time=self.time,
-            source=self.source,
+        return self.measurement.in_file(
+            self.string, length=self.length, seconds=self.seconds, time=self.time, source=self.source
         )
 
 
@@ -225,30 +223,28 @@ def tuned(
         _refuse_length(length, design)  # before any device is opened
         earlier = sensor_tuning(sensor)
         length = earlier.length if length is None and earlier else length
-    state = TunerState()
-    reason: str = Reason.NONE
-    for source, name in zip(sources, names, strict=True):
+    takes = list[Heard]()
+    for number, (source, name) in enumerate(zip(sources, names, strict=True)):
         with source.open() as stream:
-            signal = stream.signal
-            design = design or preset_of(signal.string)
+            design = design or preset_of(stream.signal.string)
             _refuse_length(length, design)
-            before = state.start
-            tuner, state = _followed(stream, load_sensor(design).string, state, seconds, window)
-            reason = tuner.reason_against(state)
-        if state.start == before:
+            takes.append(heard_in(stream, load_sensor(design).string, seconds, number, window))
+        if not takes[-1].windows + takes[-1].refused:
             given = f"{name} (shorter than a window)"
             raise InputError(given, f"{window.length:g} s or more", "use a shorter --window")
-    if state.tuning is None or reason:
-        allowed = f"sound of an untouched, driven string of the sensor {design}"
+    if not any(take.partials for take in takes):
+        reason = takes[-1].reason
+        allowed = f"sound of an untouched string of the sensor {design}"
         raise InputError(f"{', '.join(names)}: {reason}", allowed, Reason.of(reason).remedy)
+    measured = None if length is None else (length, RULER_STD)
     return SensorAsTuned(
         design=design,
         sensor=load_sensor(design),
-        tuning=state.tuning,
-        seconds=len(state.lines) * window.hop,
+        measurement=measured_string(load_sensor(design), takes, length=measured),
+        seconds=sum(take.windows for take in takes) * window.hop,
         source=", ".join(names),
         length=length,
-        refused=state.refusals,
+        refused=sum(take.refused for take in takes),
     )
 
 
@@ -260,19 +256,15 @@ def _refuse_length(length: Metres | None, design: str) -> None:
         refuse_other_length(length, known, f"a string of {design}", "change the preset: it is another string")
 
 
-def _followed(
-    stream: Stream, string: StringParams, state: TunerState, seconds: Seconds, window: WindowSettings
-) -> tuple[Tuner, TunerState]:
-    """Return the tuner of one more stream and its final state, continuing from the previous stream."""
-    signal = replace(stream.signal, string=string)
-    size, hop = window.frames(signal.sample_rate)
-    tuner = replace(Tuner.of(signal, size), keep=KEEP)
-    offset = state.start + size
-    for each in windows(stream, size=size, hop=hop, sample_rate=signal.sample_rate):
-        if each.start + size > seconds * signal.sample_rate:
-            break
-        state = tuner.step(state, replace(each, start=each.start + offset))
-    return tuner, state
+def heard_in(
+    stream: Stream, string: StringParams, seconds: Seconds, take: int = 0, window: WindowSettings = WINDOW
+) -> Heard:
+    """Return the partials of an untouched string in the first seconds of a stream."""
+    size, hop = window.frames(stream.signal.sample_rate)
+    last = seconds * stream.signal.sample_rate - size
+    each = windows(stream, size=size, hop=hop, sample_rate=stream.signal.sample_rate)
+    begun = takewhile(lambda window: window.start <= last, each)
+    return heard(begun, stream.signal, string, size=size, hop=hop, take=take)
 
 
 def preset_of(string: StringParams | None) -> str:

@@ -194,7 +194,7 @@ class Tuner:
         return open_frequency(self.string)
 
     @cached_property
-    def _stiffness(self) -> tuple[float, float]:
+    def stiffness(self) -> tuple[float, float]:
         """The inharmonicity of the string's design, and its standard deviation."""
         bend = inharmonicity(self.string)
         return bend, STIFFNESS_STD[0] * bend + STIFFNESS_STD[1]
@@ -260,7 +260,7 @@ class Tuner:
             return None, Reason.FEW_WINDOWS.with_detail(MIN_WINDOWS)
         lasting = lasting_lines(windows, self.sample_rate / self.size)
         least = 0.0 if dead or self.channels == 1 else MIN_SHARE
-        reading = read_tuning(lasting, self.nominal, self._stiffness, least)
+        reading = read_tuning(lasting, self.nominal, self.stiffness, least)
         reason = self._undecided_reason(reading, lasting)
         numbers = [int(number) for number in dict.fromkeys(reading.numbers.tolist()) if number > 0.0]
         reason = reason or _ambiguous_reason(numbers, one_microphone=least == 0.0)

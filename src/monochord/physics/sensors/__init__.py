@@ -45,7 +45,7 @@ class SensorTuning:
     inharmonicity, inharmonicity_std
         B of f_n = n f0 sqrt(1 + B n^2), and its standard error.
     decay, decay_std
-        Decay rate of its free partials in 1/s, where measured.
+        Decay rate of its lowest free partial in 1/s, where measured.
     partials
         Numbers of the partials that were detected, the loudest first.
     microphones
