@@ -1,6 +1,7 @@
 """The command `tune`, the file that it writes, and what takes that file."""
 
 import json
+import re
 import tomllib
 from dataclasses import replace
 from pathlib import Path
@@ -14,30 +15,51 @@ import monochord as mc
 from monochord.cli import run
 from monochord.core.types import Floats
 from monochord.physics.sensors import load_sensor, sensor_design
+from monochord.physics.setup import Sensor
 from monochord.physics.theory import open_frequency
 from monochord.physics.twin.virtual_sensor import VirtualSensor
-from monochord.physics.twin.world import World
+from monochord.physics.twin.world import World, sensor_of
 from monochord.sessions import read_session
 
 RATIO = 0.953
-IDEAL = 2.5e-3
-"""Relative error of a pitch in the ideal world, which has no magnets and no yielding ends: a measurement
-allows for those of a real build (`tests/front/test_one_string.py` has its errors there)."""
 POSITION = 0.083
 NOMINAL = open_frequency(load_sensor("prototype").string)
 
 
-@pytest.fixture(scope="module")
-def take(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A recording of the prototype, tuned 0.8 semitones too low, that is touched after 1.5 s."""
-    design = load_sensor("prototype")
-    sensor = replace(design, string=replace(design.string, tension=design.string.tension * RATIO**2))
-    twin, path = VirtualSensor(sensor, seed=5), tmp_path_factory.mktemp("tune") / "take.wav"
+def recorded(sensor: Sensor, path: Path) -> Path:
+    """Write a recording of a sensor, 0.8 semitones too low, that is touched after 1.5 s."""
+    string = replace(sensor.string, tension=sensor.string.tension * RATIO**2)
+    twin = VirtualSensor(replace(sensor, string=string), seed=5)
     before = twin.advance(1.5)[0]
     twin.press(POSITION, 0.8)
     sound = np.concatenate((before, twin.advance(1.0)[0]), axis=1)
     soundfile.write(path, sound.T, 44100, subtype="FLOAT")
     return path
+
+
+@pytest.fixture(scope="module")
+def take(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A recording of the design."""
+    return recorded(load_sensor("prototype"), tmp_path_factory.mktemp("tune") / "take.wav")
+
+
+@pytest.fixture(scope="module")
+def build() -> Sensor:
+    """A sensor as one is built, with magnets that pull and ends that yield."""
+    return sensor_of(load_sensor("prototype"), "plausible", build=5, day=1)
+
+
+@pytest.fixture(scope="module")
+def pitch(build: Sensor) -> float:
+    """Its string's pitch in the recording, over the design's."""
+    string = replace(build.string, tension=build.string.tension * RATIO**2 + build.drift)
+    return open_frequency(string) / NOMINAL
+
+
+@pytest.fixture(scope="module")
+def as_built(build: Sensor, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A recording of that build."""
+    return recorded(build, tmp_path_factory.mktemp("built") / "take.wav")
 
 
 @pytest.fixture
@@ -61,22 +83,22 @@ def test_silence_and_noise_name_what_to_look_at(
 
 
 def test_a_measured_length_is_written_and_kept(
-    take: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    as_built: Path, pitch: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path, again = tmp_path / "sensor.toml", tmp_path / "again.toml"
-    words = [str(take), "--sensor", "prototype", "--length", "0.1983", "--out", str(path)]
+    words = [str(as_built), "--sensor", "prototype", "--length", "0.1983", "--out", str(path)]
     assert run(["tune", *words]) == 0
     assert "198.3 mm, -1.7 mm off the design's" in capsys.readouterr().out
     sensor, design = load_sensor(str(path)), load_sensor("prototype")
     assert (sensor.measured_length, sensor.range) == (0.1983, design.range)
     assert sensor.string.length == pytest.approx(0.1983)
-    assert open_frequency(sensor.string) / NOMINAL == pytest.approx(RATIO, abs=IDEAL)
+    assert open_frequency(sensor.string) / NOMINAL == pytest.approx(pitch, abs=0.002)
     assert sensor.drivers[1].sense == pytest.approx(design.drivers[1].sense - 0.0017)
-    assert run(["tune", str(take), "--sensor", str(path), "--out", str(again), "--json"]) == 0
+    assert run(["tune", str(as_built), "--sensor", str(path), "--out", str(again), "--json"]) == 0
     facts = json.loads(capsys.readouterr().out)["tuning"]
     assert facts["length"] == 0.1983
     assert facts["tension"] == pytest.approx(sensor.string.tension, rel=1e-6)
-    assert mc.tune(take, sensor="prototype", length=0.1983).string.length == pytest.approx(0.1983)
+    assert mc.tune(as_built, sensor="prototype", length=0.1983).string.length == pytest.approx(0.1983)
 
 
 @pytest.mark.parametrize("length", ["0.1932", "0.207"])
@@ -90,22 +112,28 @@ def test_the_length_of_another_string_is_refused(
 
 
 def test_it_prints_and_writes_the_sensor(
-    take: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    as_built: Path,
+    pitch: float,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert run(["tune", str(take), "--sensor", "prototype"]) == 0
-    assert "-4.5" in capsys.readouterr().out
+    assert run(["tune", str(as_built), "--sensor", "prototype"]) == 0
+    off = re.search(r"off nominal +([-+][\d.]+) %", capsys.readouterr().out)
+    assert off
+    assert float(off[1]) == pytest.approx(100.0 * (pitch - 1.0), abs=0.1)
     sensor, design = load_sensor("sensor.toml"), load_sensor("prototype")
     ratio = open_frequency(sensor.string) / NOMINAL
-    assert ratio == pytest.approx(RATIO, abs=IDEAL)
+    assert ratio == pytest.approx(pitch, abs=0.002)
     tension = design.string.tension * ratio**2
     assert sensor == replace(design, name="prototype", string=replace(design.string, tension=tension))
     assert sensor_design("sensor.toml") == "prototype"
-    assert run(["tune", str(take), "--sensor", "sensor.toml", "--force", "--json"]) == 0
+    assert run(["tune", str(as_built), "--sensor", "sensor.toml", "--force", "--json"]) == 0
     result = json.loads(capsys.readouterr().out)
     written = tomllib.loads(Path("sensor.toml").read_text(encoding="utf-8"))
     assert result["tuning"]["open_frequency"] == written["tuning"]["open_frequency"]
-    assert written["tuning"]["source"] == str(take)
+    assert written["tuning"]["source"] == str(as_built)
     assert result["deviation"] == pytest.approx(ratio - 1.0)
     assert result["refused_windows"] >= 8  # those that are touched
 
@@ -159,15 +187,15 @@ def test_live_and_locate_take_the_sensor(tuned: Path, take: Path, capsys: pytest
     assert last.frequency.value == pytest.approx(RATIO * NOMINAL, rel=0.002)
 
 
-def test_a_session_records_the_sensor(tuned: Path, take: Path, tmp_path: Path) -> None:
+def test_a_session_records_the_sensor(tuned: Path, as_built: Path, pitch: float, tmp_path: Path) -> None:
     session = tmp_path / "take.mcap"
-    source = ("--source", "wav", "--set", f"source.path={take}")
+    source = ("--source", "wav", "--set", f"source.path={as_built}")
     assert run(["record", str(session), *source, "--sensor", str(tuned)]) == 0
     string = read_session(session).description.string
     assert string == load_sensor(str(tuned)).string
     again = mc.tune(session)  # whose string is that of the prototype at another tension
     assert again.design == "prototype"
-    assert again.tuning.frequency == pytest.approx(RATIO * NOMINAL, rel=IDEAL)
+    assert again.tuning.frequency == pytest.approx(pitch * NOMINAL, rel=0.002)
 
 
 def test_takes_are_put_together(take: Path) -> None:
@@ -212,7 +240,19 @@ def test_a_made_up_series_of_the_strings_own_pitch_is_tuned(tmp_path: Path) -> N
     """It cannot be told from a string whose first partial is driven; the installation compiles with it."""
     sound = tmp_path / "series.wav"
     soundfile.write(sound, partials(*range(1, 9)).T, 44100)
-    assert mc.tune(sound, sensor="prototype").tuning.frequency == pytest.approx(1010.0, rel=IDEAL)
+    told = mc.tune(sound, sensor="prototype").tuning
+    assert told.frequency == pytest.approx(1010.0, abs=2.0 * told.frequency_std)
+
+
+@pytest.mark.xfail(
+    reason="it has no magnets and no yielding ends, for which a measurement allows: docs/ROADMAP.md",
+    raises=AssertionError,
+    strict=True,
+)
+def test_the_pitch_of_a_made_up_series_is_exact(tmp_path: Path) -> None:
+    sound = tmp_path / "series.wav"
+    soundfile.write(sound, partials(*range(1, 9)).T, 44100)
+    assert mc.tune(sound, sensor="prototype").tuning.frequency == pytest.approx(1010.0, rel=1e-3)
 
 
 def test_a_driven_partial_beside_faint_ones_is_a_string(tmp_path: Path) -> None:

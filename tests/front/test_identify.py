@@ -115,7 +115,9 @@ def test_sound_and_ruler_alone_give_pitch_but_neither_tension_nor_density(
     assert any("--caliper" in line and "--weighed" in line for line in result.unknown)
     pitch = result.estimates["open_frequency"]
     assert abs(pitch.value - mc.open_frequency(build.string)) < 4.0 * pitch.std < 4.0
-    assert result.fit.relative_std("tension") > 0.03
+    std = result.fit.relative_std("tension")
+    assert 0.03 < std < 0.1
+    assert result.fit.values[NAMES.index("tension")] == pytest.approx(build.string.tension, rel=3.0 * std)
     assert mc.open_frequency(result.sensor.string) == pytest.approx(pitch.value)
     assert result.sensor.string.linear_density == mc.load_sensor("prototype").string.linear_density
 
@@ -202,7 +204,7 @@ def test_a_wound_string_has_no_density_by_caliper(tmp_path: Path) -> None:
     result = mc.identify(twin, length=0.2, caliper=0.254e-3, sensor=wound)
     assert not result.estimates["tension"].valid
     assert "wound" in result.notes[0]
-    assert result.fit.relative_std("tension") > 0.03
+    assert result.fit.relative_std("tension") > 0.05
 
 
 def test_the_pages_command_runs(build: Build, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
