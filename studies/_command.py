@@ -13,8 +13,8 @@ from rich.progress import Progress
 
 from monochord.benchmarks.base import Benchmark
 from monochord.core.config import from_tree, override
-from monochord.core.errors import MonochordError
-from monochord.figures.base import Measured
+from monochord.core.errors import InputError, MonochordError
+from monochord.figures.base import Figure, Measured
 
 
 def main(command: click.Command) -> None:
@@ -74,7 +74,7 @@ def measure(kind: type[Benchmark]) -> None:
     main(command)
 
 
-def draw(kind: type[Measured]) -> None:
+def draw(kind: type[Figure]) -> None:
     """Draw a figure as a command, whose ``--set NAME=VALUE`` overrides an option."""
 
     @click.command(name=kind.__name__.lower(), help=kind.__doc__)
@@ -83,8 +83,10 @@ def draw(kind: type[Measured]) -> None:
     @click.option("--json", "numbers", type=click.Path(path_type=Path), help="File of its numbers.")
     def command(assignments: tuple[str, ...], out: Path, numbers: Path | None) -> None:
         figure = from_tree(kind, override({}, assignments), kind.__name__)
-        figure.draw().savefig(out)
         if numbers is not None:
+            if not isinstance(figure, Measured):
+                raise InputError(f"--json {numbers}", "a figure with numbers", "leave --json out")
             numbers.write_text(json.dumps(figure.numbers(), indent=1) + "\n", encoding="utf-8")
+        figure.draw().savefig(out)
 
     main(command)

@@ -12,9 +12,9 @@ from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
 from studies._command import draw
+from studies._strings import StringsCost, refuse_options, strings_cost
 
 from monochord.core.units import Seconds
-from monochord.evaluation import StringsCost, refuse_options, strings_cost
 from monochord.figures import style
 from monochord.figures.base import Measured, require_matplotlib
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 class Strings(Measured):
     """Processor time of an estimate, and estimates per second of each string, by number of strings.
 
-    Measured on this machine while drawing, as by `monochord bench strings`: leave the machine idle meanwhile.
+    Measured on this machine while drawing, as by `strings_speed`: leave the machine idle meanwhile.
 
     Parameters
     ----------

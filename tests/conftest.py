@@ -27,7 +27,7 @@ settings.register_profile("monochord", deadline=None)
 settings.load_profile("monochord")
 
 REAL_TIME = (
-    "benchmarks/test_live.py", "benchmarks/test_recording.py", "benchmarks/test_strings.py",
+    "benchmarks/test_live.py", "benchmarks/test_recording.py",
     "capture/dds", "capture/instruments/test_arrivals.py", "capture/instruments/test_net_ft.py",
     "capture/instruments/test_opening.py", "capture/instruments/test_pose_dds.py",
     "capture/instruments/test_pose_udp.py", "capture/jack/test_client.py",
@@ -37,7 +37,8 @@ REAL_TIME = (
     "e2e/test_live_model.py", "e2e/test_own_sensor.py", "e2e/test_pipewire.py", "e2e/test_record_jack.py",
     "e2e/test_soak.py",
     "studies/test_encoder_speed.py", "studies/test_fdtd.py",
-    "studies/test_feature_speed.py", "studies/test_strings_cost.py", "studies/test_twin_speed.py",
+    "studies/test_feature_speed.py", "studies/test_strings_cost.py", "studies/test_strings_speed.py",
+    "studies/test_twin_speed.py",
     "lab/test_net_ft_device.py", "lab/test_player.py", "lab/test_pose_publisher.py", "lab/test_real_time.py",
 )  # fmt: skip
 """Files and folders whose tests compare with the clock or need every frame of a real JACK server.

@@ -136,7 +136,7 @@ def is_run(line: str) -> bool:
     return not line.endswith(UNENDING) and not any(word in line for word in OTHER_MEANS)
 
 
-LEARNS = re.compile("monochord (build|audit|train|publish|evaluate (run|--estimator))")
+LEARNS = re.compile("monochord (build|audit|train|publish|figure scatter|evaluate (run|--estimator))")
 
 
 @pytest.mark.parametrize(

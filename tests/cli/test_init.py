@@ -89,7 +89,7 @@ def test_every_command_stands_in_one_group_with_a_summary(capsys: pytest.Capture
         ("monochord live --source s", ["session", "soundcard", "split_string"]),
         ("monochord live d", ["demo"]),
         ("monochord locate --estimator c", ["closed_form"]),
-        ("monochord figure tr", ["trends"]),
+        ("monochord figure sc", ["scatter"]),
         ("monochord record x.mcap --sensor prototype_e", ["prototype_ebow"]),
         ("monochord bench l", ["live"]),
         ("monochord list sou", ["sources"]),

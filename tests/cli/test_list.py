@@ -29,10 +29,11 @@ def test_json_lists_every_plugin_and_preset(capsys: pytest.CaptureFixture[str]) 
 
 def test_options_come_with_their_defaults(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["list", "figures", "--json"]) == 0
-    trends = next(e for e in json.loads(capsys.readouterr().out)["figures"] if e["name"] == "trends")
-    options = {option["name"]: option for option in trends["options"]}
-    assert options["string"] == {
-        "name": "string", "required": False, "default": "appendix", "allowed": "text",
+    scatter = next(e for e in json.loads(capsys.readouterr().out)["figures"] if e["name"] == "scatter")
+    options = {option["name"]: option for option in scatter["options"]}
+    assert options["results"]["required"]
+    assert options["condition"] == {
+        "name": "condition", "required": False, "default": "clean", "allowed": "text",
     }  # fmt: skip
 
 
@@ -53,8 +54,8 @@ def test_a_preset_comes_with_its_source_and_its_values(capsys: pytest.CaptureFix
 def test_text_shows_names_and_defaults(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["list", "figure"]) == 0
     text = capsys.readouterr().out
-    assert "convergence" in text
-    assert "appendix" in text
+    assert "scatter" in text
+    assert "clean" in text
     assert "plain_010" not in text
     assert run(["list", "sensors"]) == 0
     assert load_sensor("gauge_012").title in capsys.readouterr().out

@@ -1,30 +1,21 @@
-"""What version 0.1 wrote, and what was written for it, is taken by the code as it is now.
+"""What version 0.1 wrote is taken by the code as it is now, or refused by name.
 
 ``tests/fixtures/v0_1`` says how it was made. A version that takes some of it no more refuses it in one line:
 its test then expects that line.
 """
 
-import csv
 import hashlib
-import re
-import shutil
-import subprocess
-import sys
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 import monochord as mc
-from monochord import cli
-from monochord.capture.sources import SOURCES
 from monochord.core.config import load_toml
 from monochord.core.errors import InputError
 from monochord.core.types import Block
-from monochord.lab.plan import Group, assignments
+from monochord.lab.plan import assignments
 from monochord.lab.plans import load_plan
 from monochord.live import LiveRun
 from monochord.perception.training.settings import TrainingSettings
@@ -35,28 +26,6 @@ from monochord.sessions.check import check
 V0_1 = Path(__file__).parents[1] / "fixtures" / "v0_1"
 PLACE, FORCE = 0.08, 1.2
 """The touch of `touches.mcap` in m and N, from 0.9 to 1.7 s; its labels are of 1.05 to 1.65 s."""
-
-
-@pytest.fixture
-def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A copy of all of it, where the program runs."""
-    folder = tmp_path / "home"
-    shutil.copytree(V0_1, folder)
-    monkeypatch.chdir(folder)
-    return folder
-
-
-@pytest.fixture
-def tally(home: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """The package of a third party, installed as pip does it."""
-    site = tmp_path / "site"
-    pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "install", "--quiet", "--no-index"]
-    command = [*pip, "--no-deps", "--no-build-isolation", "--target", str(site), str(home / "tally")]
-    run = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert run.returncode == 0, run.stderr
-    monkeypatch.syspath_prepend(site)
-    yield
-    sys.modules.pop("monochord_tally", None)
 
 
 def test_a_recorded_session_is_read() -> None:
@@ -124,19 +93,6 @@ def test_a_session_of_a_world_that_is_gone_is_read_checked_and_evaluated(tmp_pat
     assert row["position"]["mae"]["value"] < 5e-4
 
 
-def test_a_world_that_is_gone_is_refused_with_what_to_take() -> None:
-    world: Any = "plausible_1"
-    one_line = r"^option '.*' = 'plausible_1': expected ideal, plausible.*; did you mean 'plausible'\?$"
-    for ask in (
-        lambda: mc.VirtualSensor(world=world),
-        lambda: SOURCES.build("twin", {"world": world}),
-        lambda: load_plan("small", [f"world={world}"]),
-        lambda: Group(name="hold", world=world),
-    ):
-        with pytest.raises(InputError, match=one_line):
-            ask()
-
-
 def test_a_sensor_as_tuned_is_read() -> None:
     file = str(V0_1 / "sensor.toml")
     sensor, tuning = load_sensor(file), sensor_tuning(file)
@@ -154,97 +110,12 @@ def test_a_model_is_refused_with_what_to_do() -> None:
         mc.load(V0_1 / "model")
 
 
-def test_a_script_of_0_1_runs_with_warnings() -> None:
-    script = """
-import monochord as mc
-from monochord.core.errors import InputError
-from monochord.live.sinks.base import Moment
-from monochord.perception.model import load
-from monochord.physics.sensors import load_sensor
-
-for prediction in mc.listen("touches.mcap", model="closed_form", seconds=1.3):
-    position, force = prediction["position"], prediction["force"]
-try:
-    load_sensor("prototpye")
-except InputError as error:
-    print(isinstance(prediction, Moment), error.given, "prototype" in error.allowed, error.remedy)
-print(prediction.time, prediction.start, prediction.latency < 10.0, sorted(prediction.estimates))
-print(position.value, position.std, force.valid, prediction.estimate("hardness").why_not)
-"""
-    run = subprocess.run(
-        [sys.executable, "-W", "always", "-c", script], cwd=V0_1, capture_output=True, text=True, check=True
-    )
-    refusal, first, second = run.stdout.splitlines()
-    assert refusal == "True sensor 'prototpye' True did you mean 'prototype'?"
-    assert first.startswith("1.2 19200 True ['contact', 'force', ")
-    place, std, *rest = second.split()
-    assert float(place) == pytest.approx(PLACE, abs=5e-4)
-    assert 0.0 < float(std) < 2e-3
-    assert rest == ["True", "not", "estimated"]
-    said = [line.split("Warning: ")[1] for line in run.stderr.splitlines() if "DeprecationWarning" in line]
-    assert set(said) == {
-        "update['position'] is deprecated: use update.position",
-        "update['force'] is deprecated: use update.force",
-        "Estimate.why_not is deprecated: use Estimate.reason",
-        "Moment is deprecated: use Update",
-    }
-
-
-def by_physics(text: str) -> str:
-    """Return a configuration of live with the closed form in place of the model, which is refused."""
-    return re.sub(r'(\[estimator\]\n)name = "model"\npath = "model"\n', r'\1name = "closed_form"\n', text)
-
-
-@pytest.mark.filterwarnings("ignore:Moment is deprecated:DeprecationWarning")
-@pytest.mark.filterwarnings("ignore:filter\\.:DeprecationWarning")
-def test_a_sink_of_a_third_party_is_refused_in_one_line(
-    home: Path, tally: None, capsys: pytest.CaptureFixture[str]
-) -> None:
-    Path("live.toml").write_text(by_physics(Path("live.toml").read_text()))
-    assert cli.run(["live", "--config", "live.toml"]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert "sink 'monochord_tally' of Monochord 0.1" in line
-    assert "docs/how-to/upgrade.md" in line
-
-
-@pytest.mark.filterwarnings("ignore:filter\\.:DeprecationWarning")
-def test_a_configuration_of_live_runs(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    text = by_physics(Path("live.toml").read_text()).split("[sinks.tally]")[0]
-    Path("live.toml").write_text(f'{text}[sinks.csv]\npath = "windows.csv"\n')
-    assert cli.run(["live", "--config", "live.toml"]) == 0, capsys.readouterr().err
-    with Path("windows.csv").open() as lines:
-        windows = list(csv.DictReader(lines))
-    assert len(windows) == 181
-    held = next(each for each in windows if float(each["time"]) == pytest.approx(1.29))
-    assert float(held["position"]) == pytest.approx(PLACE, abs=5e-4)
-    assert 0.0 < float(held["position_std"]) < 2e-3
-
-
-def test_settings_of_live_mean_what_they_did(home: Path) -> None:
-    with pytest.warns(DeprecationWarning, match="has no effect") as said:
-        settings = LiveRun.read({**load_toml(home / "live.toml"), "sinks": {}})
-    assert [str(each.message) for each in said] == [
-        "filter.position has no effect: position is that of the window",
-        "filter.force has no effect: force is that of the window",
-    ]
-    assert settings.resolved()["source"] == {
-        "name": "session", "path": "touches.mcap", "block": 512, "speed": 0.0, "aligned": True,
-    }  # fmt: skip
-    assert (settings.window.length, settings.window.hop) == (0.1, 0.01)
-    assert (settings.filter.contact.dwell, settings.filter.slip.on) == (0.03, 0.15)
-    assert (settings.health.appear, settings.health.clear) == (1.0, 1.0)
-
-
-def test_settings_of_a_training_mean_what_they_did() -> None:
-    with pytest.warns(DeprecationWarning, match="context has no effect"):
-        settings = TrainingSettings.read(load_toml(V0_1 / "train.toml"))
-    assert (settings.sensor, settings.seed, settings.feature["name"]) == ("prototype", 3, "fft_harmonic")
-    assert {name: task.hidden for name, task in settings.tasks().items()} == {
-        "contact": (), "slip": (), "position": (16,), "force": (16,),
-    }  # fmt: skip
-    assert (settings.noise.kinds, settings.noise.ratios) == (("white", "hum"), (10.0, 30.0))
-    assert settings.corrections == {"force": ("ratio place", "ratio open - open")}
-    assert (settings.optimiser.rate, settings.optimiser.epochs) == (3e-3, 30)
+def test_settings_that_are_gone_are_refused_by_name() -> None:
+    live = load_toml(V0_1 / "live.toml") | {"sinks": {}, "estimator": {"name": "closed_form"}}
+    with pytest.raises(InputError, match=r"option 'filter\.position': expected contact, slip"):
+        LiveRun.read(live)
+    with pytest.raises(InputError, match="option 'context': expected title, dataset"):
+        TrainingSettings.read(load_toml(V0_1 / "train.toml"))
 
 
 def test_a_plan_means_what_it_did() -> None:

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 import soundfile
+from studies.model_speed import drawn
 
-from monochord.benchmarks.model import drawn
 from monochord.cli import run
 from monochord.core.types import Estimate, Signal, Window
 from monochord.perception.estimators.model import ModelEstimator

@@ -26,7 +26,7 @@ README, TUTORIAL = ROOT / "README.md", ROOT / "docs" / "tutorial" / "first-sound
 SETS_UP = ("make ", "sudo ", "pip install .", "pip install '.[")
 """Commands that set the machine up: what `newcomer` makes has that behind it."""
 LEFT_OUT = ("monochord demo", "monochord bench", "python -m studies.")
-"""Mentioned within a sentence: `make demo` has shown the first, and the others need recordings."""
+"""Mentioned within a sentence: `make demo` has shown the first; others take minutes, or need recordings."""
 INSTALL = "pip install "
 LEARNING_PATH = ("collect", "build", "train", "evaluate", "live")
 LEARNING_LIMIT = 120.0

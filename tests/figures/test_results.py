@@ -1,7 +1,6 @@
 """Figures of an evaluation show the scores of its results."""
 
 import importlib
-import json
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -15,7 +14,6 @@ from threadpoolctl import threadpool_limits
 from monochord.core.errors import InputError
 from monochord.figures.confusion import Confusion
 from monochord.figures.error_map import ErrorMapFigure
-from monochord.figures.paper_tables import PaperTables
 from monochord.figures.scatter import Scatter
 from monochord.figures.snr_curves import SnrCurves
 from monochord.figures.tsne import Tsne, embedded
@@ -110,41 +108,6 @@ def test_snr_curves_are_the_scores_at_each_ratio(write: Write) -> None:
 
 
 @pytest.fixture
-def rows(tmp_path: Path) -> Path:
-    table: list[dict[str, Any]] = [
-        {
-            "feature": feature,
-            "object": body,
-            "condition": condition,
-            "position_mae_mm": position,
-            "force_mae_n": force,
-            "simulated": True,
-        }
-        for feature, position, force in (("one", 0.5, 0.1), ("two", 1.5, None))
-        for body in ("plastic", "wood")
-        for condition in ("clean", "music 10 dB")
-    ]
-    file = tmp_path / "rows.json"
-    file.write_text(json.dumps(table))
-    return file
-
-
-def test_paper_tables_draw_our_errors_and_the_papers(rows: Path) -> None:
-    position, force = PaperTables(rows=rows).draw().axes
-    marks = {line.get_label(): np.asarray(line.get_ydata(), float).tolist() for line in position.lines}
-    assert (marks["one"], marks["two"]) == ([0.5, 0.5], [1.5, 1.5])
-    (empty,) = (line for line in force.lines if line.get_label() == "two")
-    assert np.size(empty.get_ydata()) == 0
-    clean, noise = (lines.get_segments() for lines in position.collections)  # type: ignore[attr-defined]
-    assert [segment[0][1] for segment in clean] == pytest.approx([2.7, 8.8])
-    assert [segment[0][1] for segment in noise] == pytest.approx([3.1, 8.6])
-    numbers = PaperTables(rows=rows, noise="", features=("two", "one")).numbers()
-    assert numbers["force"] == {
-        "clean": {"two": {"plastic": None, "wood": None}, "one": {"plastic": 0.1, "wood": 0.1}}
-    }
-
-
-@pytest.fixture
 def one_thread() -> Iterator[None]:
     """Let t-SNE have one thread: several wait for each other where the machine has other work."""
     importlib.import_module("sklearn.manifold")  # its threads can be limited once they are there
@@ -189,9 +152,6 @@ def test_tsne_separates_groups_whatever_the_units_of_their_columns() -> None:
         (ErrorMapFigure, {"least": 0}, "least' = 0"),
         (SnrCurves, {"draws": -1}, "draws' = -1"),
         (SnrCurves, {"noises": False}, "noise"),
-        (PaperTables, {"noise": "music 10dB"}, "music 10dB"),
-        (PaperTables, {"features": ("three",)}, "three"),
-        (PaperTables, {"rows": Path("none.json")}, "none.json"),
         (Tsne, {"features": ()}, "features"),
         (Tsne, {"features": ("log_mell",)}, "log_mell"),
         (Tsne, {"windows": 10}, "windows' = 10"),
@@ -200,12 +160,10 @@ def test_tsne_separates_groups_whatever_the_units_of_their_columns() -> None:
     ],
 )
 def test_what_cannot_be_drawn_is_refused(
-    write: Write, rows: Path, learnable: Path, figure: Any, options: dict[str, Any], field: str
+    write: Write, learnable: Path, figure: Any, options: dict[str, Any], field: str
 ) -> None:
     usual: dict[str, Any] = {"dataset": learnable}
-    if figure is PaperTables:
-        usual = {"rows": rows}
-    elif figure is not Tsne:
+    if figure is not Tsne:
         usual = {"results": write(noises=options.get("noises", True))}
         options = {name: value for name, value in options.items() if name != "noises"}
     with pytest.raises(InputError, match=re.escape(field)):

@@ -1,16 +1,18 @@
 """Figures of a session: its streams over time, and its taps before and after alignment."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from studies.taps import LATE, tapped
 
 from monochord.core.curves import MAX_POINTS
 from monochord.core.errors import InputError
 from monochord.core.types import POSE, WRENCH, Block, Feed, Floats, Readings
 from monochord.figures.session import SessionFigure, levels
-from monochord.figures.taps import LATE, Taps, tapped
+from monochord.figures.taps import Taps
 from monochord.sessions import Description, SessionWriter, read_session
 
 RATE = 16000
@@ -80,8 +82,10 @@ def test_a_long_curve_is_thinned_and_keeps_its_peaks(tmp_path: Path) -> None:
     assert time[thinned.argmax()] == pytest.approx(0.1234, abs=1e-3)
 
 
-def test_taps_have_the_offsets_of_the_streams() -> None:
-    numbers = json.loads(json.dumps(Taps().numbers()))
+def test_taps_have_the_offsets_of_the_streams(tmp_path: Path) -> None:
+    path = tmp_path / "session.mcap"
+    replace(tapped(), late=LATE).write(path)
+    numbers = json.loads(json.dumps(Taps(session=path).numbers()))
     assert numbers["reference"] == "wrench"
     assert numbers["flags"] == []
     for stream, width in (("audio", 0.5e-3), ("pose", 4e-3)):
@@ -93,18 +97,18 @@ def test_taps_have_the_offsets_of_the_streams() -> None:
 def test_taps_draw_each_stream_before_and_after_alignment(tmp_path: Path) -> None:
     path = tmp_path / "session.mcap"
     tapped(groups=(1.5,), seconds=5.0).write(path)
-    page = Taps(session=str(path), tap=2).draw()
+    page = Taps(session=path, tap=2).draw()
     assert len(page.axes) == 6
     for axes in page.axes:
         assert any(len(line.get_xdata()) > 10 for line in axes.get_lines())  # pyright: ignore[reportArgumentType]
     with pytest.raises(InputError, match="tap 5"):
-        Taps(session=str(path), tap=5).draw()
+        Taps(session=path, tap=5).draw()
 
 
 def test_a_session_without_taps_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "session.mcap"
     tapped(groups=(), seconds=2.0).write(path)
     with pytest.raises(InputError, match="wrench"):
-        Taps(session=str(path)).draw()
+        Taps(session=path).draw()
     with pytest.raises(InputError, match="tap' = -1"):
-        Taps(tap=-1)
+        Taps(session=path, tap=-1)

@@ -14,7 +14,6 @@ import soundfile
 
 import monochord as mc
 from monochord.core.errors import InputError
-from monochord.live.sinks import base
 from monochord.live.update import Update
 
 RATE = 44100
@@ -116,13 +115,6 @@ def test_an_update_by_key_warns_and_is_the_same(updates: list[Update]) -> None:
     assert place is updates[-1].position
     with pytest.warns(DeprecationWarning, match="postion"), pytest.raises(KeyError, match="postion"):
         _ = updates[-1]["postion"]
-
-
-def test_the_name_of_an_update_in_older_sinks_warns() -> None:
-    with pytest.warns(DeprecationWarning, match="Update"):
-        assert base.Moment is Update
-    with pytest.raises(AttributeError, match="Momint"):
-        _ = base.Momint
 
 
 def test_a_virtual_sensor_is_touched_between_updates() -> None:

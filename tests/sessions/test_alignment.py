@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from studies.taps import RATE, Tapped, tapped
 from tests.sessions.made import make, plain_readings
 
 from monochord.core.errors import InputError
 from monochord.core.types import POSE, Block, Feed
 from monochord.core.units import Seconds
-from monochord.figures.taps import RATE, Tapped, tapped
 from monochord.sessions import (
     Description,
     ReadingTrack,

@@ -42,7 +42,7 @@ class Live(Benchmark):
     baseline is the FFT autocorrelation of the same windows, timed in the same loop. The two-sided form is
     timed on the simulated sensor, with intermittent touches. The filter over time is timed on synthetic
     touches with all four quantities. Memory is the resident set after the first minute of audio and at the
-    end. For a trained model and every sink, see `monochord bench sinks`.
+    end. The study `sink_delay` times a trained model and every sink.
 
     Parameters
     ----------

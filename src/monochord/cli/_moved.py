@@ -1,29 +1,17 @@
-"""Names of version 0.1 that are now studies, or in packages, of the repository."""
+"""Names of earlier versions that are now studies, or in packages, of the repository."""
 
 from collections.abc import Iterable, Mapping
 
 from monochord.core.errors import InputError, MissingLibraryError
 
 MOVED: Mapping[str, Mapping[str, str]] = {
-    "command": {"ablate": "ablation", "transfer": "unseen_builds"},
-    "suite": {"hardware": "hardware_suite"},
-    "benchmark": {
-        "bound": "pitch_bound",
-        "encoders": "encoder_speed",
-        "far_form": "far_form",
-        "fdtd": "fdtd",
-        "features": "feature_speed",
-        "interference": "interference",
-        "realstrings": "real_strings",
-        "twin": "twin_speed",
-    },
+    "benchmark": {"model": "model_speed", "sinks": "sink_delay", "strings": "strings_speed"},
     "figure": {
-        "builds": "unseen_builds",
-        "following": "following",
-        "hardware": "hardware_suite",
-        "realstrings": "interference",
-        "slip": "slip",
-        "strings": "strings_cost",
+        "convergence": "convergence",
+        "modes": "modes",
+        "paper_tables": "paper_tables",
+        "touch": "touch",
+        "trends": "trends",
     },
 }
 """The study that replaces each name, by kind of name."""
@@ -33,7 +21,7 @@ PACKAGES: Mapping[str, str] = {"weights": "monochord-encoders"}
 
 def refuse_moved(kind: str, name: str | None, known: Iterable[str]) -> None:
     """Raise `InputError` for a name that is now a study, or in a package that is not installed."""
-    study = MOVED[kind].get(name or "")
+    study = MOVED.get(kind, {}).get(name or "")
     if study:
         remedy = f"it is a study now: python -m studies.{study}, in the repository"
         raise InputError(f"{kind} '{name}'", ", ".join(known), remedy)

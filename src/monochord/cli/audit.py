@@ -7,20 +7,15 @@ from pathlib import Path
 import click
 
 from monochord.cli._output import echo
+from monochord.cli._signature import options_of
 from monochord.front.audit import audit as audit_dataset
 
 
 @click.command()
 @click.argument("dataset", type=click.Path(path_type=Path))
-@click.option(
-    "--split",
-    "file",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="Split to check.  [default: the dataset's own]",
-)
+@options_of(audit_dataset, "split", type=click.Path(path_type=Path), metavar="FILE")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
-def audit(dataset: Path, *, file: Path | None, as_json: bool) -> None:
+def audit(dataset: Path, *, split: Path | None, as_json: bool) -> None:
     """Check a dataset for leaks between training and test.
 
     A leak is a window, sample, session, day or object that two parts share, a guard gap that is too small,
@@ -30,7 +25,7 @@ def audit(dataset: Path, *, file: Path | None, as_json: bool) -> None:
     monochord audit dataset
     monochord audit dataset --split other.json --json
     """  # noqa: D301
-    report = audit_dataset(dataset, file)
+    report = audit_dataset(dataset, split)
     if as_json:
         leaks = [dataclasses.asdict(leak) for leak in report.leaks]
         echo(json.dumps({"clean": report.clean, "leaks": leaks, "notes": list(report.notes)}))

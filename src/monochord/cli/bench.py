@@ -28,7 +28,7 @@ def bench(name: str | None, as_json: bool, assignments: tuple[str, ...]) -> None
     NAME is a benchmark of 'monochord list benchmarks'; without it, all of them run.
 
     \b
-    monochord bench model
+    monochord bench recording
     monochord bench live --json
     """  # noqa: D301
     if assignments and not name:

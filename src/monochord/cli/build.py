@@ -6,48 +6,26 @@ from typing import Any
 
 import click
 
-from monochord.cli._options import amount, completes, sensor_option, worker_options
+from monochord.cli._options import completes, sensor_option, worker_options
 from monochord.cli._output import echo
+from monochord.cli._signature import options_of
 from monochord.datasets.kinds import KINDS, table_of
+from monochord.front.build import build as build_data
 from monochord.front.build import built
 from monochord.perception.data import LabelledData
 
 
 @click.command()
 @click.argument("sessions", nargs=-1, required=True)
-@click.option("--out", type=click.Path(path_type=Path), required=True, help="New folder for the dataset.")
-@click.option(
-    "--window", type=amount, default=0.1, show_default=True, metavar="S", help="Length of a window."
+@options_of(build_data, "out", required=True)
+@options_of(build_data, "window", "hop", "labels")
+@options_of(
+    build_data, "split", metavar="BY", **completes(lambda: ("session", "object", "time", "day", "build"))
 )
-@click.option(
-    "--hop",
-    type=amount,
-    default=0.1,
-    show_default=True,
-    metavar="S",
-    help="Time from one window to the next.",
-)
-@click.option(
-    "--labels",
-    type=click.Choice(["recorded", "measured"]),
-    help="Use the labels of the session, or derive them from force and pose.  [default: recorded, if any]",
-)
-@click.option(
-    "--split",
-    metavar="BY",
-    help="Split by session, object, time, day or build.  [default: session; time below 3 sessions]",
-    **completes(lambda: ("session", "object", "time", "day", "build")),
-)
-@click.option(
-    "--held-out",
-    multiple=True,
-    metavar="NAME",
-    help="Keep an object, or sessions by a pattern such as 'music*', for the test only; repeatable.",
-)
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Random seed.")
-@click.option("--force", is_flag=True, help="Accept sessions whose streams are not on one clock.")
+@options_of(build_data, "held_out", metavar="NAME")
+@options_of(build_data, "seed", "force")
 @sensor_option
-@click.option("--skip", is_flag=True, help="Skip sessions that cannot be used.")
+@options_of(build_data, "skip")
 @worker_options
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def build(sessions: tuple[str, ...], *, out: Path, as_json: bool, **options: Any) -> None:

@@ -7,40 +7,17 @@ from typing import Any
 import click
 
 from monochord.cli._output import echo
+from monochord.cli._signature import options_of
 from monochord.core.errors import InputError
 from monochord.front.calibrate import calibrate as adapted
 
 
 @click.command()
 @click.argument("model")
-@click.option(
-    "--sessions",
-    multiple=True,
-    required=True,
-    metavar="FILES",
-    help="Sessions of touches with known position and force; repeatable.",
-)
-@click.option(
-    "--touches",
-    type=click.IntRange(min=0),
-    metavar="N",
-    help="Use only the first N touches; 0 tests the model and changes nothing.  [default: all]",
-)
-@click.option(
-    "--objects",
-    type=click.Choice(["same", "others"]),
-    default="same",
-    help="Will the same object touch the string later, or others too?  [default: same]",
-)
-@click.option(
-    "--labels",
-    type=click.Choice(["recorded", "measured"]),
-    help="Use the labels of the session, or derive them from force and pose.  [default: recorded, if any]",
-)
-@click.option(
-    "--out", type=click.Path(path_type=Path), help="New folder for the model; not needed with --touches 0."
-)
-@click.option("--force", is_flag=True, help="Accept sessions whose streams are not on one clock.")
+@options_of(adapted, "sessions", multiple=True, type=str, required=True, metavar="FILES")
+@options_of(adapted, "touches", "objects", "labels")
+@options_of(adapted, "out", help="New folder for the model; not needed with --touches 0.")
+@options_of(adapted, "force")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def calibrate(
     model: str, *, sessions: tuple[str, ...], out: Path | None, as_json: bool, **options: Any

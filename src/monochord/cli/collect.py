@@ -9,24 +9,19 @@ import click
 
 from monochord.cli._options import completes, set_option, worker_options
 from monochord.cli._output import echo
+from monochord.cli._signature import options_of
 from monochord.front.collect import collect as carry_out
 from monochord.lab.plans import plan_names
 
 
 @click.command()
 @click.argument("plan", **completes(plan_names))
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path),
-    required=True,
-    help="Folder for the sessions; created if missing.",
-)
+@options_of(carry_out, "out", required=True)
 @worker_options
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Random seed.")
+@options_of(carry_out, "seed")
 @set_option("monochord list settings collect")
-@click.option("--only", default="", metavar="NAME", help="Collect only this session or group of the plan.")
-@click.option("--real-time", is_flag=True, help="Play and record in real time, through JACK, UDP and DDS.")
-@click.option("--server", default="", metavar="NAME", help="Name of the JACK server for --real-time.")
+@options_of(carry_out, "only", "server", metavar="NAME")
+@options_of(carry_out, "real_time")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def collect(plan: str, *, out: Path, assignments: Sequence[str], as_json: bool, **options: Any) -> None:
     """Simulate the recording sessions of a plan.

@@ -8,14 +8,13 @@ import click
 
 from monochord.cli._options import (
     PAGE_OPTIONS,
-    amount,
     completes,
-    metres,
     page_options,
     refuse_unwritable,
     refuse_without,
 )
 from monochord.cli._output import echo
+from monochord.cli._signature import options_of
 from monochord.cli.figure import SUFFIXES
 from monochord.core.errors import InputError
 from monochord.core.files import replacing
@@ -23,78 +22,22 @@ from monochord.figures.base import require_matplotlib
 from monochord.front.design import design as designed
 from monochord.front.design_figure import draw
 from monochord.front.page import design_page
-from monochord.physics.design import FRAMES, NO_MODEL, WIRES, Wishes
+from monochord.physics.design import FRAMES, WIRES, Wishes
 from monochord.physics.materials import material_names
-
-USUAL = Wishes()
-
-
-def _wish(name: str, unit: str, text: str, **options: Any) -> Any:
-    """Return the option of a wish that is a number above zero."""
-    default = {} if name in {"gauge", "tension"} else {"default": getattr(USUAL, name), "show_default": True}
-    return click.option(
-        f"--{name.replace('_', '-')}",
-        type=metres if unit == "M" else amount,
-        metavar=unit,
-        help=text,
-        **default,
-        **options,
-    )
 
 
 @click.command()
-@_wish("length", "M", "Room for the string between its ends; shorter strings are tried, too.")
-@_wish("range", "M", "Length to be sensed, in the middle of the string.")
-@_wish("resolution", "M", "Standard error of position wanted at 1 N.")
-@_wish("force_resolution", "N", "Standard error of force wanted at 1 N.")
-@click.option(
-    "--forces",
-    type=amount,
-    nargs=2,
-    default=USUAL.forces,
-    show_default=True,
-    metavar="N N",
-    help="Least and largest press.",
-)
-@_wish("gauge", "M", "Diameter of the wire.  [default: .008 to .016 inch are tried]")
-@_wish("tension", "N", "Tension at rest.  [default: 15 to 110 N are tried]")
-@click.option(
-    "--wire", default=USUAL.wire, show_default=True, metavar="NAME", help=f"Wire: {', '.join(WIRES)}."
-)
-@click.option(
-    "--frame", default=USUAL.frame, show_default=True, metavar="NAME", help=f"Frame: {', '.join(FRAMES)}."
-)
-@click.option(
-    "--mount",
-    type=click.Choice(["bolted", "light", "soft", "known"]),
-    default=USUAL.mount,
-    show_default=True,
-    help="How touching objects are held.",
-)
-@click.option(
-    "--material",
-    default=USUAL.material,
-    show_default=True,
-    metavar="NAME",
-    help="Material that touches: 'monochord list materials'.",
-    **completes(material_names),
-)
-@_wish(
-    "contact_share", "SHARE", "Relative standard error of the contact's compliance: 0.3 for unknown objects."
-)
-@_wish("line_std", "SHARE", "Relative standard error of a segment's fundamental.")
-@_wish("open_std", "SHARE", "Relative standard error of the open pitch.")
-@_wish("end_std", "M", "Standard error of where each end of the string is.")
-@_wish("window", "S", "Length of a window.")
-@_wish("gap", "M", "Distance from the string at rest to a driver's pole.")
-@_wish("level", "TIMES", "Force of the drivers, relative to the presets'.")
-@click.option(
-    "--model",
-    default=USUAL.model,
-    show_default=True,
-    metavar="MODEL",
-    help=f"Model that is to take the string, bundled or a folder; '{NO_MODEL}' for any string.",
-)
+@options_of(Wishes, "length", "range", "resolution", "force_resolution")
+@options_of(Wishes, "forces", type=click.Tuple([float, float]), metavar="N N")
+@options_of(Wishes, "gauge", "tension")
+@options_of(Wishes, "wire", metavar="NAME", help=f"Wire: {', '.join(WIRES)}.")
+@options_of(Wishes, "frame", metavar="NAME", help=f"Frame: {', '.join(FRAMES)}.")
+@options_of(Wishes, "mount")
+@options_of(Wishes, "material", metavar="NAME", **completes(material_names))
+@options_of(Wishes, "contact_share", "line_std", "open_std", metavar="SHARE")
+@options_of(Wishes, "end_std", "window", "gap")
+@options_of(Wishes, "level", metavar="TIMES")
+@options_of(Wishes, "model", metavar="MODEL")
 @click.option(
     "--figure", type=click.Path(path_type=Path), metavar="FILE", help="Draw it: .png, .pdf or .svg."
 )

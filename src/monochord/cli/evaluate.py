@@ -6,73 +6,29 @@ from typing import Any
 
 import click
 
-from monochord.cli._moved import refuse_moved
 from monochord.cli._options import completes, refuse_without, set_option, worker_options
 from monochord.cli._output import echo
+from monochord.cli._signature import options_of
 from monochord.core.errors import InputError, MissingLibraryError
 from monochord.evaluation.evaluate import PAGE, refuse_unwritable
 from monochord.figures.base import require_matplotlib
-from monochord.front.evaluate import DEFAULT_ESTIMATOR
 from monochord.front.evaluate import evaluate as evaluated
 from monochord.perception.model.bundled import bundled_names
-
-PARTS = ("test", "validation")
-SUITE = "noise"
 
 
 @click.command()
 @click.argument("model", required=False, **completes(bundled_names))
-@click.option(
-    "--dataset",
-    type=click.Path(path_type=Path),
-    metavar="DIR",
-    help="Dataset to test on.  [default: that of MODEL]",
-)
-@click.option(
-    "--split",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="Split to use.  [default: that of MODEL, or of the dataset]",
-)
-@click.option(
-    "--part",
-    type=click.Choice(PARTS),
-    default="test",
-    show_default=True,
-    help="Part of the split to test on.",
-)
-@click.option(
-    "--sessions",
-    multiple=True,
-    metavar="FILES",
-    help="Test on these sessions instead of a dataset; repeatable.",
-)
-@click.option(
-    "--estimator",
-    metavar="NAME",
-    help=f"Estimator to test if there is no MODEL.  [default: {DEFAULT_ESTIMATOR}]",
-)
+@options_of(evaluated, "data", flags=("--dataset",), metavar="DIR")
+@options_of(evaluated, "split", metavar="FILE")
+@options_of(evaluated, "part")
+@options_of(evaluated, "sessions", multiple=True, type=str, metavar="FILES")
+@options_of(evaluated, "estimator", metavar="NAME")
 @set_option("monochord list estimators")
-@click.option("--sensor", metavar="PRESET", help="Sensor whose string the estimator assumes.")
-@click.option("--tuned", is_flag=True, help="Tune that string to the untouched beginning of each session.")
-@click.option(
-    "--noise",
-    "noises",
-    multiple=True,
-    metavar="KIND:DB",
-    help="Also test with added noise, such as music:10; repeatable.",
-)
-@click.option(
-    "--suite",
-    metavar=SUITE,
-    is_flag=False,
-    flag_value="",
-    help="Also test with every kind of noise at 0 to 25 dB.",
-)
-@click.option(
-    "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Random seed of the noise."
-)
-@click.option("--baselines/--no-baselines", default=True, show_default=True, help="Also test the baselines.")
+@options_of(evaluated, "sensor", metavar="PRESET")
+@options_of(evaluated, "tuned")
+@options_of(evaluated, "noise", metavar="KIND:DB")
+@options_of(evaluated, "suite", is_flag=False, flag_value="", type=click.Choice(["noise"]), default=None)
+@options_of(evaluated, "seed", "baselines")
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
@@ -100,8 +56,6 @@ def evaluate(
     assignments: tuple[str, ...],
     as_json: bool,
     suite: str | None,
-    dataset: Path | None,
-    noises: tuple[str, ...],
     **options: Any,
 ) -> None:
     """Test a model on sessions that it was not trained on.
@@ -123,23 +77,11 @@ def evaluate(
         )
     if rows is None:
         refuse_without("--feature without --rows", "--rows, since --feature names the rows", "feature")
-    refuse_moved("suite", suite, [SUITE])
-    if suite not in (None, SUITE):
-        given = f"--suite {suite}" if suite else "--suite without a name"
-        raise InputError(given, SUITE, "use --suite noise for every kind of noise")
-    if not (noises or suite):
+    if not (options["noise"] or suite):
         refuse_without("--seed without noise", "--noise or --suite with --seed", "seed")
     if out is not None:
         refuse_unwritable(out)
-    report = evaluated(
-        model,
-        dataset,
-        estimator=estimator,
-        settings=assignments,
-        noise=noises,
-        suite=suite == SUITE,
-        **options,
-    )
+    report = evaluated(model, estimator=estimator, settings=assignments, suite=suite is not None, **options)
     if out is not None:
         report.write(out)
         _note_missing_figures()

@@ -9,11 +9,9 @@ from monochord.cli._moved import refuse_moved
 from monochord.cli._options import completes, refuse_unwritable, set_option
 from monochord.cli._output import echo
 from monochord.core.config import override, to_tree
-from monochord.core.errors import InputError
 from monochord.core.files import replacing
 from monochord.figures import FIGURES
 from monochord.figures.base import Measured, require_matplotlib
-from monochord.physics.simulators import SIMULATORS
 
 SUFFIXES = (".png", ".pdf", ".svg")
 
@@ -23,33 +21,22 @@ SUFFIXES = (".png", ".pdf", ".svg")
 @click.option(
     "--out", type=click.Path(path_type=Path), help="File to write: .png, .pdf or .svg.  [default: NAME.png]"
 )
-@click.option(
-    "--model",
-    metavar="NAME",
-    help="Simulator to draw, in figures of a simulation; short for --set model=NAME.",
-    **completes(SIMULATORS.names),
-)
 @set_option("monochord list figures")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
-def figure(
-    name: str, *, out: Path | None, model: str | None, assignments: tuple[str, ...], as_json: bool
-) -> None:
+def figure(name: str, *, out: Path | None, assignments: tuple[str, ...], as_json: bool) -> None:
     """Draw a figure into a file.
 
     NAME is a figure of 'monochord list figures', which shows its options too.
 
     \b
-    monochord figure trends --set steps=5
+    monochord figure scatter --set results=report/results.npz
     monochord figure session --set path=session.mcap --out session.svg
     """  # noqa: D301
     refuse_moved("figure", name, FIGURES.names())
     require_matplotlib()
     path = out or Path(f"{name}.png")
     refuse_unwritable(path, SUFFIXES)
-    if model is not None and any(text.partition("=")[0].strip() == "model" for text in assignments):
-        raise InputError("--model with --set model=", "only one of them")
-    chosen = override({} if model is None else {"model": model}, assignments)
-    drawing = FIGURES.build(name, chosen, where="")
+    drawing = FIGURES.build(name, override({}, assignments), where="")
     with replacing(path) as part:
         drawing.draw().savefig(part)
     if as_json:

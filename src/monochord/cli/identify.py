@@ -6,57 +6,23 @@ from typing import Any
 
 import click
 
-from monochord.cli._options import amount, metres, refuse_unwritable, sensor_option
+from monochord.cli._options import refuse_unwritable, sensor_option
 from monochord.cli._output import echo
+from monochord.cli._signature import options_of
 from monochord.core.errors import InputError
 from monochord.core.files import replacing
-from monochord.front.identify import CALIPER_ERROR, LENGTH_ERROR, WEIGHED_ERROR
 from monochord.front.identify import identify as identified
-from monochord.live.tuning import SECONDS
 from monochord.physics.sensors import HOW_LONG
 
 
 @click.command()
 @click.argument("files", metavar="FILES...", nargs=-1, required=True)
-@click.option(
-    "--length",
-    type=metres,
-    required=True,
-    metavar="M",
-    help=f"Length of the string, by a ruler {HOW_LONG}.",
-)
-@click.option("--caliper", type=metres, metavar="M", help="Diameter of a plain steel wire.")
-@click.option(
-    "--weighed", type=amount, metavar="KG/M", help="Linear density of the wire: its weight over its length."
-)
+@options_of(identified, "length", required=True, help=f"Length of the string, by a ruler {HOW_LONG}.")
+@options_of(identified, "caliper", "weighed")
 @sensor_option
-@click.option(
-    "--length-error", type=metres, default=LENGTH_ERROR, show_default=True, metavar="M", help="Largest error."
-)
-@click.option(
-    "--caliper-error",
-    type=metres,
-    default=CALIPER_ERROR,
-    show_default=True,
-    metavar="M",
-    help="Largest error.",
-)
-@click.option(
-    "--weighed-error",
-    type=amount,
-    default=WEIGHED_ERROR,
-    show_default=True,
-    metavar="SHARE",
-    help="Largest relative error.",
-)
-@click.option(
-    "--seconds",
-    type=amount,
-    default=SECONDS,
-    show_default=True,
-    metavar="S",
-    help="Duration taken from each file.",
-)
+@options_of(identified, "length_error", "caliper_error")
+@options_of(identified, "weighed_error", metavar="SHARE")
+@options_of(identified, "seconds")
 @click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help="Sensor file to write.")
 @click.option("--force", is_flag=True, help="Overwrite the file if it exists.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")

@@ -6,28 +6,16 @@ from pathlib import Path
 import click
 
 from monochord.cli._output import echo
+from monochord.cli._signature import options_of
 from monochord.front.publish import publish as published
 
 
 @click.command()
 @click.argument("what")
-@click.option(
-    "--out", type=click.Path(path_type=Path), required=True, metavar="FOLDER", help="New folder to write."
-)
-@click.option(
-    "--licence",
-    "--license",
-    required=True,
-    metavar="ID",
-    help="Licence that you publish under: the Hub's identifier, such as apache-2.0.",
-)
-@click.option(
-    "--scores",
-    type=click.Path(path_type=Path),
-    metavar="REPORT",
-    help="Folder of 'monochord evaluate', or its scores.json: the test in a model's card.",
-)
-@click.option("--title", default="", help="Title of the card.  [default: the model's, or the folder's name]")
+@options_of(published, "out", required=True, metavar="FOLDER")
+@options_of(published, "licence", flags=("--licence", "--license"), required=True, metavar="ID")
+@options_of(published, "scores", metavar="REPORT")
+@options_of(published, "title")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def publish(what: str, *, out: Path, licence: str, scores: Path | None, title: str, as_json: bool) -> None:
     """Write a model or a dataset as a folder for the Hugging Face Hub.

@@ -8,6 +8,7 @@ import click
 
 from monochord.cli._options import completes, refuse_unwritable, set_option
 from monochord.cli._output import echo
+from monochord.cli._signature import options_of
 from monochord.core.errors import InputError
 from monochord.core.files import replacing, sound_written
 from monochord.physics.sensors import sensor_names
@@ -28,14 +29,10 @@ SUBTYPES = {".wav": "FLOAT", ".flac": "PCM_24"}
     help="Simulator, from 'monochord list simulators'.",
     **completes(SIMULATORS.names),
 )
-@click.option(
-    "--at", type=float, metavar="M", help="Position of the touch, from pickup 1.  [default: the preset's]"
-)
-@click.option("--force", type=float, metavar="N", help="Normal force of the touch.  [default: the preset's]")
+@options_of(simulated, "position", flags=("--at",))
+@options_of(simulated, "force")
 @click.option("--untouched", is_flag=True, help="Do not touch the string.")
-@click.option(
-    "--seconds", type=float, default=0.4, show_default=True, metavar="S", help="Seconds to simulate."
-)
+@options_of(simulated, "seconds")
 @click.option(
     "--route", metavar="NAME", help="Numerical method, if the simulator has several: fdtd, modal, reference."
 )
@@ -46,7 +43,7 @@ def simulate(
     preset: str,
     *,
     model: str,
-    at: float | None,
+    position: float | None,
     force: float | None,
     untouched: bool,
     seconds: float,
@@ -65,11 +62,11 @@ def simulate(
     """  # noqa: D301
     if out is not None:
         refuse_unwritable(out, SUBTYPES)
-    if untouched and not (at is None and force is None):
+    if untouched and not (position is None and force is None):
         raise InputError("--untouched with --at or --force", "only one of them")
     sound = simulated(
         preset,
-        position=at,
+        position=position,
         force=force,
         touched=not untouched,
         seconds=seconds,

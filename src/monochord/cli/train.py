@@ -8,15 +8,14 @@ import click
 
 from monochord.cli._options import set_option, worker_options
 from monochord.cli._output import echo
+from monochord.cli._signature import options_of
 from monochord.front.train import train as train_model
 from monochord.perception.training.configs import DEFAULT
 
 
 @click.command()
 @click.argument("config", default=DEFAULT)
-@click.option(
-    "--out", type=click.Path(path_type=Path), default=Path("run"), show_default=True, help="Run folder."
-)
+@options_of(train_model, "out")
 @click.option("--dataset", type=click.Path(), metavar="DIR", help="Dataset of 'monochord build'.")
 @set_option("monochord list settings train")
 @worker_options

@@ -10,8 +10,6 @@ import click
 
 from monochord.capture.sources import SOURCES
 from monochord.cli._options import (
-    amount,
-    metres,
     put_source,
     refuse_own_design,
     refuse_unwritable,
@@ -21,11 +19,13 @@ from monochord.cli._options import (
     window_options,
 )
 from monochord.cli._output import echo
+from monochord.cli._signature import options_of
 from monochord.core.config import Tree, override
 from monochord.core.errors import InputError
 from monochord.core.files import replacing
 from monochord.live import LiveRun
-from monochord.live.tuning import SECONDS, WINDOW, SensorAsTuned, tuned
+from monochord.live.tuning import WINDOW, SensorAsTuned, tuned
+from monochord.live.tuning import tune as tune_sensor
 from monochord.physics.sensors import HOW_LONG, sensor_tuning
 
 OUT = Path("sensor.toml")
@@ -35,18 +35,10 @@ OUT = Path("sensor.toml")
 @click.argument("inputs", metavar="[INPUT]...", nargs=-1)
 @source_options
 @sensor_option
-@click.option(
-    "--seconds",
-    type=amount,
-    default=SECONDS,
-    show_default=True,
-    metavar="S",
-    help="Duration taken from each INPUT.",
-)
-@click.option(
-    "--length",
-    type=metres,
-    metavar="M",
+@options_of(tune_sensor, "seconds")
+@options_of(
+    tune_sensor,
+    "length",
     help=f"Length of the string, by a ruler {HOW_LONG}.  [default: as in --sensor FILE]",
 )
 @window_options

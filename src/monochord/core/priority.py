@@ -6,6 +6,8 @@ from contextlib import contextmanager
 
 from monochord.core.errors import InputError
 
+__all__ = ["FIRST", "USUAL", "before_other_programs", "prioritise"]
+
 USUAL, FIRST = 1, 2
 """Real-time priorities of a program's threads, and of the most important one. JACK's are higher."""
 

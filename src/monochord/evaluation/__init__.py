@@ -37,7 +37,6 @@ from monochord.evaluation.select import (
     select,
     training_of,
 )
-from monochord.evaluation.strings import StringsCost, refuse_options, strings_cost
 
 __all__ = [
     "CLEAN",
@@ -60,7 +59,6 @@ __all__ = [
     "Score",
     "Scorecard",
     "Selection",
-    "StringsCost",
     "Trial",
     "blocks_of",
     "detection",
@@ -75,7 +73,6 @@ __all__ = [
     "motor",
     "paper_rows",
     "read_results",
-    "refuse_options",
     "refuse_trained_on",
     "regression",
     "regression_rows",
@@ -84,7 +81,6 @@ __all__ = [
     "score_of",
     "scorecard",
     "select",
-    "strings_cost",
     "takes",
     "training_of",
     "write",

@@ -23,6 +23,19 @@ from monochord.evaluation.results import CLEAN
 from monochord.evaluation.scorecard import EVERYTHING, Scorecard, ScoreTable
 from monochord.evaluation.scores import Score
 
+__all__ = [
+    "NOISE",
+    "PAPER",
+    "RANDOM_WEIGHTS",
+    "PaperRow",
+    "Reported",
+    "keep_rows",
+    "labelled",
+    "paper_page",
+    "paper_rows",
+    "reported",
+]
+
 NOISE = "noise"
 RANDOM_WEIGHTS = " random weights"
 """Name suffix of a feature whose network has random weights."""

@@ -189,7 +189,7 @@ def error_map(results: Results, quantity: str, condition: str) -> ErrorMap:
 
     Examples
     --------
-    ``monochord figure error_map_figure`` draws it.
+    ``monochord figure error_map`` draws it.
     """
     rows = regression_rows(results, "position") & regression_rows(results, "force")
     part = results.where(rows)

@@ -22,7 +22,7 @@ def audit(data: LabelledData | Dataset | str | Path, split: str | Path | Split |
     data
         The result of `build` or `load_dataset`, or the dataset's folder.
     split
-        A split, or its file; the dataset's own by default.
+        Split to check; by default the dataset's own.
 
     Returns
     -------

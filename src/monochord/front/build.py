@@ -9,7 +9,7 @@ from typing import NamedTuple, TypeAlias
 
 from monochord.core.errors import InputError
 from monochord.core.progress import progress_bar
-from monochord.core.ranges import Count, Seed, checked
+from monochord.core.ranges import Count, Positive, Seed, checked
 from monochord.core.types import Progress
 from monochord.core.units import Seconds
 from monochord.core.workers import refuse_both
@@ -43,8 +43,8 @@ def build(
     sessions: Sessions,
     out: str | Path = "dataset",
     *,
-    window: Seconds = 0.1,
-    hop: Seconds = 0.1,
+    window: Positive[Seconds] = 0.1,
+    hop: Positive[Seconds] = 0.1,
     labels: Labelling | None = None,
     split: str | None = None,
     held_out: Sequence[str] = (),
@@ -67,17 +67,19 @@ def build(
     sessions
         Session files, folders, patterns, or the result of `collect`.
     out
-        New folder of the dataset.
-    window, hop
-        Window length and hop, in s.
+        New folder for the dataset.
+    window
+        Length of a window, in s.
+    hop
+        Time from one window to the next, in s.
     labels
-        ``"recorded"`` uses the labels of a session, ``"measured"`` labels derived from force and pose; by
-        default recorded ones where there are any.
+        Labels to use: ``"recorded"`` in the session, or ``"measured"``, derived from force and pose; by
+        default recorded, if any.
     split
-        By ``"session"``, ``"object"``, ``"time"``, ``"day"`` or ``"build"``; by default by session, by time
-        with fewer than 3 sessions.
+        Split by ``"session"``, ``"object"``, ``"time"``, ``"day"`` or ``"build"``; by default session, or
+        time below 3 sessions.
     held_out
-        Objects, or patterns of session names such as ``"music*"``, that belong to the test only.
+        Keep an object, or sessions by a pattern such as ``'music*'``, for the test only.
     seed
         Random seed of the split.
     force
@@ -85,7 +87,7 @@ def build(
     sensor
         A sensor preset, or a tuned sensor's file.
     skip
-        Whether to skip unusable sessions; `manifest.refused` of the result names them.
+        Whether to skip sessions that cannot be used; the result's manifest names them.
     workers, cluster
         Worker processes, or the address of a dask scheduler.
     progress

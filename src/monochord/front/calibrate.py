@@ -61,17 +61,17 @@ def calibrate(
     model
         A model, its folder, its training run's folder, or a bundled model's name.
     sessions
-        Known touches: session files, folders or patterns.
+        Sessions of touches with known position and force: files, folders or patterns.
     out
         Folder of the new model; if omitted, it is not saved.
     touches
-        Number of touches to use, the earliest first; by default all. With 0 the model is unchanged, and all
-        touches test it.
+        Number of touches to use, the first ones; 0 tests the model on all and changes nothing; by default
+        all.
     objects
-        Objects in later use: ``"same"`` for the object of these touches, ``"others"`` for other ones too.
+        Whether the ``"same"`` object will touch the string later, or ``"others"`` too.
     labels
-        ``"recorded"`` uses the labels of a session, ``"measured"`` labels derived from force and pose; by
-        default recorded ones where there are any.
+        Labels to use: ``"recorded"`` in the session, or ``"measured"``, derived from force and pose; by
+        default recorded, if any.
     force
         Whether to accept sessions whose streams are not on one clock.
     progress

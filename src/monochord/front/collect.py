@@ -144,7 +144,7 @@ def collect(
     seed
         Random seed.
     only
-        Name of the one session or group of the plan to collect; all by default.
+        Name of the one session or group of the plan to collect; by default all.
     settings
         Overrides of the plan, such as ``"sensor=long"``.
     real_time

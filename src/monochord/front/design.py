@@ -274,10 +274,7 @@ def design(**wishes: Any) -> StringDesign:
     Parameters
     ----------
     wishes
-        Fields of `monochord.physics.design.Wishes`, in SI units: ``length`` (the room between the ends),
-        ``range``, ``resolution``, ``force_resolution``, ``forces``, ``gauge``, ``tension``, ``wire``,
-        ``frame``, ``mount``, ``material``, ``contact_share``, ``window``, ``gap``, ``level`` and ``model``,
-        which is to take the string: a bundled model, a folder, or "none".
+        Fields of `monochord.physics.design.Wishes`, in SI units, such as ``range`` or ``tension``.
 
     Returns
     -------

@@ -135,30 +135,29 @@ def evaluate(
     model
         A model, its folder, its training run's folder, or a bundled model's name.
     data
-        The result of `build` or `load_dataset`, or the dataset's folder; by default the training run's
-        dataset.
+        Dataset to test on, or its folder; by default the training run's.
     sessions
         Session files, folders or patterns to test on instead of a dataset.
     split
-        File of the split; by default the training run's split, or that of `data`.
+        File of the split; by default the training run's split, or the dataset's own.
     part
-        Part of the split: ``"test"`` or ``"validation"``.
+        Part of the split to test on.
     estimator
-        Name of an estimator instead of a model; ``"closed_form"`` by default.
+        Estimator to test if there is no model; by default ``"closed_form"``.
     settings
         Overrides of the estimator's options, such as ``"tension_law=geometric"``.
     sensor
-        Sensor preset whose string the estimator gets.
+        Sensor preset whose string the estimator assumes.
     tuned
         Whether to tune that string to each session's untouched beginning.
     noise
-        Additional noises, such as ``"music:10"``: a kind, and the signal-to-noise ratio in dB.
+        Also test with added noise, such as ``"music:10"``: its kind, and the signal-to-noise ratio in dB.
     suite
-        Whether to also test with every kind of noise, at 0 to 25 dB.
+        Whether to test with every kind of noise too, at 0 to 25 dB.
     seed
         Random seed of the noise.
     baselines
-        Whether to also test ridge regression and extra trees.
+        Whether to test ridge regression and extra trees too.
     workers, cluster
         Worker processes, or the address of a dask scheduler.
     progress

@@ -160,14 +160,17 @@ def identify(
     caliper
         Diameter of a plain steel wire, in m.
     weighed
-        Linear density of the wire, its weight over its length, in kg/m.
+        Linear density of the wire: its weight over its length, in kg/m.
     sensor
         The design: a preset's name or a TOML file; by default a session's own, else the prototype.
     seconds
         Duration taken from each recording, in s.
-    length_error, caliper_error, weighed_error
-        Largest errors of `length` and `caliper` in m and of `weighed`, relative: each is even within plus or
-        minus this value.
+    length_error
+        Largest error of `length`, in m; each error is even within plus or minus its largest.
+    caliper_error
+        Largest error of `caliper`, in m.
+    weighed_error
+        Largest relative error of `weighed`.
     options
         Options of the source, for a source by name.
 

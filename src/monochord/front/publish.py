@@ -63,13 +63,13 @@ def publish(
     what
         A training run's folder, a model's folder, a bundled model's name, or a dataset's folder.
     out
-        Folder to write; it must not exist.
+        New folder to write.
     licence
-        Licence under which you publish, by the Hub's identifier, such as ``"apache-2.0"`` or ``"cc-by-4.0"``.
+        Licence that you publish under, by the Hub's identifier, such as ``"apache-2.0"`` or ``"cc-by-4.0"``.
     scores
-        ``scores.json`` of an evaluation of this model, or the report's folder.
+        Report folder of an evaluation of this model, or its ``scores.json``: the test in the model's card.
     title
-        Title of the card; by default the model's own title, or the dataset's folder name.
+        Title of the card; by default the model's, or the folder's name.
 
     Returns
     -------

@@ -102,7 +102,7 @@ def train(
     data
         What `build` or `load_dataset` returned, or the dataset's folder; that of `config` by default.
     out
-        Folder of the run: new, or one with the same settings.
+        Run folder: a new one, or that of an interrupted run with the same settings.
     config
         A preset's name or a TOML file; by default that of the published results.
     settings

@@ -1,6 +1,5 @@
 """Delivers updates to sinks, so that no sink delays the live loop or another sink."""
 
-import inspect
 import logging
 import queue
 import sys
@@ -12,7 +11,7 @@ from dataclasses import dataclass, replace
 from types import TracebackType
 from typing import Self
 
-from monochord.core.errors import DeviceError, InputError, MonochordError
+from monochord.core.errors import DeviceError, MonochordError
 from monochord.core.printable import printable
 from monochord.core.units import Seconds
 from monochord.live.health import Note
@@ -162,13 +161,6 @@ class Delivery:
             raise error
 
 
-def _refuse_former(sink: Sink, name: str) -> None:
-    """Raise `InputError` for a sink of version 0.1, which is opened with a signal."""
-    if "signal" in inspect.signature(sink.open).parameters:
-        remedy = "see docs/how-to/upgrade.md: replace `signal` with `run.signal`"
-        raise InputError(f"sink '{name}' of Monochord 0.1", "a sink with open(self, run)", remedy)
-
-
 class _Outlet:
     """An open sink, for one string by name or for all strings."""
 
@@ -179,7 +171,6 @@ class _Outlet:
         self._reads_standard_output = sink.fills_standard_output
         self._given = self._written = 0
         self._closed_at: Seconds | None = None
-        _refuse_former(sink, kind)
         self._context = sink.open(run)
         self._writer = self._context.__enter__()
 

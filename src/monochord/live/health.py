@@ -48,6 +48,8 @@ string's tones are at least 22 dB above it when touched, by any material, and 58
 """
 HUM_SHARE = 0.5
 """Share of the power in mains frequency and its first harmonics above which a window is mostly hum."""
+LEVELS_EVERY: Seconds = 0.1
+"""Shortest time between checks of levels, in s."""
 MIN_DEVIATION = 0.005
 """Smallest relative pitch deviation worth a note: 9 cents."""
 
@@ -72,13 +74,11 @@ class Note:
 class HealthSettings(Checked):
     """When a finding becomes a note; all values in s.
 
-    A note appears once its finding has lasted for `appear`, and is cleared after `clear` without it. Levels
-    are checked at most once every `look`.
+    A note appears once its finding has lasted for `appear`, and is cleared after `clear` without it.
     """
 
     appear: NonNegative[Seconds] = 0.5
     clear: NonNegative[Seconds] = 1.0
-    look: NonNegative[Seconds] = 0.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -153,7 +153,7 @@ def step(
         state = HealthState(stream=stream, skipped=skipped)
     now = window.start / window.sample_rate
     from_levels, looked, inputs = state.from_levels, state.looked, state.inputs
-    if now - looked >= settings.look - 1e-9 and not window.has_gap:
+    if now - looked >= LEVELS_EVERY - 1e-9 and not window.has_gap:
         inputs = _inputs(inputs, window)
         from_levels, looked = _level_findings(window, inputs.inputs), now
     findings = dict(from_levels) if not stream.away else {}

@@ -2,7 +2,6 @@
 
 import math
 import re
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
@@ -43,8 +42,6 @@ MIN_HOP: Seconds = 0.001  # 16 frames at the lowest rate of a source
 MAX_WINDOW: Seconds = 60.0
 WindowLength: TypeAlias = Annotated[Seconds, Meta(ge=MIN_WINDOW, le=MAX_WINDOW)]
 Hop: TypeAlias = Annotated[Seconds, Meta(ge=MIN_HOP, le=MAX_WINDOW)]
-REMOVED = ("position", "force")
-"""Quantities whose settings of the filter, in files of former versions, have no effect."""
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 """Pattern of a string's name, which appears in ROS 2 topics and file names."""
 
@@ -175,14 +172,14 @@ class LiveRun:
 
         `source` and `estimator` are tables with a plug-in's ``name`` and options; `sinks` holds options by
         sink name; `DEFAULTS` replace omitted tables. A source with a channels option gets as many channels as
-        the strings need. `REMOVED` settings of the filter are left out, with a DeprecationWarning.
+        the strings need.
 
         Raises
         ------
         InputError
             For an unknown name or option, or an invalid value.
         """
-        given = _without_removed({**DEFAULTS, **tree})
+        given = {**DEFAULTS, **tree}
         source, sinks = table(given, "source"), table(given, "sinks")
         built = {
             "source": _build(SOURCES, source),
@@ -280,16 +277,6 @@ def put(tree: Tree, name: str, /, **values: Any) -> None:
     given = {key: value for key, value in values.items() if value is not None}
     if given:
         tree[name] = {**table(tree, name), **given}
-
-
-def _without_removed(tree: Tree) -> Tree:
-    """Return a tree without the removed settings of the filter; a warning names those given."""
-    own = dict(table(tree, "filter"))
-    for quantity in REMOVED:
-        if own.pop(quantity, None) is not None:
-            said = f"filter.{quantity} has no effect: {quantity} is that of the window"
-            warnings.warn(said, DeprecationWarning, stacklevel=4)
-    return {**tree, "filter": own} if own else tree
 
 
 def _build(registry: Registry[T], given: Mapping[str, Any]) -> T:

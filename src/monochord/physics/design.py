@@ -85,15 +85,46 @@ FRAMES = {"steel": 11.7e-6, "stainless": 17.3e-6, "aluminium": 23.0e-6, "carbon"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wishes(Checked):
-    """What a sensor is to do, in SI units.
+    """What a sensor is to do.
 
-    `range` is the length to be sensed, in the middle of a string of at most `length`; `resolution` and
-    `force_resolution` are the standard errors wanted at 1 N. `forces` are the least and the largest press. A
-    `gauge` or a `tension` that is given is not varied. `mount` is how objects are held, `material` what
-    touches and `contact_share` how well its compliance is known; `line_std` and `open_std` are the relative
-    standard errors of a segment's fundamental and of the open pitch, `end_std` that of an end in m. `gap` is
-    that between string and pole, `level` the drivers' force over the presets'. `model` is to take the string,
-    a bundled model or a folder; "none" for any string.
+    Parameters
+    ----------
+    length
+        Room for the string between its ends, in m; shorter strings are tried, too.
+    range
+        Length to be sensed, in m, in the middle of the string.
+    resolution
+        Standard error of position wanted at 1 N, in m.
+    force_resolution
+        Standard error of force wanted at 1 N, in N.
+    forces
+        Least and largest press, in N.
+    gauge
+        Diameter of the wire, in m; by default .008 to .016 inch are tried.
+    tension
+        Tension at rest, in N; by default 15 to 110 N are tried.
+    wire, frame
+        Materials of the wire and of the frame, by name.
+    mount
+        How touching objects are held.
+    material
+        Material that touches, from ``'monochord list materials'``.
+    contact_share
+        Relative standard error of the contact's compliance: 0.3 for unknown objects.
+    line_std
+        Relative standard error of a segment's fundamental.
+    open_std
+        Relative standard error of the open pitch.
+    end_std
+        Standard error of where each end of the string is, in m.
+    window
+        Length of a window, in s.
+    gap
+        Distance from the string at rest to a driver's pole, in m.
+    level
+        Force of the drivers, relative to the presets'.
+    model
+        Model that is to take the string, bundled or a folder; ``'none'`` for any string.
     """
 
     length: Annotated[Metres, Meta(ge=0.08, le=2.0)] = 0.2

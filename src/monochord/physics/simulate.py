@@ -30,8 +30,10 @@ def simulate(
     ----------
     string
         A preset's name or a TOML file.
-    position, force
-        Position of the touch in m from pickup 1, and force in N; by default the preset's.
+    position
+        Position of the touch from pickup 1, in m; by default the preset's.
+    force
+        Normal force of the touch, in N; by default the preset's.
     touched
         Whether the string is touched.
     seconds

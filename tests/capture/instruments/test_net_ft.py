@@ -215,7 +215,7 @@ def test_a_box_that_does_not_stream_is_one_line() -> None:
     [
         ({"address": ""}, "''"),
         ({"address": "box:x"}, "x"),
-        ({"rdt_port": 0}, "0"),
+        ({"address": "box:0"}, "0"),
         ({"http_port": 70000}, "70000"),
         ({"rate": -1.0}, "-1"),
         ({"timeout_seconds": 0.0}, "0"),

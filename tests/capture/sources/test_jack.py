@@ -32,7 +32,6 @@ def test_without_a_server_there_is_one_line_at_once(capfd: pytest.CaptureFixture
     [
         ({"channels": 0}, "0"),
         ({"channels": 65}, "65"),
-        ({"ring_seconds": 0.0}, "0"),
         ({"client_name": ""}, "''"),
     ],
 )

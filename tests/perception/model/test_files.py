@@ -142,14 +142,6 @@ def test_a_model_of_an_earlier_format_is_read_unless_it_saw_the_untouched_string
         load(folder)
 
 
-@pytest.mark.parametrize("inside", ["", "perceiver"])
-def test_a_folder_of_an_older_format_is_refused_with_what_to_do(tmp_path: Path, inside: str) -> None:
-    (tmp_path / inside).mkdir(exist_ok=True)
-    (tmp_path / inside / "perceiver.json").write_text("{}")
-    with pytest.raises(InputError, match=r"perceiver\.json.*monochord train"):
-        load(tmp_path)
-
-
 def test_a_folder_without_one_is_refused(tmp_path: Path, folder: Path) -> None:
     with pytest.raises(InputError, match=r"model\.json"):
         load(tmp_path)

@@ -132,6 +132,29 @@ def test_one_partial_is_enough(number: int, ratio: float) -> None:
     assert tuning.frequency == pytest.approx(own, rel=1e-3)
 
 
+@pytest.mark.parametrize("decibels", [-15.0, -9.0, 12.0])
+def test_microphones_of_unlike_gain_hear_the_pitch(decibels: float) -> None:
+    even = followed(untouched("prototype", 0.97), PROTOTYPE).tuning
+    state = followed(
+        untouched("prototype", 0.97) * np.array([[1.0], [10.0 ** (decibels / 20.0)]], np.float32), PROTOTYPE
+    )
+    assert even is not None
+    assert state.tuning is not None
+    assert state.tuning.frequency == pytest.approx(even.frequency, rel=1e-3)
+    assert state.gain == pytest.approx(-decibels, abs=4.0)
+
+
+@pytest.mark.parametrize("share", [0.3, 0.36, 0.5, 0.64])
+def test_a_segment_alone_is_no_string_that_a_microphone_hears_less(share: float) -> None:
+    pitch = open_frequency(PROTOTYPE) / share
+    segment = tones(pitch * np.array([1.0, 2.0, 3.0]), [[0.1, 0.02, 0.01], [0.018, 0.0036, 0.0018]])
+    assert followed(segment, PROTOTYPE).tuning is None
+    untouched_before = np.concatenate((untouched("prototype"), segment), axis=1)
+    both, before = followed(untouched_before, PROTOTYPE), followed(untouched("prototype"), PROTOTYPE)
+    assert both.tuning == before.tuning
+    assert "at one microphone only" in both.refused
+
+
 def test_a_high_partial_that_may_be_another_is_refused() -> None:
     state = followed(tones([6.55 * open_frequency(PROTOTYPE)], [0.1]), PROTOTYPE)
     assert state.tuning is None

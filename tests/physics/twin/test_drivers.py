@@ -12,11 +12,11 @@ import pytest
 from numpy.typing import NDArray
 
 from monochord.core.types import Floats
-from monochord.figures import modes
 from monochord.physics.materials import load_material
 from monochord.physics.sensors import load_sensor
 from monochord.physics.theory import bending_stiffness, split_frequencies
 from monochord.physics.twin import Key, Scene, Touch, advance, begin
+from studies import modes
 
 RATE = 44100
 SENSOR = load_sensor("prototype")

@@ -5,6 +5,7 @@ import resource
 import shutil
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ from tests.sessions.forged import refused_or_done
 
 from monochord.core.errors import InputError
 from monochord.sessions import read_session
-from monochord.sessions.exports import EXPORTS, form_of
+from monochord.sessions.exports import EXPORTS, form_of, parquet
 
 Write = Callable[..., Path]
 FORMS = ("wav_csv", "parquet")
@@ -307,6 +308,26 @@ PARQUET: dict[str, Callable[[Path], object]] = {
     ),
     "audio of ragged channels": column("audio", "channel_1", first([0.0] * 7)),
 }
+
+
+@pytest.mark.parametrize("held", ["", "print(0); print(1, flush=True)"])
+def test_columns_that_are_never_read_are_refused_in_time(
+    exported: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, held: str
+) -> None:
+    monkeypatch.setattr(parquet, "READ_TIMEOUT", 2.0)
+    monkeypatch.setattr(parquet, "READ_METADATA", f"import time\n{held}\ntime.sleep(30)")
+    begun = time.monotonic()
+    with pytest.raises(InputError, match=r"\.parquet \(its columns are not read in 2 s\)"):
+        bring_in(exported["parquet"], tmp_path / "back.mcap")
+    assert time.monotonic() - begun < 15
+
+
+def test_columns_that_end_the_process_are_refused(
+    exported: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(parquet, "READ_METADATA", "import os\nprint(0, flush=True)\nos.abort()")
+    with pytest.raises(InputError, match=r"\.parquet \(its columns are described wrongly\)"):
+        bring_in(exported["parquet"], tmp_path / "back.mcap")
 
 
 @pytest.mark.parametrize("case", PARQUET)

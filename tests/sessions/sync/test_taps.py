@@ -4,10 +4,10 @@ from functools import cache
 
 import numpy as np
 import pytest
+from studies.taps import RATE, Tapped, tapped
 
 from monochord.core.errors import InputError
 from monochord.core.types import Floats
-from monochord.figures.taps import RATE, Tapped, tapped
 from monochord.physics.sensors import load_sensor
 from monochord.sessions.sync.onsets import first_onset, novelty, surprise
 from monochord.sessions.sync.pulses import Taps, taps_of_force

@@ -17,6 +17,8 @@ from monochord.core.errors import DeviceError, InputError, MissingLibraryError
 from monochord.core.units import Seconds
 from monochord.sessions.codec import typestore
 
+__all__ = ["OnMessage", "Participant", "TopicReader", "TopicWriter"]
+
 MAX_DOMAIN = 232
 DEPTH = 10  # what ROS 2 keeps of a topic
 URI = "CYCLONEDDS_URI"

@@ -36,9 +36,7 @@ class NetFt(Instrument):
     Parameters
     ----------
     address
-        Host name or IP address; ``HOST:PORT`` for a port other than `rdt_port`.
-    rdt_port
-        UDP port of the RDT stream.
+        Host name or IP address; ``HOST:PORT`` for a UDP port of the RDT stream other than 49152.
     http_port
         TCP port of its web pages, which state the counts per newton.
     rate
@@ -54,7 +52,6 @@ class NetFt(Instrument):
     """
 
     address: str = "127.0.0.1"
-    rdt_port: int = rdt.RDT_PORT
     http_port: Annotated[int, Meta(ge=1, le=65535)] = 80
     rate: Annotated[Hertz, Meta(ge=0.0, le=100e3)] = 0.0
     bias: bool = False
@@ -86,7 +83,7 @@ class NetFt(Instrument):
 
     def _place(self) -> tuple[str, int]:
         host, colon, text = self.address.partition(":")
-        port = text if colon else str(self.rdt_port)
+        port = text if colon else str(rdt.RDT_PORT)
         if not host:
             raise InputError(f"address '{self.address}'", "HOST or HOST:PORT")
         if not is_port(port):

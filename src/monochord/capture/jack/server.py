@@ -13,6 +13,8 @@ from monochord.capture.jack.libjack import START_JACK
 from monochord.core.errors import DeviceError
 from monochord.core.units import Samples, Seconds
 
+__all__ = ["JackServer"]
+
 START_TIMEOUT: Seconds = 20.0
 END_TIMEOUT: Seconds = 20.0
 

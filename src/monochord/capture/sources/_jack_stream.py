@@ -17,6 +17,8 @@ from monochord.core.units import Seconds
 RETRY: Seconds = 0.05  # between looks for a server or port that is away
 IDLE: Seconds = 0.5  # between looks at anything else while no audio comes
 CLOCK_EVERY: Seconds = 1.0  # between measurements of the clock offset
+RING_SECONDS: Seconds = 2.0
+"""How long the reader may pause before frames are lost, in s."""
 
 
 class JackStream(RingStream):
@@ -29,22 +31,19 @@ class JackStream(RingStream):
         client_name: str,
         server: str,
         channels: int,
-        ring_seconds: Seconds,
         reconnect: bool,
-        patience_seconds: Seconds,
     ) -> None:
         self._names = client_name, server
-        self._port_pattern, self._reconnect, self._patience = ports, reconnect, patience_seconds
+        self._port_pattern, self._reconnect = ports, reconnect
         self._parts: list[str] | None = None  # of the pattern, once the ports were there
         self._client: JackClient | None = None
-        self._away_since: Seconds = 0.0  # where there is no client
         self._reconnects = 0
         self._unplugged: list[str] = []  # our ports that nothing is connected to, as last seen
         client = JackClient(*self._names)
         try:
             rate = client.sample_rate
             refuse_other_rates(rate, "JACK server", "start it with -r 44100")
-            ring = Ring(channels, max(round(ring_seconds * rate), 4 * client.period))
+            ring = Ring(channels, max(round(RING_SECONDS * rate), 4 * client.period))
             super().__init__(Signal(sample_rate=rate, channels=channels), ring)
             self._inputs = self._enter(client)
             self._connect(client)
@@ -89,7 +88,7 @@ class JackStream(RingStream):
     def _leave(self) -> None:
         if self._client:
             self._client.close()
-            self._client, self._away_since = None, time.monotonic()
+            self._client = None
 
     def _enter(self, client: JackClient) -> list[str]:
         """Register the inputs on a server and start capturing; return the inputs' names."""
@@ -151,8 +150,6 @@ class JackStream(RingStream):
         try:
             client = JackClient(*self._names)
         except DeviceError:
-            if time.monotonic() - self._away_since > self._patience:
-                raise
             self._closed.wait(RETRY)
             return
         try:

@@ -3,13 +3,10 @@
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Annotated
-
-from msgspec import Meta
+from typing import TYPE_CHECKING
 
 from monochord.capture.sources.base import Source, refuse_other_channels
 from monochord.core.errors import InputError
-from monochord.core.units import Seconds
 
 if TYPE_CHECKING:
     from monochord.capture.sources._jack_stream import JackStream
@@ -35,21 +32,15 @@ class Jack(Source):
         Name of the server; empty for ``$JACK_DEFAULT_SERVER`` or else ``default``.
     channels
         Inputs to capture: 1 or 2, or up to 64 for several strings.
-    ring_seconds
-        How long the reader may pause before frames are lost, in seconds.
     reconnect
         Whether to wait for a lost server or port; otherwise the stream ends.
-    patience_seconds
-        How long to wait for the server to come back, in seconds.
     """
 
     ports: str = ""
     client_name: str = "monochord"
     server: str = ""
     channels: int = 2
-    ring_seconds: Annotated[Seconds, Meta(ge=0.01, le=60.0)] = 2.0
     reconnect: bool = True
-    patience_seconds: Seconds = float("inf")
 
     @contextmanager
     def open(self) -> Generator["JackStream"]:

@@ -4,13 +4,12 @@ A sink declares everything that the live loop needs to know in advance: whether 
 output, and whether each of several strings has its own instance. The loop does not look at its fields.
 """
 
-import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from monochord.capture.sources.base import Controls
 from monochord.core.ranges import Checked
@@ -165,10 +164,3 @@ class Listener(Sink, Writer):
     def open(self, run: Run) -> Generator[Writer]:  # noqa: ARG002
         """Return itself; nothing needs opening."""
         yield self
-
-
-def __getattr__(name: str) -> Any:
-    if name == "Moment":
-        warnings.warn("Moment is deprecated: use Update", DeprecationWarning, stacklevel=2)
-        return Update
-    raise AttributeError(f"module '{__name__}' has no attribute '{name}'")

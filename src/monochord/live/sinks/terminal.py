@@ -20,6 +20,8 @@ from monochord.live.sinks import _notes, _view
 from monochord.live.sinks.base import Run, Sink, Update, Writer
 
 DEFAULT_LENGTH: Metres = 0.65  # to draw a string of unknown length
+DRAW_EVERY: Seconds = 0.1
+"""Shortest time between pictures, in s; it grows for slow drawing, which may take one eighth of the time."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,9 +38,6 @@ class Terminal(Sink):
     ----------
     length
         Length of the drawn string in metres, from nut to bridge; 0 for the signal's string, else 0.65 m.
-    interval
-        Shortest time between pictures, in seconds. It grows for slow drawing, which may take one eighth of
-        the loop's time.
     plain
         Whether to print one plain line a second, even in a terminal.
     stderr
@@ -46,7 +45,6 @@ class Terminal(Sink):
     """
 
     length: Metres = 0.0
-    interval: Seconds = 0.1
     plain: bool = False
     stderr: bool = False
 
@@ -66,13 +64,13 @@ class Terminal(Sink):
         stopped = given or signal.channels == 1
         ends = ("nut", "bridge") if stopped else ("pickup 1", "pickup 2")
         with Screen(console) as screen:
-            picture = _Picture(console, screen, signal, length, ends, self.interval)
+            picture = _Picture(console, screen, signal, length, ends)
             yield picture
             picture.close()
 
 
 class _Picture(Writer):
-    """Draws the newest update, at most every `interval`, within its share of the time."""
+    """Draws the newest update, at most every `DRAW_EVERY`, within its share of the time."""
 
     def __init__(
         self,
@@ -81,10 +79,9 @@ class _Picture(Writer):
         signal: Signal,
         length: Metres,
         ends: tuple[str, str],
-        interval: Seconds,
     ) -> None:
         self._console, self._screen = console, screen
-        self._signal, self._length, self._ends, self._interval = signal, length, ends, interval
+        self._signal, self._length, self._ends = signal, length, ends
         self._latency = Histogram()
         self._next: Seconds = 0.0
         self._newest: dict[str, Update] = {}
@@ -102,7 +99,7 @@ class _Picture(Writer):
             return
         self._draw(update)
         end = time.monotonic()
-        self._next = begin + max(self._interval, 8.0 * (end - begin))
+        self._next = begin + max(DRAW_EVERY, 8.0 * (end - begin))
 
     def close(self) -> None:
         """Draw the last update, if newer than the picture."""

@@ -34,7 +34,6 @@ MAX_HEADER = 1 << 20
 AGAIN = "copy the folder again, or train again"
 EARLIER_OPTIONS = ("context", "reference", "rise")
 """Options of a head up to format 4, which had a row of the untouched string as input."""
-OLDER_TEXT = "perceiver.json"
 TRAIN_AGAIN = "train it again with this version: monochord train --dataset DATASET --out RUN"
 
 
@@ -67,7 +66,6 @@ def load(path: Path | str) -> Model:
     """
     folder = folder_of(Path(path))
     if folder is None:
-        _refuse_older(Path(path))
         names = bundled_names()
         given = f"model {path} ({f'there is no {TEXT} in it' if Path(path).exists() else 'not there'})"
         allowed = f"a folder that monochord train made, or {', '.join(names)}"
@@ -92,13 +90,6 @@ def load(path: Path | str) -> Model:
         given = f"{file} with sha256 {digest[:12]}..."
         raise InputError(given, f"{definition.weights[:12] or '(none)'}..., from {TEXT}", AGAIN)
     return Model(definition=definition, weights=_weights(file, blob, definition))
-
-
-def _refuse_older(path: Path) -> None:
-    """Refuse a folder of the format before there was a version in it, which had other names."""
-    for file in (path / OLDER_TEXT, path / "perceiver" / OLDER_TEXT):
-        if file.is_file():
-            raise InputError(f"{file}, of an older format", f"a folder with {TEXT}", TRAIN_AGAIN)
 
 
 def _definition(file: Path) -> Definition:

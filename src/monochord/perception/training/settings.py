@@ -1,6 +1,5 @@
 """The settings of a training run."""
 
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -111,10 +110,6 @@ class TrainingSettings:
     @classmethod
     def read(cls, tree: Mapping[str, Any]) -> "TrainingSettings":
         """Return settings from plain values, checked strictly; paths are relative to the working folder."""
-        if "context" in tree:  # of former versions: features of the untouched string
-            said = "context has no effect: the feature reading remembers the untouched string by itself"
-            warnings.warn(said, DeprecationWarning, stacklevel=2)
-            tree = {name: value for name, value in tree.items() if name != "context"}
         settings = from_tree(cls, tree)
         if settings.seed < 0:
             raise InputError(f"seed {settings.seed}", "0 or more")

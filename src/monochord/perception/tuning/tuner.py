@@ -30,6 +30,10 @@ MIN_SHARE = 0.12
 """Smallest share of a partial's power at either microphone. Both ends of an untouched string are equally
 loud, and the gains of the microphones may differ by 8 dB. The far microphone has 3 % (-15 dB) of a segment's
 line."""
+MAX_GAIN, SAME_GAIN = 20.0, 4.0
+"""Largest difference of the microphones' gains in dB that all lines of a window may show alike, and how far
+the lines of one string may be apart in it. A segment alone shows 15 dB, so that more than 8 dB takes partials
+without a common divisor."""
 DEAD_SHARE = 1.0e-3
 """Share of all lines' power below which a microphone is dead."""
 MIN_SCORE, MIN_LEAD, MIN_EXPLAINED = 0.25, 0.1, 0.5
@@ -105,7 +109,8 @@ class TunerState:
     """The state of a tuner on one stream of windows, passed in and out; initially ``TunerState()``.
 
     `start` is the first frame of the last window. `analysed` is the start time of the last analysed window,
-    in s. `lines` holds the lines of each accepted window, the newest last. `refused` is why the last analysed
+    in s. `lines` holds the lines of each accepted window, the newest last, and `gain` how much louder
+    microphone 1 was, in dB, before they were levelled; 0 up to 8 dB. `refused` is why the last analysed
     window was refused; empty if it was accepted. `refusals` counts the refused windows. `tuning` is the
     tuning from the lines; None, with a `reason`, if they determine none.
     """
@@ -113,6 +118,7 @@ class TunerState:
     start: Samples = -1
     analysed: Seconds = -inf
     lines: tuple[Floats, ...] = ()
+    gain: float = 0.0
     refused: str = Reason.NONE
     refusals: int = 0
     tuning: Tuning | None = None
@@ -123,8 +129,8 @@ class TunerState:
 class Tuner:
     """Follows the pitch of an untouched string, within 10 % (1.6 semitones) of the nominal pitch.
 
-    A window is accepted if each of its lines appears at both microphones, as for an untouched string. Create
-    a tuner with `Tuner.of`, which refuses unsuitable signals.
+    A window is accepted if each of its lines appears at both microphones, as for an untouched string, or if
+    all are louder at one by the same gain. Create a tuner with `Tuner.of`, which refuses unsuitable signals.
 
     Parameters
     ----------
@@ -229,12 +235,17 @@ class Tuner:
             if spectrum is None:
                 samples = sound(window.samples, self.channels, self.size)
                 spectrum = spectrum_of(samples, spacing, LOWEST_LINE * self.nominal, HIGHEST_LINE)
-            lines = window_lines(spectrum, spacing)
+            lines, gain = _levelled(window_lines(spectrum, spacing))
             refused, dead = _no_partials_reason(lines)
+            same = abs(gain - state.gain) < SAME_GAIN
+            if not refused and not same and state.tuning:
+                refused = Reason.TOUCHED.with_detail(f"{lines[0, FREQUENCY]:.0f} Hz")
             if not refused:
-                kept = (*state.lines, lines)[-self.keep :]
-                tuning, reason = self._tuning(kept, dead)
-                return replace(state, lines=kept, refused=Reason.NONE, tuning=tuning, reason=reason)
+                kept = (*(state.lines if same else ()), lines)[-self.keep :]
+                tuning, reason = self._tuning(kept, dead, even=not gain)
+                return replace(
+                    state, lines=kept, gain=gain, refused=Reason.NONE, tuning=tuning, reason=reason
+                )
         reason = state.reason if state.lines else refused
         return replace(state, refused=refused, refusals=state.refusals + 1, reason=reason)
 
@@ -255,7 +266,7 @@ class Tuner:
             least_share=MIN_SHARE if len(state.tuning.channels) > 1 else 0.0,
         )
 
-    def _tuning(self, windows: tuple[Floats, ...], dead: int) -> tuple[Tuning | None, str]:
+    def _tuning(self, windows: tuple[Floats, ...], dead: int, *, even: bool) -> tuple[Tuning | None, str]:
         if len(windows) < MIN_WINDOWS:
             return None, Reason.FEW_WINDOWS.with_detail(MIN_WINDOWS)
         lasting = lasting_lines(windows, self.sample_rate / self.size)
@@ -263,7 +274,7 @@ class Tuner:
         reading = read_tuning(lasting, self.nominal, self.stiffness, least)
         reason = self._undecided_reason(reading, lasting)
         numbers = [int(number) for number in dict.fromkeys(reading.numbers.tolist()) if number > 0.0]
-        reason = reason or _ambiguous_reason(numbers, one_microphone=least == 0.0)
+        reason = reason or _ambiguous_reason(numbers, one_microphone=least == 0.0 or not even)
         if reason:
             return None, reason
         apart = 0.5 * abs(reading.frequency - reading.rival_frequency) if _has_rival(reading) else 0.0
@@ -304,6 +315,25 @@ def _has_rival(reading: TuningReading) -> bool:
 def _is_near(reading: TuningReading) -> bool:
     """Return whether that is one of nearly the same pitch."""
     return abs(reading.rival_frequency / reading.frequency - 1.0) < SPLIT_PITCH_TOLERANCE
+
+
+def _levelled(lines: Floats) -> tuple[Floats, float]:
+    """Return lines as of microphones of equal gain, and how much louder microphone 1 was in dB.
+
+    Unchanged, with 0 dB, are lines that both hear, or that do not show one and the same difference.
+    """
+    power = lines[:, POWER_1] + lines[:, POWER_2]
+    both = lines[power > power.max(initial=0.0) * 10.0**-SUSTAINED_DECADES][:, [POWER_1, POWER_2]]
+    if not len(both) or not both.all():
+        return lines, 0.0
+    balance = 10.0 * np.log10(both[:, 0] / both[:, 1])
+    gain = float(np.median(balance))
+    even = (both >= MIN_SHARE * both.sum(axis=1, keepdims=True)).all()
+    if even or abs(gain) > MAX_GAIN or np.abs(balance - gain).max() > SAME_GAIN:
+        return lines, 0.0
+    levelled = lines.copy()
+    levelled[:, POWER_2] *= 10.0 ** (0.1 * gain)
+    return levelled, gain
 
 
 def _no_partials_reason(lines: Floats) -> tuple[str, int]:

@@ -14,6 +14,7 @@ import numpy as np
 
 from monochord.core.errors import InputError
 from monochord.core.files import written
+from monochord.core.units import Seconds
 from monochord.sessions import Description, SessionReader
 from monochord.sessions.bounds import MAX_COLUMNS, refuse_unpacking
 from monochord.sessions.exports._contents import (
@@ -210,6 +211,8 @@ def _opened(pa: Any, pq: Any, path: Path) -> Generator[Any]:
         yield file
 
 
+READ_TIMEOUT: Seconds = 60.0
+"""Time in which the column descriptions of all files must be read, in s; usually it takes less than one."""
 READ_METADATA = """
 import sys, pyarrow.parquet
 for number, path in enumerate(sys.argv[1:]):
@@ -222,12 +225,17 @@ for number, path in enumerate(sys.argv[1:]):
 
 
 def _refuse_deadly(paths: Sequence[Path]) -> None:
-    """Refuse a file whose column descriptions crash the reading process, as in pyarrow 26.
+    """Refuse a file whose column descriptions crash the reading process, as in pyarrow 26, or hold it up.
 
-    A separate process reads them first.
+    A separate process reads them first, for `READ_TIMEOUT` at most.
     """
     command = [sys.executable, "-c", READ_METADATA, *map(str, paths)]
-    ended = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603  (this interpreter)  # nosec B603
+    try:
+        ended = subprocess.run(command, capture_output=True, check=False, timeout=READ_TIMEOUT)  # noqa: S603  (this interpreter)  # nosec B603
+    except subprocess.TimeoutExpired as error:
+        read = (error.stdout or b"").split()
+        given = f"file {paths[int(read[-1]) if read else 0]} (its columns are not read in {READ_TIMEOUT:g} s)"
+        raise InputError(given, "the exported Parquet file", "export the session again") from None
     if -ended.returncode in (signal.SIGABRT, signal.SIGSEGV):
         given = f"file {paths[int(ended.stdout.split()[-1])]} (its columns are described wrongly)"
         raise InputError(given, "the exported Parquet file")

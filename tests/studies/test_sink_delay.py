@@ -3,8 +3,8 @@
 import shutil
 
 import pytest
+from studies.sink_delay import Sinks
 
-from monochord.benchmarks.sinks import Sinks
 from monochord.core.errors import InputError
 
 

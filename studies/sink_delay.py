@@ -1,4 +1,7 @@
-"""Benchmark of the live loop with every sink open: delay from a window to its received message."""
+"""The live loop with every sink open: delay from a window to its received message.
+
+Prints its table in two minutes: ``python -m studies.sink_delay``. It needs jackd and, for rclpy, `make ros`.
+"""
 
 import json
 import math
@@ -20,8 +23,10 @@ from typing import Annotated, Self
 
 import numpy as np
 from msgspec import Meta
+from studies._command import measure
 
-from monochord.benchmarks._process import resident
+from monochord import VirtualSensor
+from monochord.benchmarks import resident
 from monochord.benchmarks.base import Benchmark, Row, row
 from monochord.capture.jack.server import JackServer
 from monochord.core.errors import DeviceError, InputError
@@ -31,7 +36,6 @@ from monochord.core.units import FINITE, Samples, Seconds
 from monochord.lab.player import PlayerSettings, write_script
 from monochord.live import LiveRun, Summary, WindowSettings, run
 from monochord.live.sinks.base import Listener, Update
-from monochord.physics.twin.virtual_sensor import VirtualSensor
 
 RATE = 44100
 TAKE: Seconds = 30.0
@@ -296,3 +300,7 @@ def _free_port() -> int:
     with socket.socket() as own:
         own.bind(("127.0.0.1", 0))
         return own.getsockname()[1]
+
+
+if __name__ == "__main__":
+    measure(Sinks)

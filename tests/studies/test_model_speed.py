@@ -1,16 +1,15 @@
 """The benchmark of a window's cost."""
 
 import pytest
+from studies.model_speed import HOP, ModelSpeed, drawn
 
-from monochord.benchmarks import BENCHMARKS
-from monochord.benchmarks.model import HOP, drawn
 from monochord.core.errors import InputError
 from monochord.core.types import Signal
 from monochord.physics.sensors import load_sensor
 
 
 def test_a_model_stands_beside_the_closed_form() -> None:
-    rows = [*BENCHMARKS.build("model", {"count": 60}).run()]
+    rows = [*ModelSpeed(count=60).run()]
     whats = ("median", "p99", "largest")
     kinds = ("", " of processor time")
     assert [row.name for row in rows] == [f"model, {what}{kind}" for kind in kinds for what in whats]
@@ -23,7 +22,7 @@ def test_a_model_stands_beside_the_closed_form() -> None:
 
 
 def test_the_bundled_model_takes_much_less_than_a_hop() -> None:
-    rows = {row.name: row for row in BENCHMARKS.build("model", {"path": "demo", "count": 60}).run()}
+    rows = {row.name: row for row in ModelSpeed(path="demo", count=60).run()}
     median = rows["model, median of processor time"]
     assert median.value < 0.5 * HOP  # 1 ms, but machines that others share are slower at times
     assert median.ratio is not None
@@ -38,4 +37,4 @@ def test_a_random_model_can_be_run() -> None:
 
 def test_no_windows_are_refused() -> None:
     with pytest.raises(InputError, match="count' = 0"):
-        BENCHMARKS.build("model", {"count": 0})
+        ModelSpeed(count=0)

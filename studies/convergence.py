@@ -1,4 +1,7 @@
-"""How a simulated touch settles: the paper's convergence example."""
+"""How a simulated touch settles: the paper's convergence example.
+
+Makes its figure in some three seconds: ``python -m studies.convergence --out convergence.png``.
+"""
 
 from __future__ import annotations
 
@@ -7,11 +10,12 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from msgspec import Meta
+from studies._command import draw
 
 from monochord.core.ranges import InnerShare
 from monochord.core.types import Contact, Floats
 from monochord.core.units import Hertz, Newtons, Seconds
-from monochord.figures import _style
+from monochord.figures import style
 from monochord.figures.base import Figure
 from monochord.physics.split_string import SplitString, simulate
 from monochord.physics.strings import load_string
@@ -82,7 +86,7 @@ class Convergence(Figure):
         recording = simulate(setup, self.seconds, route=self.route)
         expected = segment_frequencies(string, contact)
         top = self.highest * open_frequency(string)
-        page = _style.canvas(155.0)
+        page = style.canvas(155.0)
         panels = page.subplots(3, 2, gridspec_kw={"height_ratios": [1.0, 1.1, 1.1]})
         for side in (0, 1):
             signal = SegmentSound(
@@ -91,18 +95,18 @@ class Convergence(Figure):
             waves, times, spectra = panels[:, side]
             title = f"simulated, segment {side + 1}, {signal.expected:.1f} Hz in theory"
             up = ("velocity (mm/s)", "frequency (Hz)", "level (dB)") if side == 0 else ("", "", "")
-            _style.dress(waves, "AB"[side], title, "", up[0])
-            _style.dress(times, "CD"[side], "", "time (ms)", up[1])
-            _style.dress(spectra, "EF"[side], "", "frequency (Hz)", up[2])
+            style.dress(waves, "AB"[side], title, "", up[0])
+            style.dress(times, "CD"[side], "", "time (ms)", up[1])
+            style.dress(spectra, "EF"[side], "", "frequency (Hz)", up[2])
             waves.sharex(times)
             waves.tick_params(labelbottom=False)
             for panel in (times, spectra):
                 panel.tick_params(labelleft=side == 0)
-            _draw_waves(waves, signal, _style.SEGMENTS[side])
-            image = _draw_times(times, signal, top, _style.SEGMENTS[side])
-            _draw_spectra(spectra, signal, top, _style.SEGMENTS[side])
-        _style.key(page, *panels[2])
-        _style.dress_bar(page.colorbar(image, ax=panels[1, :], pad=0.01, aspect=14), "level (dB)")
+            _draw_waves(waves, signal, style.SEGMENTS[side])
+            image = _draw_times(times, signal, top, style.SEGMENTS[side])
+            _draw_spectra(spectra, signal, top, style.SEGMENTS[side])
+        style.key(page, *panels[2])
+        style.dress_bar(page.colorbar(image, ax=panels[1, :], pad=0.01, aspect=14), "level (dB)")
         return page
 
 
@@ -166,7 +170,7 @@ def _draw_waves(axes: Axes, segment: SegmentSound, colour: str) -> None:
     outline = 1e3 * envelope(segment)[columns]
     axes.fill_between(time, low, high, color=colour, lw=0.0, alpha=0.45)
     for sign in (1.0, -1.0):
-        axes.plot(time, sign * outline, color=_style.INK, lw=0.8)
+        axes.plot(time, sign * outline, color=style.INK, lw=0.8)
     axes.set_ylim(-1.15 * outline.max(), 1.15 * outline.max())
     start, stop = (round(t * segment.rate) for t in CLOSE)
     close = axes.inset_axes((0.62, 0.33, 0.35, 0.34))
@@ -174,30 +178,34 @@ def _draw_waves(axes: Axes, segment: SegmentSound, colour: str) -> None:
         1e3 * np.arange(start, stop) / segment.rate, segment.velocity[start:stop], color=colour, lw=0.9
     )
     close.set(xticks=[], yticks=[], xlim=(1e3 * CLOSE[0], 1e3 * CLOSE[1]))
-    close.set_title(f"{1e3 * CLOSE[0]:.0f} to {1e3 * CLOSE[1]:.0f} ms", fontsize=_style.TICK, pad=2)
+    close.set_title(f"{1e3 * CLOSE[0]:.0f} to {1e3 * CLOSE[1]:.0f} ms", fontsize=style.TICK, pad=2)
     for spine in close.spines.values():
-        spine.set(linewidth=0.5, color=_style.INK)
+        spine.set(linewidth=0.5, color=style.INK)
 
 
 def _draw_times(axes: Axes, segment: SegmentSound, highest: Hertz, colour: str) -> QuadMesh:
     times, frequencies, levels = spectrogram(segment, highest)
     image = axes.pcolormesh(
-        1e3 * times, frequencies, levels, cmap=_style.LOUDNESS, vmin=MIN_LEVEL, vmax=0.0,
+        1e3 * times, frequencies, levels, cmap=style.LOUDNESS, vmin=MIN_LEVEL, vmax=0.0,
         shading="nearest", rasterized=True,
     )  # fmt: skip
-    axes.axhline(segment.expected, color=colour, lw=1.0, ls=_style.THEORY)
+    axes.axhline(segment.expected, color=colour, lw=1.0, ls=style.THEORY)
     axes.set_xlim(0.0, 1e3 * segment.velocity.size / segment.rate)
     axes.set_ylim(0.0, highest)
     return image
 
 
 def _draw_spectra(axes: Axes, segment: SegmentSound, highest: Hertz, colour: str) -> None:
-    for span, name, look in ((TRANSIENT, "transient", _style.PALE), (STEADY, "steady", _style.INK)):
+    for span, name, look in ((TRANSIENT, "transient", style.PALE), (STEADY, "steady", style.INK)):
         frequencies, levels = spectrum(segment, span)
         label = f"{name}, {1e3 * span[0]:.0f} to {1e3 * span[1]:.0f} ms"
         axes.plot(frequencies, levels, color=look, lw=0.9, label=label)
     axes.axvline(
-        segment.expected, color=colour, lw=1.0, ls=_style.THEORY, label=f"theory, {segment.expected:.1f} Hz"
+        segment.expected, color=colour, lw=1.0, ls=style.THEORY, label=f"theory, {segment.expected:.1f} Hz"
     )
     axes.set_xlim(0.0, highest)
     axes.set_ylim(MIN_LEVEL, 5.0)
+
+
+if __name__ == "__main__":
+    draw(Convergence)

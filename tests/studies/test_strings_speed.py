@@ -1,9 +1,8 @@
 """The benchmark of several strings, kept short."""
 
 import pytest
-
-from monochord.benchmarks.strings import Strings
-from monochord.evaluation.strings import strings_cost
+from studies._strings import strings_cost
+from studies.strings_speed import Strings
 
 
 def test_windows_of_all_strings_are_timed_and_counted() -> None:

@@ -5,19 +5,19 @@ from typing import Any
 
 import numpy as np
 import pytest
+from studies.convergence import STEADY, TRANSIENT, Convergence, SegmentSound, envelope, spectrum
+from studies.modes import PATTERN_TOLERANCE, Modes
+from studies.touch import PHASES, RATE, SIZE, Touch
+from studies.trends import Sweep, Trends, simulated_spectra, simulator
 
 from monochord.core.errors import InputError
 from monochord.core.types import Contact, Floats
-from monochord.figures import convergence, modes, touch
-from monochord.figures.convergence import STEADY, TRANSIENT, Convergence, SegmentSound, envelope, spectrum
-from monochord.figures.modes import PATTERN_TOLERANCE, Modes
-from monochord.figures.touch import PHASES, RATE, SIZE, Touch
-from monochord.figures.trends import Sweep, Trends, simulated_spectra, simulator
 from monochord.physics.sensors import load_sensor
 from monochord.physics.split_string import SplitString, simulate
 from monochord.physics.strings import load_string
 from monochord.physics.theory import segment_frequencies, split_frequencies
 from monochord.physics.twin import Take
+from studies import convergence, modes, touch
 
 APPENDIX = load_string("appendix").string
 SPLIT_STRING = simulator("split_string")

@@ -1,12 +1,17 @@
-"""Benchmark of many strings: estimates per second for each, and the cost per string."""
+"""Many strings on this machine: estimates per second for each, and the cost per string.
+
+Prints its table in some forty seconds: ``python -m studies.strings_speed``.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from studies._command import measure
+from studies._strings import refuse_options, strings_cost
+
 from monochord.benchmarks.base import Benchmark, Row
 from monochord.core.ranges import Checked
 from monochord.core.units import Seconds
-from monochord.evaluation.strings import refuse_options, strings_cost
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,3 +78,7 @@ class Strings(Benchmark):
             )
             yield Row(name=f"{name}, latency p99", value=1e3 * seen.latency, unit="ms")
             yield Row(name=f"{name}, windows skipped", value=100.0 * seen.skipped, unit="%")
+
+
+if __name__ == "__main__":
+    measure(Strings)

@@ -55,7 +55,7 @@ def _without_ros(take: Any, ended: threading.Event) -> None:
 
 
 def _say(line: str) -> None:
-    print(line, flush=True)  # noqa: T201  (read by the benchmark)
+    print(line, flush=True)
 
 
 if __name__ == "__main__":

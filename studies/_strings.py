@@ -18,8 +18,7 @@ from monochord.capture.sources import SOURCES
 from monochord.core.errors import InputError
 from monochord.core.types import Audio
 from monochord.core.units import Seconds
-from monochord.live import LiveRun, WindowSettings, run
-from monochord.live.settings import MODEL
+from monochord.live import MODEL, LiveRun, WindowSettings, run
 from monochord.live.sinks.base import Listener, Update
 
 TAKE: Seconds = 3.0

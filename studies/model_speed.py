@@ -1,4 +1,7 @@
-"""Benchmark of a model's time per window: feature and four heads."""
+"""A model's time per window: feature and four heads.
+
+Prints its table in some ten seconds on one core: ``python -m studies.model_speed --set path=demo``.
+"""
 
 import time
 from collections.abc import Iterator
@@ -6,8 +9,9 @@ from dataclasses import dataclass
 from itertools import islice
 
 import numpy as np
+from studies._command import measure
 
-from monochord.benchmarks._process import one_core
+from monochord.benchmarks import one_core
 from monochord.benchmarks.base import Benchmark, Row
 from monochord.capture.sources import SOURCES
 from monochord.core.config import to_tree
@@ -18,9 +22,15 @@ from monochord.core.windows import windows
 from monochord.perception.estimators import ESTIMATORS
 from monochord.perception.features import FEATURES
 from monochord.perception.heads import HEADS
-from monochord.perception.model import Definition, Model, ModelState, load
-from monochord.perception.model.definition import FeatureRecord, HeadRecord
-from monochord.perception.model.probe import probed
+from monochord.perception.model import (
+    Definition,
+    FeatureRecord,
+    HeadRecord,
+    Model,
+    ModelState,
+    load,
+    probed,
+)
 from monochord.physics.sensors import load_sensor
 
 WARM_UP = 20
@@ -30,7 +40,7 @@ BASELINE = "closed form"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ModelBenchmark(Benchmark):
+class ModelSpeed(Benchmark):
     """Time from a window to contact, slip, position and force on one core, beside the closed form's.
 
     Both process every window of the twin's sound, touched and untouched, in turn. Without a `path` the
@@ -127,3 +137,7 @@ def _duration(estimate: Prepared, window: Window) -> tuple[Seconds, Seconds]:
     estimate(window)
     taken = time.process_time() - busy
     return time.perf_counter() - start, taken
+
+
+if __name__ == "__main__":
+    measure(ModelSpeed)

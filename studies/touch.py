@@ -1,4 +1,8 @@
-"""The simulated sound of a touch from beginning to end, above its labels."""
+"""The simulated sound of a touch from beginning to end, above its labels.
+
+Makes `docs/figures/twin_touch.png` in some three seconds:
+``python -m studies.touch --out docs/figures/twin_touch.png``.
+"""
 
 from __future__ import annotations
 
@@ -7,11 +11,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from msgspec import Meta
+from studies._command import draw
 
 from monochord.core.ranges import Share
 from monochord.core.types import Audio, Floats
 from monochord.core.units import Hertz, MetresPerSecond, Newtons, Seconds
-from monochord.figures import _style
+from monochord.figures import style
 from monochord.figures.base import Figure
 from monochord.physics.materials import load_material
 from monochord.physics.sensors import load_sensor
@@ -90,7 +95,7 @@ class Touch(Figure):
     def draw(self) -> Canvas:
         """Play the touch and draw it."""
         take = self.play()
-        page = _style.canvas(150.0)
+        page = style.canvas(150.0)
         panels = page.subplot_mosaic(
             [[name] for name in "ABCDEFG"], sharex=True, height_ratios=[4.2, 4.2, 0.45, 1.1, 1.1, 1.1, 0.45]
         )
@@ -99,17 +104,17 @@ class Touch(Figure):
         images: list[QuadMesh] = []
         for channel, (times, frequencies, levels) in enumerate(picture):
             axes = panels["AB"[channel]]
-            _style.dress(axes, "AB"[channel], "", "", f"microphone {channel + 1} (kHz)")
+            style.dress(axes, "AB"[channel], "", "", f"microphone {channel + 1} (kHz)")
             images.append(_draw_sound(axes, times, frequencies, levels - loudest))
             self._draw_theory(axes, take)
         bar = page.colorbar(images[0], ax=[panels["A"], panels["B"]], pad=0.01, aspect=22)
-        _style.dress_bar(bar, "level (dB)")
+        style.dress_bar(bar, "level (dB)")
         self._draw_labels({name: panels[name] for name in "CDEFG"}, take)
         _draw_phases(panels["A"], [panels[name] for name in "BCDEFG"])
         material = self.material.replace("_", " ")
         panels["A"].set_title(
             f"simulated: {material}, {self.force:g} N, {1e3 * abs(self.speed):g} mm/s across",
-            fontsize=_style.LABEL, color=_style.INK, pad=14,
+            fontsize=style.LABEL, color=style.INK, pad=14,
         )  # fmt: skip
         page.align_ylabels(list(panels.values()))
         return page
@@ -137,15 +142,15 @@ class Touch(Figure):
         string, labels = load_sensor(self.sensor).string, take.labels
         pressed = np.flatnonzero(labels.force[0] > 0.2 * self.force)[:: round(HOP * RATE)]
         both = split_frequencies(string, labels.position[0, pressed], labels.force[0, pressed], "geometric")
-        for side, (frequency, colour) in enumerate(zip(both, _style.SEGMENTS, strict=True)):
+        for side, (frequency, colour) in enumerate(zip(both, style.SEGMENTS, strict=True)):
             axes.plot(
-                pressed / RATE - 0.5 * SIZE, 1e-3 * frequency, color=colour, lw=1.0, ls=_style.THEORY,
+                pressed / RATE - 0.5 * SIZE, 1e-3 * frequency, color=colour, lw=1.0, ls=style.THEORY,
                 label=f"$f_{side + 1}$ in theory",
             )  # fmt: skip
         if axes.get_title(loc="left") == "B":
             axes.legend(
-                fontsize=_style.TICK, frameon=False, ncols=2, loc="lower right", bbox_to_anchor=(1.0, 0.98),
-                labelcolor=_style.INK, handlelength=1.8, borderaxespad=0.0,
+                fontsize=style.TICK, frameon=False, ncols=2, loc="lower right", bbox_to_anchor=(1.0, 0.98),
+                labelcolor=style.INK, handlelength=1.8, borderaxespad=0.0,
             )  # fmt: skip
 
     def _draw_labels(self, panels: dict[str, Axes], take: Take) -> None:
@@ -156,23 +161,23 @@ class Touch(Figure):
         _draw_flag(panels["G"], time, labels.settled > 0, "settled")
         position = np.where(touched, 1e3 * labels.position[0], np.nan)
         across, along = 1e3 * labels.across[0], 1e3 * labels.along[0]
-        panels["D"].plot(time, position, color=_style.INK, lw=1.1)
-        panels["E"].plot(time, labels.force[0], color=_style.INK, lw=1.1)
+        panels["D"].plot(time, position, color=style.INK, lw=1.1)
+        panels["E"].plot(time, labels.force[0], color=style.INK, lw=1.1)
         panels["F"].fill_between(
             time, 0.0, 1.0, where=labels.slip[0] > 0, transform=panels["F"].get_xaxis_transform(),
             color="#E6E6E6", lw=0.0, label="s = 1",
         )  # fmt: skip
-        panels["F"].plot(time, across, color=_style.SEGMENTS[0], lw=1.1, label="across")
-        panels["F"].plot(time, along, color=_style.SEGMENTS[1], lw=1.1, label="along")
+        panels["F"].plot(time, across, color=style.SEGMENTS[0], lw=1.1, label="across")
+        panels["F"].plot(time, along, color=style.SEGMENTS[1], lw=1.1, label="along")
         for name, label in (("D", "x (mm)"), ("E", "F (N)"), ("F", "slip\n(mm/s)")):
-            _style.dress(panels[name], "", "", "", label)
+            style.dress(panels[name], "", "", "", label)
         panels["E"].set_ylim(bottom=0.0)
         panels["F"].margins(y=0.15)
         panels["F"].legend(
-            fontsize=_style.TICK, frameon=False, ncols=3, loc="upper left", labelcolor=_style.INK,
+            fontsize=style.TICK, frameon=False, ncols=3, loc="upper left", labelcolor=style.INK,
             handlelength=1.2, columnspacing=1.0, borderaxespad=0.1,
         )  # fmt: skip
-        panels["G"].set_xlabel("time (s)", fontsize=_style.LABEL, color=_style.INK)
+        panels["G"].set_xlabel("time (s)", fontsize=style.LABEL, color=style.INK)
         panels["G"].set_xlim(0.0, float(time[-1]) - 0.5 * SIZE)
 
 
@@ -195,7 +200,7 @@ def spectrogram(channel: Audio, highest: Hertz) -> tuple[Floats, Floats, Floats]
 
 def _draw_sound(axes: Axes, times: Floats, frequencies: Floats, levels: Floats) -> QuadMesh:
     image = axes.pcolormesh(
-        times, 1e-3 * frequencies, levels, cmap=_style.LOUDNESS, vmin=MIN_LEVEL, vmax=0.0, shading="nearest",
+        times, 1e-3 * frequencies, levels, cmap=style.LOUDNESS, vmin=MIN_LEVEL, vmax=0.0, shading="nearest",
         rasterized=True,
     )  # fmt: skip
     axes.tick_params(labelbottom=False)
@@ -203,8 +208,8 @@ def _draw_sound(axes: Axes, times: Floats, frequencies: Floats, levels: Floats) 
 
 
 def _draw_flag(axes: Axes, time: Floats, on: np.ndarray, label: str) -> None:
-    _style.dress(axes, "", "", "", "")
-    axes.fill_between(time, 0.0, 1.0, where=on, color=_style.INK, lw=0.0)
+    style.dress(axes, "", "", "", "")
+    axes.fill_between(time, 0.0, 1.0, where=on, color=style.INK, lw=0.0)
     axes.set_ylim(0.0, 1.0)
     axes.set_yticks([0.5], [label])
     axes.tick_params(axis="y", length=0.0)
@@ -215,8 +220,12 @@ def _draw_phases(top: Axes, others: list[Axes]) -> None:
     for name, seconds in PHASES:
         top.text(
             edge + 0.5 * seconds, 1.02, name, transform=top.get_xaxis_transform(), ha="center", va="bottom",
-            fontsize=_style.TICK, color=_style.INK,
+            fontsize=style.TICK, color=style.INK,
         )  # fmt: skip
         edge += seconds
         for axes in (top, *others):
-            axes.axvline(edge, color=_style.PALE, lw=0.5, ls=":")
+            axes.axvline(edge, color=style.PALE, lw=0.5, ls=":")
+
+
+if __name__ == "__main__":
+    draw(Touch)

@@ -1,4 +1,8 @@
-"""How a touched string's spectrum depends on position and force: theory and simulation."""
+"""How a touched string's spectrum depends on position and force: theory and simulation.
+
+Makes `docs/figures/twin_trends.png` in some ten seconds: ``python -m studies.trends --set model=twin --set
+string=prototype --set law=geometric --set edge=0.24 --out docs/figures/twin_trends.png``.
+"""
 
 from __future__ import annotations
 
@@ -7,11 +11,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from msgspec import Meta
+from studies._command import draw
 
 from monochord.core.ranges import InnerShare
 from monochord.core.types import Contact, Floats, StringParams
 from monochord.core.units import Hertz, Newtons
-from monochord.figures import _style
+from monochord.figures import style
 from monochord.figures.base import Figure
 from monochord.physics.simulators import SIMULATORS, Case, Simulator
 from monochord.physics.strings import load_string
@@ -86,28 +91,28 @@ class Trends(Figure):
         model = simulator(self.model, self.route)
         top = self.highest * open_frequency(string)
         by_position, by_force = self.sweeps(string)
-        page = _style.canvas(118.0)
+        page = style.canvas(118.0)
         (a, d), (b, e) = page.subplots(2, 2, sharex="col", sharey=True)
         here, hard = f"x/L = {self.position:g}", f"F = {self.force:g} N"
-        _style.dress(a, "A", f"theory, {hard}", "", "frequency (Hz)")
-        _style.dress(d, "D", f"theory, {here}", "", "")
+        style.dress(a, "A", f"theory, {hard}", "", "frequency (Hz)")
+        style.dress(d, "D", f"theory, {here}", "", "")
         source = f"simulated, {self.model.replace('_', ' ')}"
-        _style.dress(b, "B", f"{source}, {hard}", "position x (mm)", "frequency (Hz)")
-        _style.dress(e, "E", f"{source}, {here}", "normal force F (N)", "")
+        style.dress(b, "B", f"{source}, {hard}", "position x (mm)", "frequency (Hz)")
+        style.dress(e, "E", f"{source}, {here}", "normal force F (N)", "")
         _draw_theory(a, string, by_position, 1e3 * by_position.positions)
         _draw_theory(d, string, by_force, by_force.forces)
         _draw_spectra(b, model, string, by_position, 1e3 * by_position.positions, top)
         image = _draw_spectra(e, model, string, by_force, by_force.forces, top)
         a.set_ylim(0.0, top)
-        a.plot([], [], color=_style.INK, lw=0.8, ls=_style.THEORY, label="theory, over B and E")
-        _style.key(page, a)
-        _style.dress_bar(page.colorbar(image, ax=[b, e], pad=0.01, aspect=18), "level (dB)")
+        a.plot([], [], color=style.INK, lw=0.8, ls=style.THEORY, label="theory, over B and E")
+        style.key(page, a)
+        style.dress_bar(page.colorbar(image, ax=[b, e], pad=0.01, aspect=18), "level (dB)")
         return page
 
 
 def _draw_theory(axes: Axes, string: StringParams, sweep: Sweep, over: Floats) -> None:
     fundamentals = sweep.fundamentals(string)
-    for side, (f, colour) in enumerate(zip(fundamentals, _style.SEGMENTS, strict=True)):
+    for side, (f, colour) in enumerate(zip(fundamentals, style.SEGMENTS, strict=True)):
         axes.plot(over, f, color=colour, lw=1.6, label=f"$f_{side + 1}$, segment {side + 1}")
         for n in range(2, HARMONICS + 1):
             label = f"$2f_{side + 1}$ to ${HARMONICS}f_{side + 1}$" if n == 2 else None
@@ -123,13 +128,13 @@ def _draw_spectra(
     # The strongest bin of each row, so that no line falls between two rows of the picture.
     picture = np.maximum.reduceat(levels[:, : rows[-1]], rows[:-1], axis=1).T
     image = axes.pcolormesh(
-        over, (edges[1:] + edges[:-1]) / 2.0, picture, cmap=_style.LOUDNESS, vmin=MIN_LEVEL, vmax=0.0,
+        over, (edges[1:] + edges[:-1]) / 2.0, picture, cmap=style.LOUDNESS, vmin=MIN_LEVEL, vmax=0.0,
         shading="nearest", rasterized=True,
     )  # fmt: skip
-    for f, colour in zip(sweep.fundamentals(string), _style.SEGMENTS, strict=True):
-        axes.plot(over, f, color=colour, lw=1.0, ls=_style.THEORY)
+    for f, colour in zip(sweep.fundamentals(string), style.SEGMENTS, strict=True):
+        axes.plot(over, f, color=colour, lw=1.0, ls=style.THEORY)
         for n in range(2, HARMONICS + 1):
-            axes.plot(over, n * f, color=colour, lw=0.4, ls=_style.THEORY, alpha=0.6)
+            axes.plot(over, n * f, color=colour, lw=0.4, ls=style.THEORY, alpha=0.6)
     return image
 
 
@@ -195,3 +200,7 @@ def _spectrum(model: Simulator, case: Case) -> tuple[Floats, Floats]:
     size = 4 * late.shape[1]
     power = np.abs(np.fft.rfft(late * np.hanning(late.shape[1]), size)) ** 2
     return np.arange(power.shape[1]) * (recording.sample_rate / size), np.sum(power, axis=0)
+
+
+if __name__ == "__main__":
+    draw(Trends)

@@ -1,4 +1,8 @@
-"""Steady sounds of the untouched string: which one it settles into depends on its history."""
+"""Steady sounds of the untouched string: which one it settles into depends on its history.
+
+Makes `docs/figures/twin_modes.png` in some ten seconds:
+``python -m studies.modes --out docs/figures/twin_modes.png``.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +12,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from msgspec import Meta
+from studies._command import draw
 
 from monochord.core.errors import InputError
 from monochord.core.ranges import Whole
 from monochord.core.types import Audio, Floats
 from monochord.core.units import Newtons, Seconds
-from monochord.figures import _style
+from monochord.figures import style
 from monochord.figures.base import Measured
 from monochord.physics.materials import load_material
 from monochord.physics.sensors import load_sensor
@@ -105,7 +110,7 @@ class Modes(Measured):
                 f"{self.histories} histories without a steady end", "a steady end", "raise after"
             )
         columns = min(len(counts), self.shown)
-        page = _style.canvas(138.0)
+        page = style.canvas(138.0)
         panels = page.subplots(
             3,
             columns,
@@ -117,17 +122,17 @@ class Modes(Measured):
         page.suptitle(
             f"Simulated: steady sounds of the untouched string after {self.histories} histories, "
             f"{len(counts)} patterns",
-            fontsize=_style.LABEL, color=_style.INK,
+            fontsize=style.LABEL, color=style.INK,
         )  # fmt: skip
         image = None
         for k in range(columns):
             image = self._draw_pattern(panels[:, k], endings, k, f0)
             for row in panels[:, k]:
                 row.tick_params(labelleft=k == 0)
-        _style.key(page, panels[2, 0])
+        style.key(page, panels[2, 0])
         if image is not None:
             bar = page.colorbar(image, ax=panels[:2, :], pad=0.01, aspect=24)
-            _style.dress_bar(bar, "level (dB)")
+            style.dress_bar(bar, "level (dB)")
         return page
 
     def _study(self) -> Study:
@@ -143,10 +148,10 @@ class Modes(Measured):
         for c in (0, 1):
             up = f"microphone {c + 1}\nfrequency (kHz)" if pattern == 0 else ""
             letter, title = ("ABCDEF"[pattern], share) if c == 0 else ("", "")
-            _style.dress(column[c], letter, title, "time since release (s)" if c else "", up)
+            style.dress(column[c], letter, title, "time since release (s)" if c else "", up)
             image = _draw_times(column[c], sound[c], released, 1e-3 * MAX_FREQUENCY * f0)
             column[c].tick_params(labelbottom=c == 1)
-        _style.dress(column[2], "", "", "frequency (kHz)", "steady level (dB)" if pattern == 0 else "")
+        style.dress(column[2], "", "", "frequency (kHz)", "steady level (dB)" if pattern == 0 else "")
         _draw_steady(column[2], sound[:, -round(0.5 * LISTEN * RATE) :], 1e-3 * MAX_FREQUENCY * f0)
         return image
 
@@ -177,11 +182,11 @@ def _draw_times(axes: Axes, sound: Audio, released: Seconds, top: float) -> Quad
     times, frequencies, levels = spectrogram(sound, released)
     shown = frequencies <= 1e3 * top
     image = axes.pcolormesh(
-        times, 1e-3 * frequencies[shown], levels[shown], cmap=_style.LOUDNESS, vmin=MIN_LEVEL, vmax=-10.0,
+        times, 1e-3 * frequencies[shown], levels[shown], cmap=style.LOUDNESS, vmin=MIN_LEVEL, vmax=-10.0,
         shading="nearest", rasterized=True,
     )  # fmt: skip
     if released > 0.0:
-        axes.axvline(0.0, color=_style.SEGMENTS[1], lw=0.8, ls=_style.THEORY)
+        axes.axvline(0.0, color=style.SEGMENTS[1], lw=0.8, ls=style.THEORY)
     axes.set_xlim(-LEAD, TAIL)
     axes.set_ylim(0.0, top)
     return image
@@ -194,7 +199,7 @@ def _draw_steady(axes: Axes, sound: Audio, top: float) -> None:
     level = np.abs(np.fft.rfft(sound * window, axis=1))[:, : frequencies.size] / (0.5 * window.sum())
     # The strongest bin of each 20 Hz, so that no line falls between two dots.
     rows = np.searchsorted(frequencies, np.arange(0.0, frequencies[-1], 20.0))
-    for c, (colour, look) in enumerate(zip(_style.SEGMENTS, ("-", "--"), strict=True)):
+    for c, (colour, look) in enumerate(zip(style.SEGMENTS, ("-", "--"), strict=True)):
         height = np.maximum.reduceat(20.0 * np.log10(level[c] + 1e-12), rows)
         axes.plot(
             1e-3 * frequencies[rows], height, color=colour, lw=0.8, ls=look, label=f"microphone {c + 1}"
@@ -315,3 +320,7 @@ def study(name: str, histories: int, first: int, after: Seconds) -> Study:
     if steady.any():
         pattern[steady] = patterns(levels[steady])
     return Study(levels=levels, steady=steady, pattern=pattern)
+
+
+if __name__ == "__main__":
+    draw(Modes)

@@ -1,4 +1,10 @@
-"""The paper's two tables as a figure: errors by feature and object, beside the paper's figures."""
+"""The paper's two tables as a figure: errors by feature and object, beside the paper's figures.
+
+Makes `docs/figures/paper_tables.png` from rows of `monochord evaluate --rows` in two seconds::
+
+    python -m studies.paper_tables --set rows=docs/results/paper.json --out docs/figures/paper_tables.png \
+      --set 'features=["fft_harmonic","reading","log_mel","closed_form","ast random weights every 1 s"]'
+"""
 
 from __future__ import annotations
 
@@ -7,10 +13,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from studies._command import draw
+
 from monochord.core.errors import InputError, did_you_mean
+from monochord.evaluation import CLEAN
 from monochord.evaluation.paper import NOISE, PAPER, RANDOM_WEIGHTS, PaperRow, reported
-from monochord.evaluation.results import CLEAN
-from monochord.figures import _style
+from monochord.figures import style
 from monochord.figures.base import Measured
 
 if TYPE_CHECKING:
@@ -69,11 +77,11 @@ class PaperTables(Measured):
         rows = self._read()
         bodies = [body for body in PAPER["position"] if any(row["object"] == body for row in rows)]
         bodies = bodies or list(dict.fromkeys(row["object"] for row in rows))
-        page = _style.canvas(85.0)
+        page = style.canvas(85.0)
         panels = page.subplots(1, 2)
         for letter, axes, quantity in zip("AB", panels, PANELS, strict=True):
             column, label, factor = PANELS[quantity]
-            _style.dress(axes, letter, "", "", label)
+            style.dress(axes, letter, "", "", label)
             self._marks(axes, rows, bodies, column)
             self._paper_lines(axes, quantity, bodies, factor)
             axes.set_yscale("log")
@@ -82,8 +90,8 @@ class PaperTables(Measured):
             axes.yaxis.set_minor_locator(NullLocator())
             axes.set_xticks(range(len(bodies)), [body.replace("_", " ") for body in bodies])
         kind = "simulated" if all(row["simulated"] for row in rows) else "features by object"
-        page.suptitle(f"{kind}; solid: clean, pale: {self.noise or 'none'}", fontsize=_style.LABEL)
-        _style.key(page, *panels, columns=COLUMNS)
+        page.suptitle(f"{kind}; solid: clean, pale: {self.noise or 'none'}", fontsize=style.LABEL)
+        style.key(page, *panels, columns=COLUMNS)
         return page
 
     def _conditions(self) -> list[str]:
@@ -119,20 +127,20 @@ class PaperTables(Measured):
                 across = [place + aside + (0.0 if clean else 0.03) for place in at]
                 axes.plot(
                     across, [errors[bodies[place]] for place in at], ls="",
-                    marker=MARKS[number // len(_style.COLOURS) % len(MARKS)], ms=4.0, mec="none",
-                    color=_style.COLOURS[number % len(_style.COLOURS)], alpha=1.0 if clean else 0.35,
+                    marker=MARKS[number // len(style.COLOURS) % len(MARKS)], ms=4.0, mec="none",
+                    color=style.COLOURS[number % len(style.COLOURS)], alpha=1.0 if clean else 0.35,
                     label=_plain(feature) if clean else None,
                 )  # fmt: skip
 
     def _paper_lines(self, axes: Axes, quantity: str, bodies: list[str], factor: float) -> None:
-        for condition, dash in zip(self._conditions(), ("-", _style.THEORY), strict=False):
+        for condition, dash in zip(self._conditions(), ("-", style.THEORY), strict=False):
             figures = [(place, reported(quantity, body, condition)) for place, body in enumerate(bodies)]
             lines = [(place, factor * one.mae) for place, one in figures if one is not None]
             if lines:
                 places, errors = zip(*lines, strict=True)
                 label = "the paper's sensor (real)" if condition == CLEAN else f"the same, {NOISE}"
                 begins, ends = [place - 0.42 for place in places], [place + 0.42 for place in places]
-                axes.hlines(errors, begins, ends, lw=1.0, color=_style.INK, ls=dash, label=label)
+                axes.hlines(errors, begins, ends, lw=1.0, color=style.INK, ls=dash, label=label)
 
 
 def _plain(feature: str) -> str:
@@ -147,3 +155,7 @@ def _plain(feature: str) -> str:
 
 def _of(rows: list[PaperRow], feature: str, condition: str) -> list[PaperRow]:
     return [row for row in rows if (row["feature"], row["condition"]) == (feature, condition)]
+
+
+if __name__ == "__main__":
+    draw(PaperTables)
