@@ -13,7 +13,7 @@ RELATIVE = 1e-6
 
 
 def leaves(tree: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    """Every value of a tree with its place, such as ``demo.contact.wood.clean.windows``."""
+    """Every value of a tree with its place, such as ``demo contact.wood.clean.windows``."""
     if isinstance(tree, dict | list):
         entries = tree.items() if isinstance(tree, dict) else enumerate(tree)
         for key, value in entries:
@@ -30,6 +30,6 @@ def same(one: Any, other: Any) -> bool:
 def test_six_sessions_score_as_before(tmp_path: Path) -> None:
     before = dict(leaves(json.loads(golden.FILE.read_text(encoding="utf-8"))))
     now = dict(leaves(golden.scores(tmp_path)))
-    assert len(before) > 5000
+    assert len(before) > 2000
     moved = [name for name in before.keys() | now if not same(before.get(name), now.get(name, math.nan))]
     assert not moved, f"{len(moved)} scores, such as {sorted(moved)[:5]}"
