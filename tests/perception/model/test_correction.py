@@ -37,6 +37,17 @@ def stated(correction: Correction, variables: Floats) -> tuple[Floats, Floats]:
     return correction.stated(variables, np.full(len(variables), NOISE))
 
 
+@pytest.mark.parametrize("seed", [0, 1, 2, 3])
+def test_what_a_group_has_in_common_is_learned_where_the_head_states_it_as_noise(seed: int) -> None:
+    random, count, touches = np.random.default_rng(seed), 200, 5
+    group, touch = np.repeat(np.arange(count), touches), np.arange(count * touches)
+    common = 0.6 * random.standard_t(3, size=count)
+    error = common[group] + 0.6 * random.standard_t(3, size=group.size)
+    unknown = prior(np.zeros((group.size, 1)), error, np.full(group.size, 1.2), group, touch)
+    known = unknown.given(np.zeros((4, 1)), np.ones(4), np.full(4, 1.2), np.arange(4))
+    assert float(known.error(np.zeros(1))[0]) > 0.5  # four touches that are all off by 1
+
+
 @pytest.mark.parametrize("known", [0, 3, 8])
 def test_errors_of_new_groups_lie_within_what_is_stated_and_known_touches_narrow_it(
     unknown: Correction, known: int

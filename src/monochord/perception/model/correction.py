@@ -43,10 +43,6 @@ ROUNDS = 60
 MIN_VARIANCE = 1e-8
 DEGREES = 10.0
 """Degrees of freedom of the errors' Student t distribution."""
-CALIBRATION_ROUNDS = 5
-"""Iterations that scale covariance and noise until the errors are covered, without and with known touches."""
-MIN_SHARE = 0.01
-"""Smallest factor of the covariance in one of these iterations."""
 ROBUST_ROUNDS = 4
 """Iterations that reduce the weight of large errors."""
 BUILD_SHARE = 0.3
@@ -251,15 +247,12 @@ def prior(variables: Floats, error: Floats, std: Floats, group: Indices, touch: 
         covariance = _symmetric(covariance + MIN_VARIANCE * np.eye(size))
         noise = max(_quantile(left, weight, normal_coverage(1.0)), MIN_VARIANCE)
         estimate = replace(estimate, covariance=covariance, noise=noise)
-    for _ in range(CALIBRATION_ROUNDS):
-        _, uncertain = estimate.error(variables)
-        beyond = (error**2 - estimate.noise * std**2) / np.maximum(uncertain**2, MIN_VARIANCE)
-        share = max(_quantile(beyond, weight, normal_coverage(1.0)), MIN_SHARE)
-        estimate = replace(estimate, covariance=share * estimate.covariance)
-        for rows in groups:
-            left[rows] = _by_others(estimate, variables[rows], error[rows], std[rows], touch[rows])
-        sizes = [_quantile(left, weight, normal_coverage(sigmas)) / sigmas**2 for sigmas in (1.0, 2.0)]
-        estimate = replace(estimate, noise=estimate.noise * max(float(np.sqrt(np.prod(sizes))), MIN_VARIANCE))
+    # One factor for both: with one for each, noise may grow until known touches have no weight to teach.
+    expected, stated = estimate.stated(variables, std)
+    left = ((error - expected) / stated) ** 2
+    sizes = [_quantile(left, weight, normal_coverage(sigmas)) / sigmas**2 for sigmas in (1.0, 2.0)]
+    factor = max(float(np.sqrt(np.prod(sizes))), MIN_VARIANCE)
+    estimate = replace(estimate, covariance=factor * estimate.covariance, noise=factor * estimate.noise)
     return estimate
 
 
@@ -278,20 +271,6 @@ def _terms(variables: Floats, centre: Floats, scale: Floats) -> Floats:
                 terms[row, at] = factors[one] * factors[other]
                 at += 1
     return terms
-
-
-def _by_others(unknown: Correction, variables: Floats, error: Floats, std: Floats, touch: Indices) -> Floats:
-    """Return the squared error (n,) of each window by the half of its group's touches that it is not in.
-
-    It is in units of the variance stated. Half of them, since a calibration has few, not all but one.
-    """
-    odd = np.unique(touch, return_inverse=True)[1].reshape(-1) % 2 == 1
-    left = np.empty(len(error))
-    for out in (odd, ~odd):
-        known = unknown.given(variables[~out], error[~out], std[~out], touch[~out])
-        expected, spread = known.stated(variables[out], std[out])
-        left[out] = ((error[out] - expected) / spread) ** 2
-    return left
 
 
 def touch_weights(touch: Indices) -> Floats:
