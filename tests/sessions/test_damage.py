@@ -9,7 +9,7 @@ from mcap.stream_reader import StreamReader
 from mcap_ros2.decoder import DecoderFactory
 from tests.sessions.made import EPOCH, RATE, as_killed, block, description, readings
 
-from monochord.sessions import SessionClock, SessionWriter, check, read_session, recover, walk
+from monochord.sessions import SessionClock, SessionWriter, check, chunks, read_session, recover
 
 FLUSH = 0.1
 LOST = 0.5
@@ -80,15 +80,15 @@ def mend(path: Path, content: bytes, at: int, bit: int, whole: np.ndarray) -> by
 
 def aimed(path: Path) -> list[int]:
     """Return places in every kind of record of a session, and in its magic bytes."""
-    view = walk.mapped(path)
-    records = list(walk.records(view))
-    chunks = [record for record in records if record.opcode == walk.CHUNK]
-    few = [*records[:3], *chunks[:2], chunks[len(chunks) // 2], chunks[-1]]
-    few += [record for record in records if record.offset > chunks[-1].offset]
+    view = chunks.mapped(path)
+    records = list(chunks.records(view))
+    found = [record for record in records if record.opcode == chunks.CHUNK]
+    few = [*records[:3], *found[:2], found[len(found) // 2], found[-1]]
+    few += [record for record in records if record.offset > found[-1].offset]
     places = {*range(8), *range(len(view) - 8, len(view))}
     for record in few:
         places |= {*range(record.offset, min(record.offset + 60, record.end)), record.end - 1}
-        if record.opcode == walk.METADATA:
+        if record.opcode == chunks.METADATA:
             places |= {*range(record.offset, record.end, 7)}
     return sorted(places)
 
@@ -110,17 +110,17 @@ def test_a_flipped_bit_is_noticed_and_mended(short: Path, tmp_path: Path) -> Non
 
 def test_where_the_rest_tells_what_was_there_nothing_is_lost(short: Path, tmp_path: Path) -> None:
     content, whole = short.read_bytes(), read_session(short).audio.samples
-    records = list(walk.records(walk.mapped(short)))
-    chunk = next(r for r in records[8:] if r.opcode == walk.CHUNK)
-    end = next(r for r in reversed(records) if r.opcode == walk.METADATA)
-    index = next(r for r in records[8:] if r.opcode == walk.MESSAGE_INDEX)
-    first = next(r for r in records if r.opcode == walk.CHUNK)
+    records = list(chunks.records(chunks.mapped(short)))
+    chunk = next(r for r in records[8:] if r.opcode == chunks.CHUNK)
+    end = next(r for r in reversed(records) if r.opcode == chunks.METADATA)
+    index = next(r for r in records[8:] if r.opcode == chunks.MESSAGE_INDEX)
+    first = next(r for r in records if r.opcode == chunks.CHUNK)
     places = {
         "magic": 3,
         "profile": records[0].offset + 14,
         "length of the start": records[1].offset + 2,
         "description": content.index(b'"sample_rate"') + 16,
-        "plan": next(r for r in records if r.opcode == walk.ATTACHMENT).end - 10,
+        "plan": next(r for r in records if r.opcode == chunks.ATTACHMENT).end - 10,
         "schema": first.offset + 200,
         "first time of a chunk": chunk.offset + 10,
         "length of an index": index.offset + 1,
@@ -133,7 +133,7 @@ def test_where_the_rest_tells_what_was_there_nothing_is_lost(short: Path, tmp_pa
 
 def test_a_damaged_head_costs_its_chunk_alone(short: Path, tmp_path: Path) -> None:
     path, content, whole = tmp_path / "a.mcap", short.read_bytes(), read_session(short).audio.samples
-    chunk = [r for r in walk.records(walk.mapped(short)) if r.opcode == walk.CHUNK][2]
+    chunk = [r for r in chunks.records(chunks.mapped(short)) if r.opcode == chunks.CHUNK][2]
     for name, place in {"opcode": 0, "length": 3, "size": 26, "checksum": 34, "compression": 38}.items():
         mend(path, content, chunk.offset + place, 2, whole)
         assert whole.shape[1] - sound_frames(path, whole) == round(FLUSH * RATE), name
@@ -143,8 +143,8 @@ def test_a_session_that_was_cut_off_is_mended_too(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     as_killed(record(path, 1.0))
     content, whole = path.read_bytes(), read_session(path).audio.samples
-    chunks = [r for r in walk.records(walk.mapped(path)) if r.opcode == walk.CHUNK]
-    for at in (chunks[4].offset + 3, chunks[4].offset + 5000, 2, chunks[0].offset + 100):
+    found = [r for r in chunks.records(chunks.mapped(path)) if r.opcode == chunks.CHUNK]
+    for at in (found[4].offset + 3, found[4].offset + 5000, 2, found[0].offset + 100):
         hurt = bytearray(content)
         hurt[at] ^= 4
         path.write_bytes(hurt[:-1000])
@@ -152,15 +152,15 @@ def test_a_session_that_was_cut_off_is_mended_too(tmp_path: Path) -> None:
         assert check(path).sound
         assert recovery.cut
         frames = sound_frames(path, whole)
-        assert whole.shape[1] - frames <= (1 + (at > chunks[4].offset)) * FLUSH * RATE
+        assert whole.shape[1] - frames <= (1 + (at > found[4].offset)) * FLUSH * RATE
         assert frames_by_mcap(path) == frames
 
 
 def test_data_behind_a_hole_of_many_bytes_is_recovered(short: Path, tmp_path: Path) -> None:
     path, content = tmp_path / "a.mcap", short.read_bytes()
     whole = read_session(short).audio.samples
-    chunks = [r for r in walk.records(walk.mapped(short)) if r.opcode == walk.CHUNK]
-    hole = slice(chunks[3].offset - 700, chunks[3].offset + 700)
+    found = [r for r in chunks.records(chunks.mapped(short)) if r.opcode == chunks.CHUNK]
+    hole = slice(found[3].offset - 700, found[3].offset + 700)
     for filling in (bytes(1400), np.random.default_rng(0).bytes(1400)):
         path.write_bytes(content[: hole.start] + filling + content[hole.stop :])
         assert not check(path).sound

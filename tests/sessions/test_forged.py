@@ -30,7 +30,7 @@ from tests.sessions.forged import (
 from tests.sessions.made import EPOCH, make
 
 from monochord.core.errors import InputError
-from monochord.sessions import SessionReader, check, codec, read_session, walk
+from monochord.sessions import SessionReader, check, chunks, codec, read_session
 from monochord.sessions.alignment import align
 from monochord.sessions.bounds import ALWAYS_UNPACKED, MAX_COLUMNS, MAX_DURATION
 from monochord.sessions.facts import facts_lines, facts_of
@@ -203,8 +203,8 @@ def bombed(path: Path, packed: bytes, size: int, compression: str, count: int = 
     name = compression.encode()
     body = struct.pack("<QQQI", EPOCH, EPOCH, size, 0) + struct.pack("<I", len(name)) + name
     body += struct.pack("<Q", len(packed)) + packed
-    at = next(each.offset for each in walk.records(memoryview(content)) if each.opcode == walk.CHUNK)
-    chunk = struct.pack("<BQ", walk.CHUNK, len(body)) + body
+    at = next(each.offset for each in chunks.records(memoryview(content)) if each.opcode == chunks.CHUNK)
+    chunk = struct.pack("<BQ", chunks.CHUNK, len(body)) + body
     path.write_bytes(content[:at] + chunk * count + content[at:])
     return path
 

@@ -4,7 +4,7 @@ from monochord.core.labels import LabelTrack
 from monochord.sessions.check import CheckReport, check
 from monochord.sessions.description import ESTIMATES, TUNING, Description, SessionClock
 from monochord.sessions.reader import SessionReader, read_session
-from monochord.sessions.recover import Recovery, recover
+from monochord.sessions.repair import Recovery, recover
 from monochord.sessions.tracks import AudioTrack, ClockTrack, Event, ReadingTrack
 from monochord.sessions.writer import SessionWriter
 

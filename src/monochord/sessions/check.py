@@ -10,15 +10,14 @@ from monochord.core.errors import InputError
 from monochord.core.reasons import Reason
 from monochord.core.silence import is_silent
 from monochord.core.units import Seconds
-from monochord.sessions import walk
-from monochord.sessions._contents import UNREADABLE, Contents
+from monochord.sessions import chunks
 from monochord.sessions._digest import Digest
 from monochord.sessions._layout import TOTALS
-from monochord.sessions._scan import scan
 from monochord.sessions.bounds import json_object
 from monochord.sessions.description import Description
 from monochord.sessions.file import being_written
 from monochord.sessions.reader import SessionReader, read_session
+from monochord.sessions.scan import UNREADABLE, Contents, scan
 from monochord.sessions.tracks import AudioTrack
 
 DISTURBANCES = (
@@ -68,7 +67,7 @@ def check(path: Path) -> CheckReport:
     """
     recording = being_written(path)
     session = read_session(path)  # which refuses what would unpack to too much
-    contents = scan(walk.mapped(path))
+    contents = scan(chunks.mapped(path))
     digests, messages = _by_topic(session, contents)
     content_checksum = hashlib.sha256(json.dumps(digests, sort_keys=True).encode()).hexdigest()
     faults = _damage(contents)

@@ -15,10 +15,9 @@ from monochord.core.notebook import html_table, lines
 from monochord.core.ranges import checked
 from monochord.core.types import Feed, Floats
 from monochord.core.units import Seconds
-from monochord.sessions import codec, walk
-from monochord.sessions._layout import BEGIN, END, refuse_later, rewritten
+from monochord.sessions import chunks, codec
+from monochord.sessions._layout import BEGIN, END, RECOVERED, refuse_later, rewritten
 from monochord.sessions._picture import tracks_plot
-from monochord.sessions._places import named, places, records_of
 from monochord.sessions.bounds import (
     MAX_COLUMNS,
     MAX_DURATION,
@@ -89,31 +88,31 @@ class SessionReader:
     @checked
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._view = walk.mapped(path)
+        self._view = chunks.mapped(path)
         self._names: dict[int, str] = {}
-        self._parts: list[walk.Record] = []
+        self._parts: list[chunks.Record] = []
         self._holes, self._ended, ours, moved = 0, False, True, False
         self.malformed: dict[str, tuple[int, str]] = {}
         opening: dict[str, str] = {}
         self.ending: dict[str, str] = {}
         self.recovered = False
-        for record in walk.records(self._view):
+        for record in chunks.records(self._view):
             content = record.content
             if self._ended:  # the summary
-                self._names |= named(content)
+                self._names |= chunks.named(content)
             elif isinstance(content, Metadata):
                 opening = content.metadata if content.name == BEGIN else opening
                 moved |= content.name == BEGIN and bool(self._parts)
                 self.ending = content.metadata if content.name == END else self.ending
-                self.recovered = self.recovered or content.name == walk.RECOVERED
-            elif record.opcode in (walk.CHUNK, walk.LOOSE):
+                self.recovered = self.recovered or content.name == RECOVERED
+            elif record.opcode in (chunks.CHUNK, chunks.LOOSE):
                 self._parts.append(record)
-            elif record.opcode == walk.HEADER:
+            elif record.opcode == chunks.HEADER:
                 ours = not rewritten(bytes(record.body))
-            self._holes += record.opcode == walk.DAMAGED
-            self._ended |= record.opcode == walk.DATA_END
+            self._holes += record.opcode == chunks.DAMAGED
+            self._ended |= record.opcode == chunks.DATA_END
         refuse_later(path, opening)
-        unpacked = sum(walk.unpacked_size(each.body) for each in self._parts if each.opcode == walk.CHUNK)
+        unpacked = sum(map(chunks.unpacked_size, self._parts))
         refuse_unpacking(f"session {path}", len(self._view), unpacked, "unpack it: mcap decompress")
         # Where another program wrote the file, its order says nothing.
         self._as_written = ours and not moved and bool(opening or self._holes)
@@ -133,20 +132,14 @@ class SessionReader:
         # As every session of ours numbers them; where the chunk that says so is damaged, this does.
         self._names = (dict(enumerate(self.topics, 1)) if ours else {}) | self._names
 
-    def _described_again(self, origin: str, parts: list[walk.Record]) -> dict[str, str]:
+    def _described_again(self, origin: str, parts: list[chunks.Record]) -> dict[str, str]:
         """Return the description and clock from the checksummed message; nothing where it is missing."""
         try:
             float(origin)
         except ValueError:
             origin = "0.0"  # no time that is read depends on it
-        names: dict[int, str] = {}
-        for _, opcode, _, body in records_of(parts):
-            if opcode == walk.CHANNEL:
-                names |= named(walk.parsed(opcode, body))
-            if opcode != walk.MESSAGE:
-                continue
-            message = walk.message(body)
-            if names.get(message.channel) == "/description":
+        for _, _, _, topic, message in chunks.messages_of(parts, {}):
+            if topic == "/description":
                 try:
                     text = codec.decode(codec.TEXT, message.data).data
                 except InputError:
@@ -162,7 +155,7 @@ class SessionReader:
     @cached_property
     def damaged(self) -> int:
         """Number of damaged records or chunks; all reads leave their content out."""
-        return self._holes + sum(not walk.contents(each).sound for each in self._parts)
+        return self._holes + sum(not chunks.contents(each).sound for each in self._parts)
 
     @property
     def streams(self) -> tuple[str, ...]:
@@ -175,33 +168,33 @@ class SessionReader:
         return (*codec.TOPICS, *(codec.topic_of(stream) for stream in self.streams))
 
     @checked
-    def messages(self, topic: str) -> Iterator[walk.Message]:
+    def messages(self, topic: str) -> Iterator[chunks.Message]:
         """Yield the messages of a topic in recording order; audio in order of frames.
 
         In a file written by another program, messages come in order of log time. Damaged chunks are left out.
         """
-        rows = self._places.get(topic)
+        rows = self._table.get(topic)
         if rows is None:
             return
         held, records = -1, memoryview(b"")
         for first in range(0, len(rows), PIECE):
             for _, part, start, stop in rows[first : first + PIECE].tolist():
                 if part != held:
-                    held, records = part, walk.contents(self._parts[part]).records
-                yield walk.message(records[start:stop])
+                    held, records = part, chunks.contents(self._parts[part]).records
+                yield chunks.message(records[start:stop])
 
     @cached_property
-    def _places(self) -> dict[str, NDArray[np.uint64]]:
-        return places(self._parts, self._names, as_written=self._as_written)
+    def _table(self) -> dict[str, NDArray[np.uint64]]:
+        return chunks.message_table(self._parts, self._names, as_written=self._as_written)
 
     @property
     def channels(self) -> dict[int, str]:
         """Topic of each channel, by channel number."""
-        _ = self._places
+        _ = self._table
         return self._names
 
     @checked
-    def decoded(self, topic: str) -> Iterator[tuple[walk.Message, Any]]:
+    def decoded(self, topic: str) -> Iterator[tuple[chunks.Message, Any]]:
         """Yield the messages of a topic with their decoded content; malformed ones are counted instead."""
         count = 0
         for message in self.messages(topic):
@@ -214,7 +207,7 @@ class SessionReader:
                 continue
             yield message, content
 
-    def _decode(self, topic: str, message: walk.Message) -> Any:
+    def _decode(self, topic: str, message: chunks.Message) -> Any:
         """Return a decoded message; raises `InputError` where it contradicts the description."""
         kind, width = codec.TOPICS.get(topic), 0
         if kind is None:
@@ -350,12 +343,12 @@ class SessionReader:
     @cached_property
     def length(self) -> Seconds:
         """Length of the audio in s, gaps included, from its last block; the audio itself is not read."""
-        rows = self._places.get("/audio")
+        rows = self._table.get("/audio")
         for row in [] if rows is None else rows[::-1]:
             _, part, start, stop = row.tolist()
             try:
                 block = self._decode(
-                    "/audio", walk.message(walk.contents(self._parts[part]).records[start:stop])
+                    "/audio", chunks.message(chunks.contents(self._parts[part]).records[start:stop])
                 )
             except InputError:
                 continue
@@ -436,7 +429,7 @@ class SessionReader:
             raise InputError(f"session {self.path} with {len(names)} {what}", f"{MAX_COLUMNS} at most")
         return list(names)
 
-    def _poses(self, feed: Feed, messages: Iterator[tuple[walk.Message, Any]]) -> ReadingTrack:
+    def _poses(self, feed: Feed, messages: Iterator[tuple[chunks.Message, Any]]) -> ReadingTrack:
         arrivals: list[int] = []
         sequence: list[int] = []
         sent: list[int] = []

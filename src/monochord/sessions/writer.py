@@ -3,12 +3,10 @@
 import hashlib
 import json
 import os
-from array import array
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from mcap.records import ChunkIndex
 
 from monochord.core.closing import Closing
 from monochord.core.errors import InputError
@@ -19,11 +17,11 @@ from monochord.sessions import codec
 from monochord.sessions._digest import Digest
 from monochord.sessions._layout import END, TOTALS, begin, guarded
 from monochord.sessions.bounds import MAX_COLUMNS, json_object
+from monochord.sessions.chunks import ChunkList
 from monochord.sessions.description import LATEST_STAMP, Description, SessionClock
 from monochord.sessions.file import SessionFile
-from monochord.sessions.recover import recover
+from monochord.sessions.repair import recover
 from monochord.sessions.tracks import LABELS
-from monochord.sessions.walk import CHUNK_HEAD, HEAD, MESSAGE_INDEX
 
 AUDIO_MESSAGE: Seconds = 0.1
 """Largest audio in a message."""
@@ -321,46 +319,3 @@ class SessionWriter(Closing):
 def _refuse_too_many(what: str, count: int) -> None:
     if count > MAX_COLUMNS:
         raise InputError(f"{what} {count} names", f"{MAX_COLUMNS} at most")
-
-
-class ChunkList:
-    """Replaces the list in which an MCAP writer remembers its chunks until the file's end.
-
-    An hour has some 36,000 chunks, whose entries take 22 MB in memory. This list stores only each chunk's
-    position (eight bytes); the rest is read back from the file when the end is written.
-    """
-
-    def __init__(self, file: SessionFile) -> None:
-        self._file, self._begins = file, array("Q")
-
-    def append(self, index: ChunkIndex) -> None:
-        """Remember a written chunk with the message indices after it."""
-        self._begins.append(index.chunk_start_offset)
-
-    def __iter__(self) -> Iterator[ChunkIndex]:
-        return map(self._entry, self._begins)
-
-    def _entry(self, begin: int) -> ChunkIndex:
-        body = begin + HEAD.size
-        _, length = HEAD.unpack(self._file.read(begin, HEAD.size))
-        first, last, size, _, name = CHUNK_HEAD.unpack(self._file.read(body, CHUNK_HEAD.size))
-        compression = self._file.read(body + CHUNK_HEAD.size, name).decode()
-        end = at = body + length
-        offsets: dict[int, int] = {}
-        while len(head := self._file.read(at, HEAD.size + 2)) > HEAD.size:
-            opcode, length_here = HEAD.unpack_from(head)
-            if opcode != MESSAGE_INDEX:
-                break
-            offsets[int.from_bytes(head[HEAD.size :], "little")] = at
-            at += HEAD.size + length_here
-        return ChunkIndex(
-            chunk_start_offset=begin,
-            chunk_length=end - begin,
-            message_start_time=first,
-            message_end_time=last,
-            message_index_offsets=offsets,
-            message_index_length=at - end,
-            compression=compression,
-            compressed_size=length - CHUNK_HEAD.size - name - 8,
-            uncompressed_size=size,
-        )

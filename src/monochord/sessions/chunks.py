@@ -1,4 +1,9 @@
-"""Walks an MCAP file record by record, skipping damage to the next intact record.
+"""Walks an MCAP file: its records and chunks, and the messages in them, past any damage.
+
+A session is a sequence of records; messages are records inside chunks, each chunk with a checksum. `records`
+walks the file, from any damage to the next intact record; `contents` unpacks a chunk, and `inside` walks
+that. `message_table` says where each topic's messages are, in reading order. Reader, check, repair and
+writer walk a file by these alone.
 
 The `mcap` library defines the record layout. This module unpacks only what is read for each chunk and
 message, which takes a tenth of the time and no copy.
@@ -8,18 +13,22 @@ import mmap
 import re
 import struct
 import zlib
+from array import array
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 from mcap.data_stream import ReadDataStream, RecordBuilder
 from mcap.exceptions import EndOfFile
 from mcap.opcode import Opcode
 from mcap.records import (
     Attachment,
     Channel,
+    ChunkIndex,
     DataEnd,
     Footer,
     Header,
@@ -28,15 +37,16 @@ from mcap.records import (
     Metadata,
     Schema,
 )
+from numpy.typing import NDArray
 
 from monochord.core.errors import InputError
 from monochord.core.files import refuse_endless, similar_name
 from monochord.sessions import _packing as packing
+from monochord.sessions import codec
+from monochord.sessions.file import SessionFile
 
 MAX_WRITE = 8 << 20
 """Largest write, in bytes."""
-RECOVERED = "monochord.recovered"
-"""Name of the metadata in a repaired session."""
 MAGIC = b"\x89MCAP0\r\n"
 # As plain numbers: a walk takes a quarter longer where it looks up members of the enumeration.
 HEADER, FOOTER, DATA_END = int(Opcode.HEADER), int(Opcode.FOOTER), int(Opcode.DATA_END)
@@ -91,8 +101,8 @@ class Message(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ChunkBody:
-    """A chunk's records, and whether their checksum is right."""
+class ChunkContents:
+    """The records of a chunk, unpacked, and whether their checksum is right."""
 
     uncompressed_size: int
     compression: str
@@ -147,11 +157,6 @@ def records(view: memoryview) -> Iterator[Record]:
             return
 
 
-def lost(length: int) -> bytes:
-    """Return the first bytes of a record that replaces `length` damaged bytes."""
-    return HEAD.pack(LOST, length - HEAD.size) + LOST_MARK
-
-
 def torn(view: memoryview, offset: int) -> bool:
     """Return whether a file ends, from `offset` on, in an interrupted write with nothing complete."""
     if bytes(view[-len(MAGIC) :]) == MAGIC:
@@ -169,14 +174,23 @@ def torn(view: memoryview, offset: int) -> bool:
     return HEADER <= opcode <= DATA_END and len(rest) - HEAD.size < length < MAX_WRITE
 
 
-def chunk(body: memoryview) -> ChunkBody:
-    """Return a chunk record's content, uncompressed; empty where damaged."""
+def contents(record: Record) -> ChunkContents:
+    """Return the records of a chunk, empty where damaged; those of a `LOOSE` record have no checksum."""
+    body = record.body
+    if record.opcode == LOOSE:
+        return ChunkContents(
+            uncompressed_size=len(body),
+            compression="",
+            compressed_size=len(body),
+            records=body,
+            sound=True,
+        )
     _, _, size, crc, length = CHUNK_HEAD.unpack_from(body)
     name = body[CHUNK_HEAD.size : CHUNK_HEAD.size + min(length, _MAX_NAME)]
     compression, packed = bytes(name).decode(errors="replace"), body[CHUNK_HEAD.size + length + 8 :]
     unpacked = packing.unpacked(compression, packed, size)
     whole = unpacked is not None and len(unpacked) == size
-    return ChunkBody(
+    return ChunkContents(
         uncompressed_size=size,
         compression=compression,
         compressed_size=len(packed),
@@ -185,18 +199,12 @@ def chunk(body: memoryview) -> ChunkBody:
     )
 
 
-def contents(record: Record) -> ChunkBody:
-    """Return the content of a `CHUNK` or `LOOSE` record; the latter has no checksum."""
-    if record.opcode == CHUNK:
-        return chunk(record.body)
-    size = len(record.body)
-    return ChunkBody(
-        uncompressed_size=size,
-        compression="",
-        compressed_size=size,
-        records=record.body,
-        sound=True,
-    )
+def unpacked_size(record: Record) -> int:
+    """Return the size that a chunk claims to unpack to, in bytes; 0 where it is not compressed."""
+    if record.opcode == LOOSE:
+        return 0
+    _, _, size, _, length = CHUNK_HEAD.unpack_from(record.body)
+    return size if length else 0
 
 
 def inside(view: memoryview) -> Iterator[tuple[int, int, memoryview]]:
@@ -233,6 +241,103 @@ def parsed(opcode: int, body: memoryview) -> McapRecord | None:
         record.write(again)
         return record if again.end()[HEAD.size :] == bytes(body) else None
     return record if stream.count == len(body) else None
+
+
+def messages_of(
+    parts: list[Record], names: dict[int, str]
+) -> Iterator[tuple[int, int, memoryview, str, Message]]:
+    """Yield the messages of intact chunks: chunk number, offset in the chunk, body, topic, message.
+
+    `names` maps known channels to topics, and gets those that the chunks name; other messages are left out.
+    """
+    for part, record in enumerate(parts):
+        chunk = contents(record)
+        for opcode, offset, body in inside(chunk.records) if chunk.sound else ():
+            if opcode == CHANNEL:
+                names |= named(parsed(opcode, body))
+            elif opcode == MESSAGE:
+                found = message(body)
+                topic = names.get(found.channel)
+                if topic is not None:
+                    yield part, offset + HEAD.size, body, topic, found
+
+
+def named(record: McapRecord | None) -> dict[int, str]:
+    """Return the topic of a channel record, by channel number; nothing for another record."""
+    return {record.id: record.topic} if isinstance(record, Channel) else {}
+
+
+def message_table(
+    parts: list[Record], names: dict[int, str], *, as_written: bool
+) -> dict[str, NDArray[np.uint64]]:
+    """Return, for each topic, rows (n, 4): sort key, chunk number, first and last byte within the chunk.
+
+    `names` is as in `messages_of`. With `as_written`, rows keep recording order, in which a time may step
+    back; otherwise they are sorted by log time. Audio is sorted by frame either way.
+    """
+    columns: dict[str, array[int]] = {}
+    begin, end = 0, 0
+    for part, start, body, topic, found in messages_of(parts, names):
+        end = found.log_time or end
+        begin = begin or end
+        key = _sort_key(topic, found, as_written=as_written)
+        columns.setdefault(topic, array("Q")).extend((key, part, start, start + len(body)))
+    tables = {topic: np.frombuffer(each, np.uint64).reshape(-1, 4) for topic, each in columns.items()}
+    return {topic: _sorted(rows, backwards=begin > end and not as_written) for topic, rows in tables.items()}
+
+
+def _sort_key(topic: str, message: Message, *, as_written: bool) -> int:
+    if topic == "/audio":  # a device's times may step back where its frames do not
+        with suppress(InputError):
+            return int(codec.decode(codec.AUDIO, message.data).start)
+    return 0 if as_written else message.log_time
+
+
+def _sorted(rows: NDArray[np.uint64], *, backwards: bool) -> NDArray[np.uint64]:
+    """Return rows sorted by their first column; equal rows keep file order, or its reverse if that rises."""
+    first, last = rows[0, 0], rows[-1, 0]
+    rows = rows[::-1] if first > last or (first == last and backwards) else rows
+    return rows[np.argsort(rows[:, 0], kind="stable")]
+
+
+def index_offsets(index: memoryview, start: int) -> dict[int, int]:
+    """Return the offset of each channel's record in a message index that starts at `start`."""
+    return {int.from_bytes(body[:2], "little"): start + at for _, at, body in inside(index)}
+
+
+class ChunkList:
+    """Replaces the list in which an MCAP writer remembers its chunks until the file's end.
+
+    An hour has some 36,000 chunks, whose entries take 22 MB in memory. This list stores each chunk's position
+    and the size of its message index (16 bytes); the rest is read back when the end is written.
+    """
+
+    def __init__(self, file: SessionFile) -> None:
+        self._file, self._positions, self._sizes = file, array("Q"), array("Q")
+
+    def append(self, index: ChunkIndex) -> None:
+        """Remember a written chunk with the message index after it."""
+        self._positions.append(index.chunk_start_offset)
+        self._sizes.append(index.message_index_length)
+
+    def __iter__(self) -> Iterator[ChunkIndex]:
+        return map(self._entry, self._positions, self._sizes)
+
+    def _entry(self, begin: int, index_size: int) -> ChunkIndex:
+        head = self._file.read(begin, HEAD.size + CHUNK_HEAD.size)
+        end = begin + HEAD.size + HEAD.unpack_from(head)[1]
+        first, last, size, _, _ = CHUNK_HEAD.unpack_from(head, HEAD.size)
+        return ChunkIndex(
+            chunk_start_offset=begin,
+            chunk_length=end - begin,
+            message_start_time=first,
+            message_end_time=last,
+            message_index_offsets=index_offsets(memoryview(self._file.read(end, index_size)), end),
+            message_index_length=index_size,
+            compression="",  # as a session is written
+            compressed_size=size,
+            uncompressed_size=size,
+        )
 
 
 class _Body(ReadDataStream):
@@ -292,7 +397,7 @@ def _next(view: memoryview, start: int, heads: "re.Pattern[bytes]") -> int:
         else:
             follows = len(view) - record.end < HEAD.size or _record(view, record.end) is not None
             follows = follows or (record.opcode == DATA_END and any(_summary(view, record.end)))
-            follows = follows or (record.opcode == CHUNK and chunk(record.body).sound)
+            follows = follows or (record.opcode == CHUNK and contents(record).sound)
         if follows:
             return record.offset
     return 0
@@ -342,9 +447,3 @@ _FITS: dict[int, Callable[[memoryview], bool]] = {
     LOST: lambda body: bytes(body[: len(LOST_MARK)]) == LOST_MARK,
 }
 """Length checks of the most frequent records."""
-
-
-def unpacked_size(body: memoryview) -> int:
-    """Return a chunk record's claimed unpacked size in bytes, 0 if it is not compressed."""
-    _, _, size, _, length = CHUNK_HEAD.unpack_from(body)
-    return size if length else 0

@@ -1,8 +1,14 @@
-"""Scans an MCAP file for intact records, wherever it was truncated or damaged."""
+"""Scans an MCAP file for what is intact after truncation or damage, and for patches that mend the rest."""
 
+import json
+import re
 import struct
 import zlib
+from collections import defaultdict
 from contextlib import suppress
+from dataclasses import dataclass, field
+from math import isfinite
+from typing import NamedTuple
 
 from mcap.data_stream import RecordBuilder
 from mcap.records import (
@@ -18,19 +24,25 @@ from mcap.records import (
     Schema,
 )
 
-from monochord.sessions import codec, walk
-from monochord.sessions._contents import UNREADABLE, Contents, Damage, Patch, identity_of
+from monochord.sessions import chunks, codec
+from monochord.sessions._digest import Digest
 from monochord.sessions._layout import (
     BEGIN,
     END,
     FORMAT,
     GUARD,
+    RECOVERED,
     ending_is_sound,
     is_later,
     opening,
     rewritten,
 )
 from monochord.sessions._packing import unreadable
+from monochord.sessions.description import SessionClock
+
+UNREADABLE = "unreadable chunk"
+"""Kind of damage that may be none: a compression that is not known here."""
+_ORIGIN = re.compile(rb"origin.{4}([0-9.e+-]+)", re.DOTALL)
 
 _TIMES = struct.Struct("<QQ")
 """First and last time in a chunk: its record begins with them, and no checksum guards them."""
@@ -38,11 +50,92 @@ Entries = dict[int, list[tuple[int, int]]]
 """Log time and offset of each channel's messages in a chunk."""
 
 
+class Damage(NamedTuple):
+    """A damaged byte range from `offset` to `end`: a chunk or another record (`what`)."""
+
+    offset: int
+    end: int
+    what: str
+
+
+class Patch(NamedTuple):
+    """Bytes to write at `offset`, derived from the intact records around it; `what` is wrong there."""
+
+    offset: int
+    data: bytes
+    what: str
+
+
+@dataclass(slots=True)
+class Contents:
+    """A file's content: where its intact part ends, and the damage before that.
+
+    `ended` means that an intact summary and footer follow, `closed` that traces of them do, `torn` that the
+    file ends in an interrupted write with nothing usable. `damage` lists ranges that can only be left out;
+    `patches` lists ranges that can be restored. `index` holds the message index of the last chunk where the
+    file lacks it. `begin` and `ending` are the metadata at the beginning and the end; `text` and `epoch_ns`
+    come from the description message; `digests` are by channel. `rewritten` means that another program wrote
+    the file in its own layout; `marked` means that an earlier repair, complete or interrupted, left something
+    out. `span` runs from the first log time to the last.
+    """
+
+    end: int = len(chunks.MAGIC)
+    ended: bool = False
+    closed: bool = False
+    recovered: bool = False
+    rewritten: bool = False
+    marked: bool = False
+    torn: bool = True
+    damage: list[Damage] = field(default_factory=list[Damage])
+    patches: list[Patch] = field(default_factory=list[Patch])
+    index: bytes = b""
+    begin: dict[str, str] = field(default_factory=dict[str, str])
+    begin_at: Damage | None = None
+    ending: dict[str, str] = field(default_factory=dict[str, str])
+    ending_at: Damage | None = None
+    text: str | None = None
+    epoch_ns: int = 0
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
+    chunks: list[ChunkIndex] = field(default_factory=list)
+    attachments: list[AttachmentIndex] = field(default_factory=list)
+    metadata: list[MetadataIndex] = field(default_factory=list)
+    digests: dict[int, Digest] = field(default_factory=lambda: defaultdict(Digest))
+    span: tuple[int, int] | None = None
+
+    @property
+    def whole(self) -> bool:
+        """Whether nothing needs repair.
+
+        A Monochord session has an ending or the repair note; other programs leave that metadata out.
+        """
+        unmended = bool(self.damage or self.patches or (self.marked and not self.recovered))
+        closed = bool(self.ending or self.recovered or self.rewritten or not self.begin)
+        return self.ended and not unmended and closed
+
+    @property
+    def unreadable(self) -> bool:
+        """Whether some chunks cannot be unpacked here although they may be intact."""
+        return any(each.what == UNREADABLE for each in self.damage)
+
+    @property
+    def counts(self) -> dict[int, int]:
+        """Number of messages in each channel."""
+        return {number: each.count for number, each in self.digests.items()}
+
+    def agrees(self) -> bool:
+        """Return whether the messages match the checksums in the ending."""
+        with suppress(ValueError):
+            there = {c.topic: self.digests[n].ordered for n, c in self.channels.items()}
+            return there == json.loads(self.ending.get("sha256", "{}"))
+        return False
+
+
 def scan(view: memoryview) -> Contents:
     """Return what a file holds up to its last intact record."""
     contents, edges, group = Contents(), set[int](), _Group()
-    walked, data_ended = len(walk.MAGIC), False
-    records = walk.records(view)
+    walked, data_ended = len(chunks.MAGIC), False
+    records = chunks.records(view)
     for record in records:
         walked = record.end
         if isinstance(record.content, DataEnd):
@@ -50,7 +143,7 @@ def scan(view: memoryview) -> Contents:
             crc = record.content.data_section_crc
             contents.closed = crc in (0, zlib.crc32(view[: record.offset]))
             _add_summary(view, contents, record.end, list(records))
-        elif record.opcode == walk.FOOTER:
+        elif record.opcode == chunks.FOOTER:
             walked, contents.closed = record.offset, True
         else:
             edges.add(record.end)
@@ -60,8 +153,8 @@ def scan(view: memoryview) -> Contents:
             elif group.full:
                 group.close(view, contents)
     group.close(view, contents, last=not contents.closed and not data_ended)
-    contents.closed = contents.closed or data_ended or bytes(view[-len(walk.MAGIC) :]) == walk.MAGIC
-    contents.torn = walk.torn(view, walked)
+    contents.closed = contents.closed or data_ended or bytes(view[-len(chunks.MAGIC) :]) == chunks.MAGIC
+    contents.torn = chunks.torn(view, walked)
     _mend_opening(view, contents, edges)
     if contents.ending and contents.ending_at and not ending_is_sound(contents.ending):
         contents.damage.append(contents.ending_at._replace(what="ending"))
@@ -69,22 +162,22 @@ def scan(view: memoryview) -> Contents:
     return contents
 
 
-def _add(view: memoryview, contents: Contents, record: walk.Record) -> "_Group":
+def _add(view: memoryview, contents: Contents, record: chunks.Record) -> "_Group":
     """Add a record; return what must follow."""
-    if record.opcode == walk.CHUNK:
+    if record.opcode == chunks.CHUNK:
         return _add_chunk(view, contents, record)
     if isinstance(record.content, Metadata):
         _add_metadata(view, contents, record, record.content)
     elif isinstance(record.content, Attachment):
         _add_attachment(contents, record, record.content)
-    elif record.opcode == walk.DAMAGED:
+    elif record.opcode == chunks.DAMAGED:
         contents.damage.append(Damage(record.offset, record.end, "record"))
     else:
         contents.end = record.end
-    if record.opcode == walk.LOOSE:
+    if record.opcode == chunks.LOOSE:
         _add_messages(contents, record.body)
-    contents.rewritten |= record.opcode == walk.HEADER and rewritten(bytes(record.body))
-    contents.marked |= record.opcode == walk.LOST
+    contents.rewritten |= record.opcode == chunks.HEADER and rewritten(bytes(record.body))
+    contents.marked |= record.opcode == chunks.LOST
     return _Group()
 
 
@@ -99,11 +192,11 @@ class _Group:
     def full(self) -> bool:
         return self._end - self._start == len(self._bytes)
 
-    def takes(self, record: walk.Record) -> bool:
+    def takes(self, record: chunks.Record) -> bool:
         """Return whether a record is taken as part of the index; an index of an unknown chunk is skipped."""
         if self._chunk is None:
-            return record.opcode == walk.MESSAGE_INDEX
-        if self.full or record.opcode not in (walk.MESSAGE_INDEX, walk.DAMAGED):
+            return record.opcode == chunks.MESSAGE_INDEX
+        if self.full or record.opcode not in (chunks.MESSAGE_INDEX, chunks.DAMAGED):
             return False
         self._end = record.end
         return True
@@ -121,7 +214,7 @@ class _Group:
         if same or self.full:  # other programs write the same in another order
             contents.end = self._end
             chunk.message_index_length = len(there)
-            chunk.message_index_offsets = offsets(there, self._start)
+            chunk.message_index_offsets = chunks.index_offsets(there, self._start)
         elif last:
             contents.index = self._bytes
         elif self._end > self._start:
@@ -132,19 +225,14 @@ def _entries(index: memoryview) -> Entries | None:
     """Return the entries of an index; None if damaged."""
     entries: Entries = {}
     reached = 0
-    for opcode, offset, body in walk.inside(index):
-        reached = offset + walk.HEAD.size + len(body)
-        content = walk.parsed(opcode, body)
-        if not isinstance(content, MessageIndex) or not walk.index_fits(body):
+    for opcode, offset, body in chunks.inside(index):
+        reached = offset + chunks.HEAD.size + len(body)
+        content = chunks.parsed(opcode, body)
+        if not isinstance(content, MessageIndex) or not chunks.index_fits(body):
             return None
         if content.records:
             entries.setdefault(content.channel_id, []).extend(content.records)
     return {number: sorted(each) for number, each in entries.items()} if reached == len(index) else None
-
-
-def offsets(index: memoryview, start: int) -> dict[int, int]:
-    """Return the offset of each channel's record in a message index that starts at `start`."""
-    return {int.from_bytes(body[:2], "little"): start + at for _, at, body in walk.inside(index)}
 
 
 def _patch(view: memoryview, contents: Contents, offset: int, data: bytes, what: str = "record") -> None:
@@ -156,9 +244,9 @@ def _patch(view: memoryview, contents: Contents, offset: int, data: bytes, what:
     contents.patches.append(Patch(offset + wrong[0], data[wrong[0] : wrong[-1] + 1], what))
 
 
-def _add_chunk(view: memoryview, contents: Contents, record: walk.Record) -> _Group:
+def _add_chunk(view: memoryview, contents: Contents, record: chunks.Record) -> _Group:
     """Add a chunk; return its expected index."""
-    chunk = walk.chunk(record.body)
+    chunk = chunks.contents(record)
     if not chunk.sound:
         maybe = unreadable(chunk.compression, chunk.uncompressed_size)
         contents.damage.append(Damage(record.offset, record.end, UNREADABLE if maybe else "chunk"))
@@ -166,7 +254,7 @@ def _add_chunk(view: memoryview, contents: Contents, record: walk.Record) -> _Gr
     entries = _add_messages(contents, chunk.records)
     begin, stop = _span(entries) or (0, 0)
     if entries and not chunk.compression and not contents.rewritten:
-        _patch(view, contents, record.offset + walk.HEAD.size, _TIMES.pack(begin, stop))
+        _patch(view, contents, record.offset + chunks.HEAD.size, _TIMES.pack(begin, stop))
     contents.end = record.end
     contents.chunks.append(
         ChunkIndex(
@@ -190,9 +278,9 @@ def _add_chunk(view: memoryview, contents: Contents, record: walk.Record) -> _Gr
 def _add_messages(contents: Contents, records: memoryview) -> Entries:
     """Add schemas, channels and messages; return the messages' offsets."""
     entries: Entries = {}
-    for opcode, offset, body in walk.inside(records):
-        if opcode == walk.MESSAGE and len(body) >= walk.MIN_MESSAGE:
-            message = walk.message(body)
+    for opcode, offset, body in chunks.inside(records):
+        if opcode == chunks.MESSAGE and len(body) >= chunks.MIN_MESSAGE:
+            message = chunks.message(body)
             entries.setdefault(message.channel, []).append((message.log_time, offset))
             contents.digests[message.channel].add(
                 message.log_time, message.publish_time, message.sequence, message.data
@@ -200,8 +288,8 @@ def _add_messages(contents: Contents, records: memoryview) -> Entries:
             channel = contents.channels.get(message.channel)
             if channel and channel.topic == "/description" and contents.text is None:
                 contents.text, contents.epoch_ns = _text(message), message.log_time
-        elif opcode in (walk.SCHEMA, walk.CHANNEL):
-            content = walk.parsed(opcode, body)
+        elif opcode in (chunks.SCHEMA, chunks.CHANNEL):
+            content = chunks.parsed(opcode, body)
             if isinstance(content, Schema):
                 contents.schemas[content.id] = content
             elif isinstance(content, Channel):
@@ -217,13 +305,13 @@ def _span(entries: Entries) -> tuple[int, int] | None:
     return (min(times), max(times)) if times else None
 
 
-def _add_summary(view: memoryview, contents: Contents, begin: int, records: list[walk.Record]) -> None:
+def _add_summary(view: memoryview, contents: Contents, begin: int, records: list[chunks.Record]) -> None:
     """Check the summary against its checksum (where it has one) and its position.
 
     A channel whose chunk is damaged is read from the summary; Monochord's channels are known without it.
     """
     footer = records[-1] if records else None
-    if not footer or not isinstance(footer.content, Footer) or bytes(view[footer.end :]) != walk.MAGIC:
+    if not footer or not isinstance(footer.content, Footer) or bytes(view[footer.end :]) != chunks.MAGIC:
         return
     start, crc = footer.content.summary_start, footer.content.summary_crc
     in_place = start == (0 if footer.offset == begin else begin)  # a summary of nothing begins nowhere
@@ -235,13 +323,13 @@ def _add_summary(view: memoryview, contents: Contents, begin: int, records: list
             contents.channels.setdefault(record.content.id, record.content)
 
 
-def _text(message: walk.Message) -> str | None:
+def _text(message: chunks.Message) -> str | None:
     with suppress(Exception):  # whatever the decoder makes of what a program of another kind wrote
         return str(codec.decode(codec.TEXT, message.data).data)
     return None
 
 
-def _add_metadata(view: memoryview, contents: Contents, record: walk.Record, metadata: Metadata) -> None:
+def _add_metadata(view: memoryview, contents: Contents, record: chunks.Record, metadata: Metadata) -> None:
     name, content = metadata.name, metadata.metadata
     if len(name) == len(END) and GUARD in content and ending_is_sound(content):
         _patch(view, contents, record.offset + 13, END.encode())  # behind opcode and two lengths
@@ -250,14 +338,14 @@ def _add_metadata(view: memoryview, contents: Contents, record: walk.Record, met
         contents.begin, contents.begin_at = content, Damage(record.offset, record.end, "description")
     elif name == END:
         contents.ending, contents.ending_at = content, Damage(record.offset, record.end, "ending")
-    contents.recovered = contents.recovered or name == walk.RECOVERED
+    contents.recovered = contents.recovered or name == RECOVERED
     contents.metadata.append(
         MetadataIndex(offset=record.offset, length=record.end - record.offset, name=name)
     )
     contents.end = record.end
 
 
-def _add_attachment(contents: Contents, record: walk.Record, attachment: Attachment) -> None:
+def _add_attachment(contents: Contents, record: chunks.Record, attachment: Attachment) -> None:
     if int.from_bytes(record.body[-4:], "little") not in (0, zlib.crc32(record.body[:-4])):
         contents.damage.append(Damage(record.offset, record.end, "record"))
         return
@@ -285,7 +373,7 @@ def _mend_opening(view: memoryview, contents: Contents, edges: set[int]) -> None
         made = opening(text, clock)
     except Exception:  # noqa: BLE001  (no description of ours: there is nothing to go by)
         return
-    head = made[: next(walk.records(memoryview(made))).end]
+    head = made[: next(chunks.records(memoryview(made))).end]
     headed = bytes(view[: len(head)]) == head
     described = contents.begin == {"format": FORMAT, **clock.dump(), "description": text}
     first = contents.chunks[0].chunk_start_offset if contents.chunks else len(made)
@@ -309,3 +397,29 @@ def _mend_opening(view: memoryview, contents: Contents, edges: set[int]) -> None
     if not described and contents.begin_at:
         contents.damage.append(contents.begin_at)
         contents.begin = {}
+
+
+def origin_of(view: memoryview, contents: Contents) -> float:
+    """Return the monotonic clock at the session's beginning, 0 where it is lost (no time depends on it)."""
+    written = _ORIGIN.search(view[: contents.chunks[0].chunk_start_offset if contents.chunks else 4096])
+    for text in (
+        contents.ending.get("origin") if ending_is_sound(contents.ending) else None,
+        contents.begin.get("origin"),
+        written and written[1].decode(),
+    ):
+        with suppress(ValueError, TypeError):
+            if isfinite(origin := float(text or "")):
+                return origin
+    return 0.0
+
+
+def identity_of(view: memoryview, contents: Contents) -> tuple[str, SessionClock] | None:
+    """Return description and clock: from the checksummed message, else from the metadata at the start."""
+    if contents.text is not None:
+        return contents.text, SessionClock(epoch_ns=contents.epoch_ns, origin=origin_of(view, contents))
+    with suppress(ValueError, KeyError):
+        epoch_ns = int(contents.begin["epoch_ns"])
+        return contents.begin["description"], SessionClock(
+            epoch_ns=epoch_ns, origin=origin_of(view, contents)
+        )
+    return None

@@ -17,13 +17,11 @@ from mcap.records import DataEnd, Footer, Metadata, MetadataIndex, Statistics, S
 from monochord.core.errors import InputError
 from monochord.core.files import refuse_endless, synced
 from monochord.core.units import Seconds
-from monochord.sessions import walk
-from monochord.sessions._contents import Contents, identity_of
-from monochord.sessions._layout import BEGIN, FORMAT, opening, refuse_later
-from monochord.sessions._scan import offsets, scan
+from monochord.sessions import chunks
+from monochord.sessions._layout import BEGIN, FORMAT, RECOVERED, opening, refuse_later
 from monochord.sessions.file import refuse_recorded
 from monochord.sessions.reader import read_session
-from monochord.sessions.walk import MAGIC
+from monochord.sessions.scan import Contents, identity_of, scan
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,7 +61,7 @@ def recover(path: Path) -> Recovery:
     try:
         with path.open("r+b") as file:
             refuse_recorded(path, file.fileno())
-            walk.mapped(path)
+            chunks.mapped(path)
             repair = _Repair(path, file)
             repair.plan()
             repair.carry_out()
@@ -123,7 +121,7 @@ class _Repair:
         contents, file = self.contents, self._file
         ending = b"" if contents.whole else ending_after(contents, self._notes())
         if pieces := _joined(self._pieces):
-            self.cut = _save_beside(self._path, [walk.mapped(self._path)[a:b] for a, b in pieces])
+            self.cut = _save_beside(self._path, [chunks.mapped(self._path)[a:b] for a, b in pieces])
         for offset, data in self._changes:
             file.seek(offset)
             file.write(data)
@@ -147,7 +145,7 @@ class _Repair:
         for offset, end, _ in contents.damage:
             if offset < contents.end:
                 self.lost += end - offset
-                yield offset, walk.lost(end - offset), end - offset
+                yield offset, _lost(end - offset), end - offset
         if (
             self.lost
             and contents.ending_at
@@ -156,7 +154,7 @@ class _Repair:
             and not contents.agrees()
         ):
             offset, end, _ = contents.ending_at  # its checksums are of more than is left
-            yield offset, walk.lost(end - offset), end - offset
+            yield offset, _lost(end - offset), end - offset
 
     def _notes(self) -> dict[str, dict[str, str]]:
         """Return the metadata to add; ensure that description, types and topics are known."""
@@ -166,13 +164,18 @@ class _Repair:
             remedy = "import audio and labels with: monochord sessions import"
             raise InputError(f"file {self._path} (MCAP, but not a session)", "a Monochord session", remedy)
         text, clock = identity
-        notes = {walk.RECOVERED: {"lost_bytes": str(self.lost), "pieces": json.dumps(_joined(self._pieces))}}
+        notes = {RECOVERED: {"lost_bytes": str(self.lost), "pieces": json.dumps(_joined(self._pieces))}}
         if not contents.begin:
             notes[BEGIN] = {"format": FORMAT, **clock.dump(), "description": text}
         if not set(contents.counts) <= set(contents.channels) and not contents.rewritten:
             begin = scan(memoryview(opening(text, clock)))
             contents.schemas, contents.channels = begin.schemas, begin.channels
         return notes
+
+
+def _lost(length: int) -> bytes:
+    """Return the first bytes of a record that replaces `length` damaged bytes."""
+    return chunks.HEAD.pack(chunks.LOST, length - chunks.HEAD.size) + chunks.LOST_MARK
 
 
 def _joined(pieces: Iterable[tuple[int, int]]) -> list[tuple[int, int]]:
@@ -208,7 +211,9 @@ def ending_after(contents: Contents, notes: Mapping[str, Mapping[str, str]]) -> 
     out = RecordBuilder()
     if contents.index:
         contents.chunks[-1].message_index_length = len(contents.index)
-        contents.chunks[-1].message_index_offsets = offsets(memoryview(contents.index), contents.end)
+        contents.chunks[-1].message_index_offsets = chunks.index_offsets(
+            memoryview(contents.index), contents.end
+        )
         out.write(contents.index)
     for name, values in notes.items():
         before = out.count
@@ -255,4 +260,4 @@ def ending_after(contents: Contents, notes: Mapping[str, Mapping[str, str]]) -> 
     Footer(summary_start=summary, summary_offset_start=offset_start, summary_crc=0).write(out)
     done = out.end()
     crc = zlib.crc32(done[summary - contents.end : -4])
-    return done[:-4] + crc.to_bytes(4, "little") + MAGIC
+    return done[:-4] + crc.to_bytes(4, "little") + chunks.MAGIC
