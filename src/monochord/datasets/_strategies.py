@@ -204,31 +204,12 @@ def assign_groups(
     fractions: Sequence[float],
     stream: np.random.Generator,
 ) -> NDArray[np.int64]:
-    """Return the part of every group so that the parts approach their shares, within each stratum too.
+    """Return the part (n,) of every group so that the parts approach their shares, within each stratum too.
 
     The groups of each stratum are taken in random order, the largest strata first. Each goes to the part with
     the largest deficit in this stratum plus, at half weight, overall, relative to the sizes assigned
-    including it.
+    including it. Each part with a positive share gets at least one group, if there are enough.
 
-    Parameters
-    ----------
-    sizes
-        Sizes of the groups (n,).
-    strata
-        Stratum of each group (n,).
-    fractions
-        Share of each part; the sum is 1.
-    stream
-        Random generator of the order.
-
-    Returns
-    -------
-    NDArray[np.int64]
-        Part number of each group (n,). Each part with a positive share gets at least one group, if there are
-        enough.
-
-    Examples
-    --------
     >>> part = assign_groups([5] * 20, ["a", "b"] * 10, (0.8, 0.2), np.random.default_rng(0))
     >>> [int(((part == 1) & (np.arange(20) % 2 == kind)).sum()) for kind in (0, 1)]
     [2, 2]

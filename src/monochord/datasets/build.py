@@ -266,12 +266,9 @@ def named_sessions(sessions: Sequence[Path]) -> dict[str, Path]:
 
 
 def take(job: Job) -> Taken:
-    """Return a session's contribution, with its samples written to their destination.
+    """Return a session's contribution, with its samples and rows written to the job's files.
 
-    Raises
-    ------
-    InputError
-        If the session is unusable and not skipped.
+    Raises `InputError` for an unusable session that is not skipped.
     """
     options = job.options
     try:

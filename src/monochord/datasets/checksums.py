@@ -37,21 +37,9 @@ def file_sums(file: Path) -> FileSums:
 
 
 def check_blocks(folder: Path, files: Mapping[str, FileSums], chosen: Iterable[tuple[str, int]]) -> None:
-    """Compare blocks of files with their checksums.
+    """Compare blocks of files, each a name and a number, with their checksums.
 
-    Parameters
-    ----------
-    folder
-        Folder of the dataset.
-    files
-        Checksums by file name below the folder.
-    chosen
-        File name and number of each block to compare.
-
-    Raises
-    ------
-    InputError
-        Names the first file that differs or cannot be read.
+    Raises `InputError` for the first file that differs or cannot be read.
     """
     for name, number in chosen:
         file = folder / name

@@ -62,20 +62,9 @@ class Duplicate:
 def find_duplicates(track: Track, parts: Sequence[int] | Indices) -> list[Duplicate]:
     """Return the sessions in different parts with the same sound, each at the lag with most matching samples.
 
-    Parameters
-    ----------
-    track
-        Returns the samples of a session.
-    parts
-        The parts that each session has windows in (sessions,), as a bit mask; a session in none is not read.
+    `track` returns the samples of a session; `parts` (sessions,) are bit masks of the parts in which it has
+    windows. Of more than `COMPARED` sessions with the same sound, not every pair is returned.
 
-    Returns
-    -------
-    list of Duplicate
-        In the order of their numbers. Of more than `COMPARED` sessions with the same sound, not every pair.
-
-    Examples
-    --------
     >>> rng = np.random.default_rng(0)
     >>> sound = rng.normal(size=(2, 88200)).astype(np.float32)
     >>> takes = [sound, rng.normal(size=(2, 88200)).astype(np.float32), sound[:, 4410:]]

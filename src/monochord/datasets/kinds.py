@@ -21,8 +21,6 @@ def kinds(dataset: Dataset) -> NDArray[np.int8]:
 def kinds_of(labels: Mapping[str, Floats], usable: Flags) -> NDArray[np.int8]:
     """Return the kind (n,) of windows from their labels; unusable windows are masked.
 
-    Examples
-    --------
     >>> nan = float("nan")
     >>> labels = {
     ...     "contact": np.array([1.0, 1.0, 0.0, nan, nan, 1.0]),

@@ -149,13 +149,7 @@ class Manifest:
 
     @classmethod
     def read(cls, folder: Path) -> "Manifest":
-        """Read the manifest of a folder.
-
-        Raises
-        ------
-        InputError
-            If the manifest is missing, damaged, inconsistent, or from an incompatible version of Monochord.
-        """
+        """Read the manifest of a folder; raises `InputError` where it is missing, damaged or too new."""
         if not (folder / FILE).exists():
             raise InputError(f"dataset {folder} (no {FILE} in it)", "a folder from monochord build")
         tree: Tree = {}

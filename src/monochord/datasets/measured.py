@@ -61,28 +61,9 @@ def measured_truth(
 ) -> LabelTrack:
     """Return labels from force and pose readings, every millisecond; NaN where readings are missing.
 
-    Parameters
-    ----------
-    wrench
-        Readings with a column ``fz``, the normal force in N, positive when pressed, on the same clock as
-        `pose`.
-    pose
-        Readings with columns ``x`` and ``y``, the tool's position along and across the string in m.
-    thresholds
-        Thresholds of contact and sliding.
+    `wrench` has a column ``fz``, the normal force in N, positive when pressed; `pose`, on the same clock, has
+    ``x`` and ``y``, along and across the string in m. Raises `InputError` for a stream without readings.
 
-    Returns
-    -------
-    LabelTrack
-        ``contact``, ``position``, ``force``, ``slip``, ``slip_along`` and ``slip_across``.
-
-    Raises
-    ------
-    InputError
-        If a stream has no readings.
-
-    Notes
-    -----
     The force sensor's bias is its reading without contact: first the tenth percentile of the session, then
     the mean of all untouched readings over two seconds, interpolated during touches.
     """

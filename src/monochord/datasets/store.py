@@ -250,16 +250,8 @@ def session_rows(table: Mapping[str, NDArray[Any]], labels: Mapping[str, Floats]
 def write_table(folder: Path, sessions: Sequence[Path], windows: Samples, labels: Sequence[str]) -> None:
     """Write the window table and the labels with their masks, one session in memory at a time.
 
-    Parameters
-    ----------
-    folder
-        Folder of the dataset.
-    sessions
-        Files of the arrays of `session_rows`, in order.
-    windows
-        Number of windows of all sessions.
-    labels
-        Names of the labels, NaN where a session lacks one.
+    `sessions` are the files of `session_rows`, in order, of `windows` rows in all; a label that a session
+    lacks is NaN there.
     """
     kinds = {f"windows/{name}": kind for name, kind in TABLE.items()}
     kinds |= {f"labels/{name}": np.float64 for name in labels} | {
@@ -316,8 +308,6 @@ def _array_writer(file: Path, layout: Layout) -> Generator[Callable[[NDArray[Any
 def window_starts(frames: Samples, window: Samples, hop: Samples) -> Indices:
     """Return the first frames of the windows complete in `frames`: every multiple of `hop`, as live.
 
-    Examples
-    --------
     >>> window_starts(10, 4, 3).tolist()
     [0, 3, 6]
     """

@@ -38,24 +38,11 @@ def truth_of(
 ) -> SessionTruth:
     """Return a session's ground truth, with its streams aligned by their taps.
 
-    Parameters
-    ----------
-    session
-        The session.
-    source
-        "recorded" for the session's labels, which are on the force sensor's clock (the microphones' clock
-        without force readings); "measured" for labels derived from its readings, see
-        `monochord.datasets.measured`. Empty: recorded where there are any.
-    thresholds
-        Thresholds of measured labels.
-    force
-        Whether to accept a session with alignment flags, and to use readings with a fault status; otherwise
-        these count as missing.
-
-    Raises
-    ------
-    InputError
-        If the alignment has flags, or the session lacks the labels or the streams to measure them.
+    `source` is "recorded" for the session's labels, which are on the force sensor's clock (the microphones'
+    without force readings), or "measured" for labels derived from its readings by `thresholds`; by default,
+    recorded where there are any. `force` accepts a session with alignment flags, and uses readings with a
+    fault status, which otherwise count as missing. Raises `InputError` for flags, or without labels or the
+    streams to measure them.
     """
     name = session.path.name
     if source not in ("", RECORDED, MEASURED):

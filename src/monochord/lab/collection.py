@@ -17,15 +17,8 @@ _log = logging.getLogger("monochord")
 
 
 def chosen(plan: Plan, *, seed: int = 0, only: str = "") -> list[Assignment]:
-    """Return the sessions of a plan, or those of one group or one session by name.
+    """Return the sessions of a plan, or those of one group or one session by name, if there is one.
 
-    Raises
-    ------
-    InputError
-        If the plan has no session or group of this name, or the seed is negative.
-
-    Examples
-    --------
     >>> from monochord.lab.plans import load_plan
     >>> [session.name for session in chosen(load_plan("small"), only="slide")]
     ['slide_000']

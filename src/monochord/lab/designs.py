@@ -20,8 +20,6 @@ def drawn_design(sensor: Sensor, random: np.random.Generator) -> Sensor:
     In half of the designs both drivers are of one make: they share band, gain, limit and width; in the others
     each driver has its own. The microphones' gains and the frame's crosstalk and losses are random too.
 
-    Examples
-    --------
     >>> from monochord.physics.sensors import load_sensor
     >>> prototype = load_sensor("prototype")
     >>> other = drawn_design(prototype, np.random.default_rng(1))

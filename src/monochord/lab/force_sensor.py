@@ -28,28 +28,12 @@ class ContactHistory:
 
 
 def wrench_of(contact: ContactHistory, material: Material, sensor: ForceSensor) -> Floats:
-    """Return the wrench of a touch on its object, without noise.
+    """Return the wrench of a touch on its object, without noise: (n, 6), in N and N m.
 
     The string presses the object up with the normal force N, and drags it with the friction mu(v) N against
     its sliding speed v, with Stribeck's mu(v) = mu_k + (mu_s - mu_k) exp(-(v / v_s)^2). The sensor sits at
     `lever` above the touching point, which gives the torque r x f, r = (0, 0, -lever).
 
-    Parameters
-    ----------
-    contact
-        The contact at times (n,).
-    material
-        The object's material, which sets the friction.
-    sensor
-        Lever and crosstalk.
-
-    Returns
-    -------
-    array
-        fx, fy, fz in N and tx, ty, tz in N m, (n, 6).
-
-    Examples
-    --------
     >>> from monochord.physics.materials import load_material
     >>> rest, press = np.zeros(1), np.ones(1)
     >>> still = ContactHistory(time=rest, normal=press, along=rest, across=rest)
@@ -67,27 +51,13 @@ def wrench_of(contact: ContactHistory, material: Material, sensor: ForceSensor) 
 
 
 def bandwidth_filter(bandwidth: Hertz, sample_rate: int) -> Floats:
-    """Return the filter that sensor and object apply to a force: a well-damped mass on a spring.
+    """Return the filter of sensor and object on a force: symmetrical taps (2 m + 1,) of sum 1.
 
-    ``|H(f)| = 1 / sqrt(1 + (f / f0)^4)``: far above the bandwidth f0 the gain is (f0 / f)^2, which leaves
-    some of the string's vibration in the force. The filter has zero delay; the sensor's delay is part of its
-    stream's. Nothing else prevents aliasing of high frequencies, as in a sensor that decimates without a
-    filter.
+    A well-damped mass on a spring: ``|H(f)| = 1 / sqrt(1 + (f / f0)^4)``. Far above the bandwidth f0 the gain
+    is (f0 / f)^2, which leaves some of the string's vibration in the force. The filter has zero delay; the
+    sensor's delay is part of its stream's. Nothing else prevents aliasing of high frequencies, as in a sensor
+    that decimates without a filter.
 
-    Parameters
-    ----------
-    bandwidth
-        f0 in Hz, where half of the power is lost.
-    sample_rate
-        Sample rate of the force, in Hz.
-
-    Returns
-    -------
-    array
-        Symmetrical taps (2 m + 1,) of sum 1.
-
-    Examples
-    --------
     >>> taps = bandwidth_filter(500.0, 44100)
     >>> turn = np.exp(-2j * np.pi * np.arange(taps.size) / 44100)
     >>> [round(float(abs(taps @ turn**f)), 3) for f in (0, 500, 2000)]

@@ -38,17 +38,10 @@ ENDING: Seconds = 10.0
 
 
 class Relay(Closing):
-    """A JACK client that plays frames on the server's clock.
+    """A JACK client with `channels` outputs that plays frames on the server's clock.
 
     Frame 0 plays once all ports are connected. A frame that is written too late becomes silence, and the
     following frames keep their times, as on a converter.
-
-    Parameters
-    ----------
-    channels
-        Number of output ports.
-    client_name, server
-        As in `JackClient`.
     """
 
     def __init__(self, channels: int, client_name: str, server: str) -> None:
@@ -247,12 +240,8 @@ class _Played(Stream):
 class JackTwin(Source):
     """The twin as a JACK client in a separate process, captured like a sensor's microphones.
 
-    Parameters
-    ----------
-    server
-        Name of a running server; empty for the default one.
-    twin
-        Options of the source ``twin``.
+    `server` is a running server's name, empty for the default one; `twin` holds options of the source
+    ``twin``.
     """
 
     server: str = ""

@@ -20,22 +20,12 @@ SMOOTH: Seconds = 0.02
 
 
 def motor_sound(random: np.random.Generator, path: Floats, sample_rate: int) -> Audio:
-    """Return the sound (n,) float32 of motors moving a tool along a path; all levels are assumed.
+    """Return the sound (n,) float32 of motors moving a tool along a path (n, 3), x, y, z in m at every frame.
 
     The arm's motor turns in proportion to the tool's speed, with a level that goes as the square root of it.
-    Another motor, unrelated to the string, runs now and then. Their rms at full speed is one.
+    Another motor, unrelated to the string, runs now and then. Their rms at full speed is one. All levels are
+    assumed.
 
-    Parameters
-    ----------
-    random
-        Random generator for the gears' tones and the other motor's moves.
-    path
-        Position x, y, z of the tool in m at every frame, (n, 3).
-    sample_rate
-        Sample rate in Hz.
-
-    Examples
-    --------
     >>> rest = np.zeros((4410, 3))
     >>> motor_sound(np.random.default_rng(0), rest, 44100).shape
     (4410,)

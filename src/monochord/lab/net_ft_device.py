@@ -216,27 +216,11 @@ class NetFtDevice(Closing):
     """A Net F/T with a known load, in a separate thread.
 
     Like the real device, it samples continuously, streams to one client (the last to send a request), and
-    restarts the record numbers with each stream. Before the start, the load is the first wrench; after the
-    end, the last. 7000 records a second take about a tenth of a core: a busy program starts it as a process.
+    restarts the record numbers with each stream. `wrenches` (n, 6) are in N and N m, one every 1 / rate s,
+    the first at `begin` in s of the monotonic clock; before that, the load is the first wrench, and after the
+    end the last. 7000 records a second take about a tenth of a core: a busy program starts it as a process.
+    Raises `DeviceError` where a port is taken.
 
-    Parameters
-    ----------
-    wrenches
-        Force in N and torque in N m, (n, 6), one every 1 / rate s.
-    settings
-        The device's behaviour.
-    begin
-        Time of the first wrench, in s of the monotonic clock; `begin_at` may set it later.
-
-    Raises
-    ------
-    InputError
-        If the wrenches are not (n, 6) and finite.
-    DeviceError
-        If a port is taken.
-
-    Examples
-    --------
     >>> import numpy as np
     >>> from monochord.capture.instruments.net_ft import NetFt
     >>> with NetFtDevice(np.array([[0.0, 0.0, 1.5, 0.0, 0.0, 0.0]])) as device:

@@ -63,29 +63,12 @@ class WindowCounts:
 
 
 def count_windows(time: Floats, labels: Mapping[str, Floats], on: Seconds, off: Seconds) -> WindowCounts:
-    """Count the windows of a session from its labels.
+    """Count the windows of `WINDOW` s of a session, edge to edge, from its labels.
 
-    Parameters
-    ----------
-    time
-        Times of the labels, (n,) in s, evenly spaced and rising.
-    labels
-        Columns (n,): contact, force, slip, settled.
-    on, off
-        Times at which the drivers were switched on and off; windows begin at `on`.
+    `on` and `off` are when the drivers are switched, in s; windows begin at `on`. `time` (n,) in s is evenly
+    spaced; `labels` holds contact, force, slip and settled, (n,) each. Raises `InputError` where their
+    spacing exceeds half a window.
 
-    Returns
-    -------
-    WindowCounts
-        Windows of `WINDOW` s, edge to edge.
-
-    Raises
-    ------
-    InputError
-        If there are fewer than two labels, or their spacing exceeds half a window.
-
-    Examples
-    --------
     >>> time = np.arange(1000) * 1e-3
     >>> touched = (time > 0.449).astype(float)
     >>> labels = {"contact": touched, "force": touched, "slip": 0.0 * time, "settled": touched}
@@ -179,8 +162,6 @@ def make(session: Assignment, folder: Path) -> CollectedSession:
 def delays(session: Assignment) -> dict[str, Seconds]:
     """Return the delay of each stream of a session in s, drawn within the plan's ranges.
 
-    Examples
-    --------
     >>> from monochord.lab.plan import Group, Plan, assignments
     >>> delays(assignments(Plan(name="p", groups=(Group(name="a"),)))[0])
     {'audio': 0.0, 'wrench': 0.0, 'pose': 0.0}
@@ -258,28 +239,11 @@ class Transport:
 def arrive(
     taken: Floats, transport: Transport, random: np.random.Generator, latest: Seconds = -np.inf
 ) -> tuple[NDArray[np.intp], Floats]:
-    """Return the indices of the readings that arrive, and their arrival times.
+    """Return the indices (m,) of the readings that arrive, and when they do, (m,) in s, never falling.
 
-    Parameters
-    ----------
-    taken
-        Times at which the readings were taken, (n,) in s, rising.
-    transport
-        The connection.
-    random
-        Random generator; draws two numbers per reading.
-    latest
-        Arrival time of the previous reading: readings keep their order.
+    `taken` (n,) in s rises. Two numbers are drawn for each reading. `latest` is when the reading before
+    arrived: readings keep their order.
 
-    Returns
-    -------
-    index
-        Indices of the arriving readings, (m,).
-    arrival
-        Times of arrival, (m,) in s, non-decreasing.
-
-    Examples
-    --------
     >>> index, arrival = arrive(np.array([0.0, 0.1]), Transport(delay=0.02), np.random.default_rng(0))
     >>> index.tolist(), arrival.round(3).tolist()
     ([0, 1], [0.02, 0.12])

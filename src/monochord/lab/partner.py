@@ -25,8 +25,6 @@ def partner_keys(session: Assignment, motion: Trajectory, length: Metres) -> tup
     It is the first object's motion moved along the string. With a range of distances, each touch has its own
     distance, direction and force, and comes and goes by the session's `in_turn` beside the first.
 
-    Examples
-    --------
     >>> from monochord.lab.plan import Group, Plan, assignments
     >>> from monochord.lab.schedule import schedule
     >>> session = assignments(Plan(name="p", groups=(Group(name="a", grid=(1, 1), second=0.02),)))[0]

@@ -241,8 +241,6 @@ class Group(Checked):
 def ends(value: float | Pair[float]) -> Pair[float]:
     """Return the smallest and largest value of a number or a range.
 
-    Examples
-    --------
     >>> ends(1.0), ends((0.5, 2.0))
     ((1.0, 1.0), (0.5, 2.0))
     """
@@ -252,8 +250,6 @@ def ends(value: float | Pair[float]) -> Pair[float]:
 def drawn(value: float | Pair[float], random: np.random.Generator) -> float:
     """Return a number unchanged, or draw one from a range above 0, log-uniformly.
 
-    Examples
-    --------
     >>> drawn(1.0, np.random.default_rng(0)), 0.5 <= drawn((0.5, 2.0), np.random.default_rng(0)) <= 2.0
     (1.0, True)
     """

@@ -44,31 +44,12 @@ class PlayerSettings:
 class Player(Closing):
     """A JACK client with one output per channel, which plays once all of them are connected.
 
-    The whole signal is in memory, and a compiled callback plays it, so that another client can capture every
-    sample from the first on. There is silence before and after.
-
-    Parameters
-    ----------
-    samples
-        The signal, (channels, n).
-    sample_rate
-        Sample rate in Hz, which must equal the server's.
-    client_name
-        The client's name; its ports are ``NAME:out_1`` and so on.
-    server
-        Name of the server; empty for the default one.
-    connect
-        Names of the input ports to connect to, one per channel; by default none, and the receiver connects.
-    begin
-        Time of the first sample, in s of the monotonic clock: `wait` schedules it, and late samples are
-        skipped. Infinity: set later by `begin_at`. None: as soon as all ports are connected.
-
-    Raises
-    ------
-    InputError
-        If the samples are empty or the server's rate differs.
-    DeviceError
-        If no server runs, or an input port does not exist.
+    The whole signal (channels, n) is in memory, and a compiled callback plays it, so that another client can
+    capture every sample from the first on. There is silence before and after. `sample_rate` must equal the
+    server's. The outputs ``CLIENT_NAME:out_1`` and so on are connected to the ports `connect`; by default,
+    the receiver connects. `begin` is the first sample's time, in s of the monotonic clock: `wait` schedules
+    it, and late samples are skipped. Infinity: set later by `begin_at`. None: as soon as all ports are
+    connected.
     """
 
     def __init__(

@@ -80,26 +80,10 @@ class PublisherSettings(Checked):
 class PosePublisher(Closing):
     """A robot that publishes its pose, in a separate thread.
 
-    It always publishes: the first pose before its start, the last pose after its end.
+    It always publishes: the first pose before its start, the last pose after its end. `poses` (n, 7) are
+    position in m and unit quaternion, one every 1 / `rate` s; `wrenches` (m, 6) are in N and N m, one every 1
+    / `wrench_rate` s. `begin` is the first pose's time, in s of the monotonic clock.
 
-    Parameters
-    ----------
-    poses
-        Position in m and unit quaternion, (n, 7), one every 1 / `rate` s.
-    settings
-        Topics, rates and delays.
-    wrenches
-        Force in N and torque in N m, (m, 6), one every 1 / `wrench_rate` s; None for none.
-    begin
-        Time of the first pose, in s of the monotonic clock; `begin_at` may set it later.
-
-    Raises
-    ------
-    InputError
-        If an array has the wrong shape, or the DDS library is missing.
-
-    Examples
-    --------
     >>> import numpy as np
     >>> from monochord.capture.instruments.pose_dds import PoseDds
     >>> with PosePublisher(np.array([[0.1, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])) as robot:

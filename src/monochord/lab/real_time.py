@@ -57,32 +57,12 @@ def _ignore(_now: Progress, _notices: Sequence[Event]) -> None:
 def perform(
     session: Assignment, path: Path, *, server: str = "", domain: int | None = None, show: Show = _ignore
 ) -> RecordingSummary:
-    """Play a session in real time and record it.
+    """Play a session in real time and record it into a new file.
 
-    Parameters
-    ----------
-    session
-        The session to play; its streams have the delays of `monochord.lab.offline.delays`.
-    path
-        The session's file.
-    server
-        Name of the JACK server; empty for the default one.
-    domain
-        DDS domain; None for ``$ROS_DOMAIN_ID``, or else 0.
-    show
-        As in `monochord.capture.recording.record`.
-
-    Returns
-    -------
-    RecordingSummary
-        Summary of the recording.
-
-    Raises
-    ------
-    InputError
-        If the file exists or the plan cannot be carried out.
-    DeviceError
-        If there is no JACK server, or a device does not start.
+    Its streams have the delays of `monochord.lab.offline.delays`. `server` names the JACK server, empty for
+    the default one; `domain` is the DDS domain, None for ``$ROS_DOMAIN_ID``, or else 0. Raises `InputError`
+    where the file exists or the plan cannot be carried out, and `DeviceError` without a JACK server, or where
+    a device does not start.
     """
     rendering, delay = render(session), delays(session)
     labels = _LabelsFeed(rendering, delay["wrench"])
@@ -123,14 +103,7 @@ def perform(
 def play(session: Assignment, folder: Path, *, server: str = "", show: Show = _ignore) -> CollectedSession:
     """Play and record the session's file in a folder, unless it exists already, as `offline.make` does.
 
-    Raises
-    ------
-    InputError
-        If a file of that name has other content, or the disk is full.
-    DeviceError
-        If no JACK server runs, or a device does not start or goes away.
-    KeyboardInterrupt
-        If an end was requested; the partial recording remains as NAME.mcap.part.
+    Raises `KeyboardInterrupt` where an end was requested; the partial recording remains as NAME.mcap.part.
     """
     path = folder / f"{session.name}.mcap"
     if result := existing(path, _description(session)):

@@ -95,18 +95,7 @@ class Rendering:
 
 
 def concatenate(parts: Iterable[Rendering]) -> Rendering:
-    """Join consecutive stretches into one; raises `ValueError` if there are none.
-
-    Parameters
-    ----------
-    parts
-        Consecutive stretches of one session, in order.
-
-    Returns
-    -------
-    Rendering
-        From the first one's beginning to the last one's end.
-    """
+    """Join consecutive stretches of a session, in order; raises `ValueError` if there are none."""
     parts = list(parts)
     if not parts:
         raise ValueError("nothing to concatenate")

@@ -95,8 +95,6 @@ class Schedule:
 def schedule(session: Assignment) -> Schedule:
     """Return the schedule of a session; it depends only on the assignment.
 
-    Examples
-    --------
     >>> from monochord.lab.plans import load_plan
     >>> from monochord.lab.plan import assignments
     >>> timing = schedule(assignments(load_plan("small"))[0])

@@ -133,22 +133,9 @@ def align(session: SessionReader, limits: Limits | None = None) -> Alignment:
 
     The reference is the force where there is one, else the microphones; then the pose locates the taps. Every
     other stream's offset is measured at the first and the last group of taps (see `sessions.sync.taps` for
-    the method and the sign: positive is late) and interpolated linearly between them.
-
-    Parameters
-    ----------
-    session
-        The session; this reads its audio.
-    limits
-        Limits beyond which a problem is flagged.
-
-    Returns
-    -------
-    The alignment. Without taps it leaves all times unchanged and sets a flag.
-
-    Examples
-    --------
-    ``align(read_session(path)).flags`` is empty for a session that can be relied on.
+    the method and the sign: positive is late) and interpolated linearly between them. This reads the
+    session's audio. Without taps the alignment leaves all times unchanged and has a flag; without flags, the
+    session can be relied on.
     """
     limits = limits or Limits()
     force, poses = _seen(session, "fz", "wrench"), _seen(session, "z", "pose")
@@ -198,13 +185,7 @@ def reading_times(track: ReadingTrack) -> Taken:
 
 
 def aligned_readings(session: SessionReader, stream: str, alignment: Alignment) -> ReadingTrack:
-    """Return a stream's readings in order of the time they were taken, on the reference's clock.
-
-    Raises
-    ------
-    InputError
-        If the session has no such stream.
-    """
+    """Return a stream's readings in order of the time they were taken, on the reference's clock."""
     track = session.readings(stream)
     time = alignment.correct(stream, reading_times(track).time)
     order = np.argsort(time, kind="stable")

@@ -31,11 +31,8 @@ ALWAYS_UNPACKED = 1 << 24
 def json_object(text: str) -> dict[str, Any]:
     """Return the object in a JSON text.
 
-    Raises
-    ------
-    InputError
-        If the text is not a JSON object, too long, nested too deeply, or holds half a surrogate pair, which
-        cannot be written to a file.
+    Raises `InputError` for a text that is not a JSON object, too long, nested too deeply, or holds half a
+    surrogate pair, which cannot be written to a file.
 
     >>> json_object('{"n": 1}')
     {'n': 1}

@@ -95,10 +95,7 @@ def nanoseconds(stamp: Any) -> int:
 def encode(name: str, /, **fields: Any) -> bytes:
     """Return a message of type `name` as little-endian CDR bytes with the encapsulation header.
 
-    Raises
-    ------
-    InputError
-        If a text cannot be written in UTF-8.
+    Raises `InputError` for a text that cannot be written in UTF-8.
     """
     store = typestore()
     try:
@@ -110,10 +107,7 @@ def encode(name: str, /, **fields: Any) -> bytes:
 def decode(name: str, data: bytes | memoryview) -> Any:
     """Return the message of type `name` in CDR bytes; its arrays are views of the bytes.
 
-    Raises
-    ------
-    InputError
-        If the bytes are not of that type, or its array lengths disagree.
+    Raises `InputError` for bytes that are not of that type, or whose array lengths disagree.
     """
     from rosbags.serde import SerdeError  # noqa: PLC0415
 

@@ -18,25 +18,8 @@ BLOCK: Seconds = 0.1
 def resample(session: SessionReader, path: Path, sample_rate: int) -> None:
     """Write a copy of a session with its sound at another sample rate; all other data and all times stay.
 
-    Frames are those that a live run of the session reads, by `dsp.resample.resampled`.
-
-    Parameters
-    ----------
-    session
-        The recorded session.
-    path
-        The new session, ``NAME.mcap``; on an error it is not left behind.
-    sample_rate
-        The new rate, in Hz.
-
-    Raises
-    ------
-    InputError
-        If the session already has that rate, the rate is not positive, or the file exists.
-
-    Examples
-    --------
-    ``resample(read_session(Path("take.mcap")), Path("take_44100.mcap"), 44100)``
+    Frames are those that a live run of the session reads, by `dsp.resample.resampled`. Raises `InputError`
+    where the session already has that rate, or the new file exists; on an error, no file is left behind.
     """
     given = f"session {session.path} at {session.description.sample_rate} Hz"
     if sample_rate < 1:

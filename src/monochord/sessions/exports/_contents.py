@@ -134,11 +134,8 @@ def _read_json(folder: Path, allowed: str) -> Tree:
 def checked(path: Path, name: str, columns: Columns, description: Description) -> Columns:
     """Return a table read from the file `path`, with a session's column types.
 
-    Raises
-    ------
-    InputError
-        If a column is missing, of the wrong type or out of range, a time is outside a session's limits, or an
-        event's data is not a JSON object.
+    Raises `InputError` where a column is missing, of the wrong type or out of range, a time is outside a
+    session's limits, or an event's data is not a JSON object.
     """
     needed = columns_of(name, description)
     if missing := sorted(set(needed) - set(columns)):

@@ -185,11 +185,7 @@ def _cells(column: np.ndarray[Any, np.dtype[Any]]) -> list[Any]:
 def read_csv(path: Path, kinds: Mapping[str, type]) -> Columns:
     """Read a table; columns are float64 except those named in `kinds`.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read, a row has the wrong length, or a cell has the wrong type; the error names
-        the row.
+    Raises `InputError`, with the row, where one has the wrong length, or a cell the wrong type.
     """
     refuse_endless(path)
     try:

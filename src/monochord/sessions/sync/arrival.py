@@ -57,7 +57,7 @@ class Taken:
 
 
 def times_taken(arrival: Floats, count: NDArray[np.int64] | None, *, rate: float = 0.0) -> Taken:
-    """Return when readings were taken, from a line under their arrival times.
+    """Return when readings were taken, from a line under their arrival times (n,) in s.
 
     A reading with count k was taken at a + k / r and arrived later by a non-negative delay. Of all lines
     below the points (k, arrival), the fit is the one with the least mean distance: the edge of the lower
@@ -69,26 +69,10 @@ def times_taken(arrival: Floats, count: NDArray[np.int64] | None, *, rate: float
     milliseconds. Long pieces are cut into stretches of a minute, with times interpolated between their
     middles, because clocks drift with temperature.
 
-    Parameters
-    ----------
-    arrival
-        Times of arrival (n,) in s, in any order of the counts.
-    count
-        The sender's count or clock (n,) in ticks; None or negative where it sends none.
-    rate
-        Nominal ticks a second; 0 where unknown.
+    `count` (n,) is the sender's count or clock in ticks, in any order; None or negative where it sends none.
+    `rate` is its nominal number of ticks a second, 0 where unknown. Times rise strictly with the count in
+    each piece, and from piece to piece.
 
-    Returns
-    -------
-    Times (n,) in s and pieces. Times rise strictly with the count in each piece, and from piece to piece.
-
-    Raises
-    ------
-    InputError
-        If arrivals are not finite, or shapes differ.
-
-    Examples
-    --------
     >>> rng = np.random.default_rng(1)
     >>> count = np.arange(7000)
     >>> arrival = 5.0 + count / 7000.0 + rng.exponential(1e-3, 7000)
@@ -228,24 +212,13 @@ BINS = 4000
 
 
 def line_under(x: Floats, y: Floats) -> tuple[float, float]:
-    """Return the line below all points with the least mean distance to them.
+    """Return the line a + b x below all points (n,) with the least mean distance to them, as a and b.
 
-    Of the lines y = a + b x with a + b x_i <= y_i for all i, it is the highest at the mean of x: the edge of
-    the lower convex hull there (Moon, Skelly and Towsley 1999). It takes the time of a sort. Of more than
-    some thousand points only the lowest in each bin of x counts, which is exact where the line is nearly
-    level: subtract the nominal slope from y first.
+    Of the lines with a + b x_i <= y_i for all i, it is the highest at the mean of x: the edge of the lower
+    convex hull there (Moon, Skelly and Towsley 1999); b is 0 where all x are equal. It takes the time of a
+    sort. Of more than some thousand points only the lowest in each bin of x counts, which is exact where the
+    line is nearly level: subtract the nominal slope from y first.
 
-    Parameters
-    ----------
-    x, y
-        Points (n,), at least one, in any order.
-
-    Returns
-    -------
-    a in the unit of y, and b in units of y per unit of x; b is 0 where all x are equal.
-
-    Examples
-    --------
     >>> rng = np.random.default_rng(0)
     >>> x = np.linspace(-1.0, 1.0, 500)
     >>> a, b = line_under(x, 0.5 + 1e-3 * x + rng.exponential(1e-3, 500))

@@ -24,22 +24,12 @@ FLOOR = 1e-7
 
 
 def surprise(samples: Audio | Floats) -> Floats:
-    """Return each channel's linear prediction error, relative to its usual size.
+    """Return each channel's linear prediction error (channels, n) over its median absolute error.
 
-    The best linear prediction over the whole stretch removes steady sound: a ringing string, hum, tones of
-    music. New sound stands out, with a bandwidth that follows from how sudden it was.
+    The best linear prediction over the whole stretch, at least a few hundred frames, removes steady sound: a
+    ringing string, hum, tones of music. New sound stands out, with a bandwidth that follows from how sudden
+    it was. Silence gives zero.
 
-    Parameters
-    ----------
-    samples
-        Audio (channels, n), at least a few hundred frames.
-
-    Returns
-    -------
-    Prediction errors (channels, n), each channel over its median absolute error; zero for silence.
-
-    Examples
-    --------
     >>> time = np.arange(4410) / 44100
     >>> sound = np.sin(2 * np.pi * 400 * time) + 1e-4 * np.random.default_rng(0).standard_normal(4410)
     >>> sound[2000:] += 0.05
@@ -70,8 +60,6 @@ def novelty(sound: Audio | Floats, size: Samples) -> Floats:
     `sound` is (channels, n), the result (n // size,). Channels have equal weight. A frame that is not louder
     counts as zero.
 
-    Examples
-    --------
     >>> errors = np.random.default_rng(0).standard_normal((2, 4400))
     >>> errors[:, 2200:2244] *= 20.0
     >>> int(novelty(errors, 44).argmax())
@@ -91,16 +79,9 @@ def pick(errors: Floats) -> float:
     """Return where noise turns into an event, by Akaike's criterion, as a sample index; NaN if nowhere.
 
     The result is the index k that minimises k log var(e[:k]) + (n - k - 1) log var(e[k:]) (Maeda 1985): the
-    most likely split into two stretches of constant variance. A hundredth of the largest square is added to
-    both variances.
+    most likely split of one channel (n,) into two stretches of constant variance. A hundredth of the largest
+    square is added to both variances.
 
-    Parameters
-    ----------
-    errors
-        One channel (n,), noise at its beginning and the event before its end.
-
-    Examples
-    --------
     >>> errors = np.random.default_rng(0).standard_normal(400)
     >>> errors[250:] *= 10.0
     >>> abs(pick(errors) - 250) <= 2
@@ -122,15 +103,9 @@ def first_onset(errors: Floats) -> float:
     """Return the sample index of the first event that stands out beside the strongest, or NaN.
 
     Louder events, such as its release, follow a touch. `pick` finds the strongest, then the event before it,
-    for as long as the earlier event is several times louder than the sound before it.
+    for as long as the earlier event is several times louder than the sound before it. The channel (n,) begins
+    with `MIN_NOISE` samples of noise or more.
 
-    Parameters
-    ----------
-    errors
-        One channel (n,), noise at its beginning: `MIN_NOISE` samples or more.
-
-    Examples
-    --------
     >>> errors = np.random.default_rng(0).standard_normal(600)
     >>> errors[250:] *= 10.0
     >>> errors[450:] *= 5.0
@@ -153,8 +128,6 @@ def first_onset(errors: Floats) -> float:
 def loudness_of(errors: Floats, onset: float) -> float:
     """Return how many times louder one channel (n,) is just after an onset than before; NaN without an onset.
 
-    Examples
-    --------
     >>> errors = np.random.default_rng(0).standard_normal(400)
     >>> errors[250:] *= 10.0
     >>> round(loudness_of(errors, 250.0))

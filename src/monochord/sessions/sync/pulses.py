@@ -50,29 +50,12 @@ class Taps:
 
 
 def taps_of_force(time: Floats, force: Floats, *, min_force: Newtons = 0.1) -> Taps:
-    """Return the taps in a force: pulses shorter than 40 ms, with 60 ms without contact before and after.
+    """Return the taps in a force (n,) in N: pulses under 40 ms, with 60 ms without contact before and after.
 
     The zero level comes from the quietest fifth of every ten seconds, so that bias and drift do not matter. A
-    tap begins midway between the last reading within the noise and the first one above it.
+    tap begins midway between the last reading within the noise and the first one above it, and peaks at
+    `min_force` or more. Raises `InputError` where times (n,) in s do not rise.
 
-    Parameters
-    ----------
-    time, force
-        Readings (n,), in s and N, by rising time.
-    min_force
-        Least peak of a tap in N.
-
-    Returns
-    -------
-    The taps, by rising time.
-
-    Raises
-    ------
-    InputError
-        If shapes differ or times do not rise.
-
-    Examples
-    --------
     >>> time = np.arange(3000) / 1000.0
     >>> force = np.where(np.abs(time % 1.0 - 0.5) < 0.003, 1.0, 0.0)
     >>> taps_of_force(time, force).middle.round(3).tolist()
@@ -97,25 +80,12 @@ def taps_of_force(time: Floats, force: Floats, *, min_force: Newtons = 0.1) -> T
 
 
 def taps_of_height(time: Floats, height: Floats, *, longest: Seconds = 0.08) -> Taps:
-    """Return the taps in a tool's height: dips deeper than 1 mm that last at most 80 ms.
+    """Return the taps in a tool's height (n,) in m: dips deeper than 1 mm that last at most 80 ms.
 
     A dip's time is the centre of its area, which does not depend on when the readings fall. Begin and end are
-    both set to it, since the height does not show them.
+    both set to it, since the height does not show them. `longest` is the longest time at half depth or lower.
+    Raises `InputError` where times (n,) in s do not rise.
 
-    Parameters
-    ----------
-    time, height
-        Readings (n,), in s and m, by rising time.
-    longest
-        Longest time at half depth or lower, in s.
-
-    Raises
-    ------
-    InputError
-        If shapes differ or times do not rise.
-
-    Examples
-    --------
     >>> time = np.arange(400) / 200.0
     >>> height = np.minimum(3e-3, 0.2 * np.abs(time - 1.0012))
     >>> taps_of_height(time, height).middle.round(3).tolist()
@@ -140,8 +110,6 @@ def dip(time: Floats, height: Floats) -> Floats:
 
     Only short dips show: the lower of the two sides counts, so a lasting descent is not a dip.
 
-    Examples
-    --------
     >>> time = np.arange(100) / 100.0
     >>> float(dip(time, np.where(time > 0.5, 0.0, 0.1)).max())
     0.0
@@ -153,8 +121,6 @@ def dip(time: Floats, height: Floats) -> Floats:
 def middle_of_dip(time: Floats, down: Floats, near: Seconds, reach: Seconds = 0.05) -> Seconds:
     """Return the centre of a dip's area, as `dip` computes it, near a time; NaN if there is none.
 
-    Examples
-    --------
     >>> time = np.arange(100) / 100.0
     >>> down = np.maximum(0.02 - np.abs(time - 0.502), 0.0)
     >>> abs(middle_of_dip(time, down, 0.51) - 0.502) < 1e-3
@@ -171,8 +137,6 @@ def middle_of_dip(time: Floats, down: Floats, near: Seconds, reach: Seconds = 0.
 def groups_of(taps: Taps, *, apart: Seconds = 2.0, min_taps: int = 2) -> tuple[Taps, ...]:
     """Return groups of `min_taps` or more taps, at most `apart` seconds from one to the next.
 
-    Examples
-    --------
     >>> times = np.array([1.0, 1.3, 2.0, 60.0, 60.5])
     >>> [len(group) for group in groups_of(Taps(begin=times, end=times, spacing=1e-3))]
     [3, 2]

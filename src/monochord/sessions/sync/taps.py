@@ -68,24 +68,13 @@ class Offset:
 
 
 def offset_of(each: Floats, *, spacing: Seconds, rival: float = 0.0) -> Offset:
-    """Return the mean of single taps' offsets with its standard uncertainty, outliers left out.
+    """Return the mean of single taps' offsets (n,) in s with its standard uncertainty, outliers left out.
 
     u^2 = s^2 / n + d^2. Here s is the scatter over the n taps, at least `spacing` sqrt(1/12), the
     quantisation error of readings that far apart (and at least 2 ms for fewer than three taps); d is the
     build-up time of a contact. An outlier differs from the median by more than six times the median deviation
-    and by more than `spacing`.
+    and by more than `spacing`, in s: for two streams, the root of the sum of squares. A missed tap is NaN.
 
-    Parameters
-    ----------
-    each
-        Offsets of single taps (n,) in s, NaN where a tap was missed.
-    spacing
-        Time between readings in s; for two streams, the root of the sum of squares.
-    rival
-        Copied to the result.
-
-    Examples
-    --------
     >>> offset = offset_of(np.array([0.0101, 0.0099, 0.0100, 0.3]), spacing=1e-4)
     >>> round(offset.value, 6), offset.taps
     (0.01, 3)
@@ -120,36 +109,13 @@ def audio_offset(
 
     First, all taps together: the shift at which most taps coincide with new sound, to a millisecond; unequal
     times between taps make it unambiguous. Then each tap alone: the onset in each microphone's prediction
-    error (see `monochord.sessions.sync.onsets`), minus the wave's travel time.
+    error (see `monochord.sessions.sync.onsets`), minus the wave's travel time. One offset a tap: the mean
+    over the microphones, or one microphone's value where they disagree.
 
-    Parameters
-    ----------
-    taps
-        Taps in the reference stream, with their begin in s.
-    samples
-        Audio (channels, n) around them, best with `reach` to spare on both sides.
-    first
-        Time of the first frame in s, from the audio's stamps.
-    rate
-        Measured sample rate in Hz.
-    travel
-        Travel time of the wave from the touch to each microphone, in s: x / c and (L - x) / c. For unknown x,
-        L / 2c for both keeps their mean correct.
-    reach
-        Largest offset searched, either way, in s.
+    `samples` (channels, n) begin at `first` in s, by the audio's stamps, at the measured `rate` in Hz, best
+    with `reach` to spare on both sides: the largest offset searched, either way, in s. `travel` in s is x / c
+    and (L - x) / c; for unknown x, L / 2c for both keeps their mean correct.
 
-    Returns
-    -------
-    The offset; `each` holds one value per tap: the mean over the microphones, or one microphone's value where
-    they disagree.
-
-    Raises
-    ------
-    InputError
-        If there are no samples, or the number of travel times differs from that of channels.
-
-    Examples
-    --------
     >>> rng = np.random.default_rng(0)
     >>> sound = 1e-3 * rng.standard_normal((2, 3 * 44100))
     >>> begin = np.array([0.7, 1.0, 1.7])
@@ -201,26 +167,9 @@ def audio_offset(
 def height_offset(taps: Taps, time: Floats, height: Floats, *, reach: Seconds = REACH) -> Offset:
     """Return the delay of a tool's height against taps: the middle of each dip minus the contact's middle.
 
-    Parameters
-    ----------
-    taps
-        Taps in the reference stream, with begin and end in s.
-    time, height
-        The tool's readings (n,), in s and m, by rising time, best with `reach` to spare on both sides.
-    reach
-        Largest offset searched, either way, in s.
+    `height` (n,) in m is read at rising `time` (n,) in s, best with `reach` to spare on both sides: the
+    largest offset searched, either way, in s.
 
-    Returns
-    -------
-    The offset; `each` holds one value per tap.
-
-    Raises
-    ------
-    InputError
-        If the numbers of times and heights differ.
-
-    Examples
-    --------
     >>> middle = np.array([1.003, 1.402, 2.001])
     >>> taps = Taps(begin=middle - 0.003, end=middle + 0.003, spacing=1 / 7000)
     >>> time = np.arange(0.0, 4.0, 0.004)
@@ -248,8 +197,6 @@ def travel_time(length: Metres, wave_speed: float, position: Metres | None = Non
 
     Without a position, both get the mean of the two.
 
-    Examples
-    --------
     >>> travel_time(0.25, 512.0, 0.125)
     (0.000244140625, 0.000244140625)
     """
