@@ -149,7 +149,7 @@ def pose_dds(tmp_path: Path) -> Iterator[list[str]]:
     pytest.importorskip("cyclonedds", reason="the extra ros is not installed")
     topic = f"/{tmp_path.name}_{os.getpid()}"
     poses = np.tile([0.1, 0.0, -0.001, 0.0, 0.0, 0.0, 1.0], (10, 1))
-    settings = PublisherSettings(rate=250.0, topic=topic, wrench_topic="")
+    settings = PublisherSettings(rate=250.0, topic=topic)
     write_script(tmp_path / "poses.npz", {"poses": poses}, settings)
     with playing("pose_publisher", tmp_path / "poses.npz"):
         yield ["--instrument", f"pose_dds={topic}", "--set", "pose_dds.rate=250"]

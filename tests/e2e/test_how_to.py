@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from tests.contract.test_documents import command_lines, shown_commands
 from tests.contract.test_layout import PAGES, ROOT
+from tests.devices.robot import UdpRobot, UdpSettings
 from tests.e2e.test_newcomer import BUILD, DAY, empty_server
 from tests.e2e.test_robot_labels import guide
 from tests.e2e.workshop import Reader
@@ -121,9 +122,9 @@ def reader(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Reader]:
         force = stack.enter_context(NetFtDevice(np.zeros((100, 6)), NetFtSettings(rate=1000.0)))
         person.ports |= {"net_ft": force.address, "http": force.http_port}
         pose = np.array([[0.1, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])
-        for topic, port in (("/tool_pose", LEFT), ("", RIGHT)):
-            robot = PublisherSettings(topic=topic, wrench_topic="", udp=f"127.0.0.1:{port}")
-            stack.enter_context(PosePublisher(pose, robot))
+        stack.enter_context(PosePublisher(pose, PublisherSettings(topic="/tool_pose")))
+        for port in (LEFT, RIGHT):
+            stack.enter_context(UdpRobot(pose, UdpSettings(port=port)))
         person.does("on")
         other = person.start(["tests.e2e.box_of_parts", server, str(BUILD + 1), str(DAY)])
         other.until("ready", "out")

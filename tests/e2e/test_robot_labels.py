@@ -16,10 +16,12 @@ from collections.abc import Generator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from tests.conftest import own_server
+from tests.devices.robot import UdpSettings
 
 from monochord.core.config import from_tree
 from monochord.core.errors import InputError
@@ -27,7 +29,6 @@ from monochord.core.priority import before_other_programs
 from monochord.lab.net_ft_device import NetFtSettings
 from monochord.lab.plan import Plan, assignments
 from monochord.lab.player import PlayerSettings
-from monochord.lab.pose_publisher import PublisherSettings
 from monochord.lab.real_time import _Device, _process
 from monochord.lab.render import Rendering, render
 from monochord.sessions import read_session
@@ -123,8 +124,8 @@ def bench(tmp_path: Path) -> Generator[Bench]:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
     with own_server() as server, ExitStack() as stack:
-        scripts = {
-            "player": (
+        scripts: dict[str, tuple[dict[str, Any], Any]] = {
+            "monochord.lab.player": (
                 {"samples": rendering.microphones.astype(np.float64)},
                 PlayerSettings(
                     sample_rate=session.plan.sample_rate,
@@ -132,18 +133,19 @@ def bench(tmp_path: Path) -> Generator[Bench]:
                     server=server.name,
                 ),
             ),
-            "net_ft_device": ({"wrenches": rendering.wrench}, NetFtSettings(rate=session.plan.force_rate)),
-            "pose_publisher": (
+            "monochord.lab.net_ft_device": (
+                {"wrenches": rendering.wrench},
+                NetFtSettings(rate=session.plan.force_rate),
+            ),
+            "tests.devices.robot": (
                 {"poses": rendering.pose},
-                PublisherSettings(
-                    rate=session.plan.pose_rate, topic="", wrench_topic="", udp=f"127.0.0.1:{port}"
-                ),
+                UdpSettings(rate=session.plan.pose_rate, port=port),
             ),
         }
         with first():
             devices = [
-                stack.enter_context(_process(name, tmp_path / f"{name}.npz", arrays, settings))
-                for name, (arrays, settings) in scripts.items()
+                stack.enter_context(_process(module, tmp_path / f"{module}.npz", arrays, settings))
+                for module, (arrays, settings) in scripts.items()
             ]
         addresses = {device.name: device.address for device in devices}
         folder = tmp_path / "lab"

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.devices.robot import WrenchPublisher
 
 from monochord.capture.instruments.pose_dds import PoseDds
 from monochord.lab.pose_publisher import PosePublisher, PublisherSettings
@@ -63,11 +64,12 @@ def listener() -> Iterator["subprocess.Popen[str]"]:
 def test_rclpy_and_monochord_exchange_messages(listener: "subprocess.Popen[str]") -> None:
     poses = np.array([[0.01 * k, 0.0, 1e-3, *TURN] for k in range(100)])
     wrenches = np.tile([0.0, 0.1, 1.5, 0.0, 0.0, -0.2], (100, 1))
-    settings = PublisherSettings(rate=200.0, wrench_rate=50.0, domain=DOMAIN, frame="string")
+    settings = PublisherSettings(rate=200.0, domain=DOMAIN, frame="string")
     assert listener.stdout
     assert listener.stdout.readline() == "ready\n"
     with (
-        PosePublisher(poses, settings, wrenches=wrenches),
+        PosePublisher(poses, settings),
+        WrenchPublisher(wrenches, 50.0, domain=DOMAIN),
         PoseDds(topic="/answer", frame="robot", domain=DOMAIN).open() as sensor,
     ):
         messages = [json.loads(line) for line in listener.stdout]

@@ -68,7 +68,9 @@ def perform(
     labels = _LabelsFeed(rendering, delay["wrench"])
     with scratch_folder() as folder, ExitStack() as stack:
         devices = {
-            name: stack.enter_context(_process(name, folder / f"{name}.npz", arrays, settings))
+            name: stack.enter_context(
+                _process(f"monochord.lab.{name}", folder / f"{name}.npz", arrays, settings)
+            )
             for name, (arrays, settings) in _scripts(session, rendering, delay, server, domain).items()
         }
         address, ports = devices["net_ft_device"].address, devices["player"].address["ports"]
@@ -141,9 +143,7 @@ def _scripts(
         ),
         "pose_publisher": (
             {"poses": rendering.pose},
-            PublisherSettings(
-                rate=plan.pose_rate, delay=delay["pose"], topic=_topic(), wrench_topic="", domain=domain
-            ),
+            PublisherSettings(rate=plan.pose_rate, delay=delay["pose"], topic=_topic(), domain=domain),
         ),
     }
 
@@ -167,10 +167,11 @@ class _Device:
 
 
 @contextmanager
-def _process(name: str, script: Path, arrays: dict[str, Floats], settings: Any) -> Generator[_Device]:
-    """Start a part as a process that ends with the context."""
+def _process(module: str, script: Path, arrays: dict[str, Floats], settings: Any) -> Generator[_Device]:
+    """Start a device's module as a process that ends with the context."""
+    name = module.rpartition(".")[2]
     write_script(script, arrays, settings)
-    command = [sys.executable, "-m", f"monochord.lab.{name}", str(script)]
+    command = [sys.executable, "-m", module, str(script)]
     with subprocess.Popen(  # noqa: S603  (our own module)  # nosec B603
         command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as process:
