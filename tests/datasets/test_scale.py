@@ -13,8 +13,8 @@ import pytest
 from monochord.core.config import to_tree
 from monochord.core.labels import Rules
 from monochord.datasets.checksums import FileSums
-from monochord.datasets.manifest import TABLE, Manifest, Part, audio_name
-from monochord.datasets.records import Files
+from monochord.datasets.manifest import TABLE, DatasetSession, Manifest, audio_name
+from monochord.datasets.records import PackedFiles
 
 FEW, MANY = 200, 2000
 A_SESSION = 1000
@@ -25,7 +25,7 @@ def manifest(count: int) -> Manifest:
     """A manifest of sessions with a window each."""
     sums = [sha256(str(number).encode()).hexdigest() for number in range(count)]
     parts = tuple(
-        Part(
+        DatasetSession(
             name=f"take_{number}",
             source=f"take_{number}.mcap",
             checksum=sums[number],
@@ -95,7 +95,7 @@ def test_the_file_is_the_one_that_json_writes(tmp_path: Path, count: int) -> Non
 def test_checksums_are_found_by_name_in_any_order() -> None:
     numbers = [3, 10_000, 2, 1_000, 9_999]
     sums = {audio_name(number): FileSums(bytes=number, blocks=()) for number in numbers}
-    files = Files(sums.items())
+    files = PackedFiles(sums.items())
     assert list(files) == sorted(sums)
     assert files == sums
     assert [files[name].bytes for name in sums] == numbers

@@ -1,5 +1,6 @@
 """Alignment: known offsets and drifts of a whole session are found, flagged and taken away."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
@@ -99,7 +100,9 @@ def test_a_drift_is_measured_and_flagged(tmp_path: Path) -> None:
     audio, pose = alignment.lateness["audio"], alignment.lateness["pose"]
     assert audio.ppm == pytest.approx(2.5e-3 / 12.0 * 1e6, abs=60.0)
     assert pose.ppm == pytest.approx(0.03 / 12.0 * 1e6, abs=300.0)
-    assert audio.drift == pytest.approx(2.5e-3 / 12.0 * 6.5, abs=3.0 * audio.drift_std)
+    assert audio.drift == pytest.approx(
+        2.5e-3 / 12.0 * 6.5, abs=3.0 * math.hypot(*(offset.std for offset in audio.offsets))
+    )
     assert [flag.split()[0] for flag in alignment.flags] == ["audio", "pose"]
     assert all("drift" in flag for flag in alignment.flags)
     loose = align(recorded(tmp_path, truth), Limits(drift=5e-3, intervals=10.0))

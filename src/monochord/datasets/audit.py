@@ -17,7 +17,7 @@ from monochord.core.types import Audio, Flags, Indices
 from monochord.core.units import Samples
 from monochord.datasets._strategies import is_held_out
 from monochord.datasets.duplicates import COMPARED, crossing, find_duplicates
-from monochord.datasets.manifest import Part
+from monochord.datasets.manifest import DatasetSession
 from monochord.datasets.split import Split
 from monochord.datasets.store import Dataset
 
@@ -234,7 +234,7 @@ def _held_out(dataset: Dataset, split: Split) -> Iterator[Leak]:
             yield Leak(kind="held out", parts=(name,), where=where, many=sessions.size)
 
 
-def _named(part: Part, what: Kind) -> str:
+def _named(part: DatasetSession, what: Kind) -> str:
     match what:
         case "shared session":
             return part.name
@@ -261,7 +261,7 @@ def _same_checksum(dataset: Dataset, masks: Indices) -> list[tuple[int, int]]:
     return sorted(pair for pair in pairs if _sums(parts, pair[0]) & _sums(parts, pair[1]))
 
 
-def _sums(parts: Sequence[Part], session: int) -> set[str]:
+def _sums(parts: Sequence[DatasetSession], session: int) -> set[str]:
     return {parts[session].checksum, parts[session].audio_checksum}
 
 

@@ -135,10 +135,10 @@ def _read(path: Path, sample_rate: int) -> Audio:
     import soxr  # noqa: PLC0415
 
     try:
-        samples, own = soundfile.read(path, dtype="float32", always_2d=True)
+        samples, file_rate = soundfile.read(path, dtype="float32", always_2d=True)
     except (OSError, RuntimeError) as error:
         raise InputError(f"recording {path} ({error})", "a wav or flac file") from error
-    sound = np.asarray(soxr.resample(samples.mean(axis=1), own, sample_rate), np.float32)
+    sound = np.asarray(soxr.resample(samples.mean(axis=1), file_rate, sample_rate), np.float32)
     if not np.isfinite(sound).all() or not sound.any():
         raise InputError(f"recording {path}", "finite samples with a level above zero")
     return sound

@@ -29,9 +29,9 @@ from monochord.core.units import Metres, Newtons, Samples, Seconds
 from monochord.core.workers import run_all
 from monochord.datasets.checksums import FileSums, file_sums
 from monochord.datasets.kinds import counts_of, kinds_of
-from monochord.datasets.manifest import Manifest, Part, audio_name, file_checksum
+from monochord.datasets.manifest import DatasetSession, Manifest, audio_name, file_checksum
 from monochord.datasets.measured import Thresholds
-from monochord.datasets.records import Files, Records
+from monochord.datasets.records import PackedFiles, PackedRecords
 from monochord.datasets.store import (
     TABLES,
     Dataset,
@@ -135,7 +135,7 @@ class Job:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Taken:
+class SessionContribution:
     """A session's contribution besides its samples and rows, which are on disk.
 
     `refused` says why it is unusable. `part` is not yet placed among the others: its `first` is 0, and its
@@ -143,7 +143,7 @@ class Taken:
     """
 
     refused: str = ""
-    part: Part | None = None
+    part: DatasetSession | None = None
     form: tuple[int, int] = (0, 0)
     columns: tuple[str, ...] = ()
     counts: Mapping[str, int] = field(default_factory=dict[str, int])
@@ -265,7 +265,7 @@ def named_sessions(sessions: Sequence[Path]) -> dict[str, Path]:
     return dict(sorted(named))
 
 
-def take(job: Job) -> Taken:
+def take(job: Job) -> SessionContribution:
     """Return a session's contribution, with its samples and rows written to the job's files.
 
     Raises `InputError` for an unusable session that is not skipped.
@@ -283,7 +283,7 @@ def take(job: Job) -> Taken:
     except InputError as error:
         if not options.skip:
             raise
-        return Taken(refused=str(error))
+        return SessionContribution(refused=str(error))
     description = session.description
     rate, samples = description.sample_rate, session.audio.samples
     size = round(options.window * rate)
@@ -294,7 +294,7 @@ def take(job: Job) -> Taken:
     write_array(job.rows, session_rows({"start": starts, **flags}, labels))
     write_array(job.audio, samples)
     late = truth.alignment.lateness.get(AUDIO)
-    part = Part(
+    part = DatasetSession(
         name=job.name,
         source=job.path.name,
         checksum=file_checksum(job.path),
@@ -320,7 +320,7 @@ def take(job: Job) -> Taken:
         length=length,
         measured_length=measured,
     )
-    return Taken(
+    return SessionContribution(
         part=part,
         form=(rate, description.channels),
         columns=tuple(labels),
@@ -344,15 +344,15 @@ def _at_rate(session: SessionReader, job: Job) -> SessionReader:
     return copy
 
 
-def _contribution(file: IO[bytes], place: int, size: int) -> Taken:
+def _contribution(file: IO[bytes], place: int, size: int) -> SessionContribution:
     """Return a session's contribution from the file in which all of them wait."""
     file.seek(place)
-    return msgspec.msgpack.decode(file.read(size), type=Taken)
+    return msgspec.msgpack.decode(file.read(size), type=SessionContribution)
 
 
-def _write(folder: Path, options: BuildOptions, taken: Iterable[tuple[Job, Taken]]) -> None:
+def _write(folder: Path, options: BuildOptions, taken: Iterable[tuple[Job, SessionContribution]]) -> None:
     """Combine the sessions in order, and write everything except their sound."""
-    parts, sums, refused = Records(Part), Records(FileSums), dict[str, str]()
+    parts, sums, refused = PackedRecords(DatasetSession), PackedRecords(FileSums), dict[str, str]()
     rows, labels, counts = list[Path](), dict[str, None](), Counter[str]()
     form: tuple[int, int] | None = None
     windows = 0
@@ -396,7 +396,7 @@ def _write(folder: Path, options: BuildOptions, taken: Iterable[tuple[Job, Taken
         rules=options.rules,
         labelling=label_rules.__doc__ or "",
         parts=parts,
-        files=Files(files),
+        files=PackedFiles(files),
         counts=dict(counts),
         refused=refused,
         thresholds=options.thresholds,
@@ -405,7 +405,7 @@ def _write(folder: Path, options: BuildOptions, taken: Iterable[tuple[Job, Taken
     ).write(folder)
 
 
-def _form_of(name: str, taken: Taken, before: tuple[int, int] | None) -> tuple[int, int]:
+def _form_of(name: str, taken: SessionContribution, before: tuple[int, int] | None) -> tuple[int, int]:
     """Return a session's rate and channels.
 
     Raises `InputError` where they differ from the previous sessions'.

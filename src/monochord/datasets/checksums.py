@@ -46,10 +46,10 @@ def check_blocks(folder: Path, files: Mapping[str, FileSums], chosen: Iterable[t
         try:
             with file.open("rb") as stream:
                 stream.seek(number * BLOCK)
-                own = _sum(stream.read(BLOCK))
+                actual = _sum(stream.read(BLOCK))
         except OSError as error:
             raise unreadable(file, error) from error
-        if own != files[name].blocks[number]:
+        if actual != files[name].blocks[number]:
             at = f"wrong checksum of the bytes from {number * BLOCK} on"
             raise InputError(f"{file} (damaged: {at})", "the unchanged file", REMEDY)
 

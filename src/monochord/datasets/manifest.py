@@ -19,7 +19,7 @@ from monochord.core.labels import Rules
 from monochord.core.units import Metres, Newtons, Samples, Seconds
 from monochord.datasets.checksums import BLOCK, REMEDY, FileSums
 from monochord.datasets.measured import Thresholds
-from monochord.datasets.records import Files, Records
+from monochord.datasets.records import PackedFiles, PackedRecords
 
 FORMAT = 2
 """Version of the on-disk format; from 2 on, all files have checksums."""
@@ -40,7 +40,7 @@ TABLE: dict[str, type[np.generic]] = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Part:
+class DatasetSession:
     """One session in a dataset.
 
     `source` is the session's file name and `checksum` the file's sha256. `audio` is the file of its samples
@@ -84,7 +84,8 @@ class Part:
         """The touching object: its material where known, else its name.
 
         >>> blank = dict.fromkeys(("name", "source", "checksum", "audio", "audio_checksum", "labels"), "")
-        >>> Part(**blank, frames=0, first=0, windows=0, object="stick, radius 5 mm", material="wood").body
+        >>> stick = {"object": "stick, radius 5 mm", "material": "wood"}
+        >>> DatasetSession(**blank, **stick, frames=0, first=0, windows=0).body
         'wood'
         """
         return self.material or self.object
@@ -111,7 +112,7 @@ class Manifest:
     columns: tuple[str, ...]
     rules: Rules
     labelling: str
-    parts: Sequence[Part]
+    parts: Sequence[DatasetSession]
     files: Mapping[str, FileSums]
     counts: dict[str, int] = field(default_factory=dict[str, int])
     refused: dict[str, str] = field(default_factory=dict[str, str])
@@ -141,7 +142,9 @@ class Manifest:
                 if name == "parts":
                     _put(stream, "[]", (("", each) for each in self.parts))
                 elif name == "files":
-                    files = self.files if isinstance(self.files, Files) else Files(self.files.items())
+                    files = (
+                        self.files if isinstance(self.files, PackedFiles) else PackedFiles(self.files.items())
+                    )
                     _put(stream, "{}", ((f"{_text(file)}: ", sums) for file, sums in files.items()))
                 else:
                     stream.write(_text(tree[name], 1))
@@ -165,7 +168,9 @@ class Manifest:
             raise InputError(given, f"format {FORMAT}, with checksums of all files", REMEDY)
         if wrong is not None:
             raise wrong
-        packed = {name: value for name, value in tree.items() if isinstance(value, (Records, Files))}
+        packed = {
+            name: value for name, value in tree.items() if isinstance(value, (PackedRecords, PackedFiles))
+        }
         nothing = {name: () if name == "parts" else {} for name in packed}
         manifest = replace(from_tree(cls, {**tree, **nothing}, FILE), **packed)
         for contradiction in _contradictions(manifest):
@@ -178,11 +183,12 @@ class Manifest:
 def _packed(name: str, value: Any) -> Any:
     """Return a member of the manifest, its parts and checksums checked and packed one by one."""
     if name == "parts" and isinstance(value, Iterator):
-        return Records(
-            Part, (from_tree(Part, each, f"{FILE}.parts[{number}]") for number, each in enumerate(value))
+        return PackedRecords(
+            DatasetSession,
+            (from_tree(DatasetSession, each, f"{FILE}.parts[{number}]") for number, each in enumerate(value)),
         )
     if name == "files" and isinstance(value, Iterator):
-        return Files(map(_sums, value))
+        return PackedFiles(map(_sums, value))
     return value
 
 
@@ -194,7 +200,7 @@ def _sums(entry: Any) -> tuple[str, FileSums]:
     return file, from_tree(FileSums, sums, f"{FILE}.files.{file}")
 
 
-def _put(stream: TextIO, brackets: str, entries: Iterable[tuple[str, Part | FileSums]]) -> None:
+def _put(stream: TextIO, brackets: str, entries: Iterable[tuple[str, DatasetSession | FileSums]]) -> None:
     """Write entries as `json.dump` does with an indent of 1, one in memory at a time."""
     opened = False
     for name, each in entries:

@@ -14,11 +14,11 @@ from monochord.datasets.checksums import FileSums
 T = TypeVar("T")
 
 
-class Records(Sequence[T], Generic[T]):
+class PackedRecords(Sequence[T], Generic[T]):
     """A sequence of a dataclass whose fields are numbers, texts, truth values, None and tuples of these.
 
     >>> from monochord.datasets.checksums import FileSums
-    >>> records = Records(FileSums, [FileSums(bytes=3, blocks=("ab",)), FileSums(bytes=0, blocks=())])
+    >>> records = PackedRecords(FileSums, [FileSums(bytes=3, blocks=("ab",)), FileSums(bytes=0, blocks=())])
     >>> len(records), records[-1].bytes, records == (records[0], records[1])
     (2, 0, True)
     """
@@ -63,7 +63,7 @@ class Records(Sequence[T], Generic[T]):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Named:
+class _FileRecord:
     """A file's name with its checksums."""
 
     name: str
@@ -71,21 +71,22 @@ class _Named:
     blocks: tuple[str, ...]
 
 
-class Files(Mapping[str, FileSums]):
+class PackedFiles(Mapping[str, FileSums]):
     """The checksums of many files, sorted by name.
 
-    >>> files = Files([("b", FileSums(bytes=0, blocks=())), ("a", FileSums(bytes=1, blocks=("ab",)))])
+    >>> files = PackedFiles([("b", FileSums(bytes=0, blocks=())), ("a", FileSums(bytes=1, blocks=("ab",)))])
     >>> list(files), files["b"].bytes, "c" in files
     (['a', 'b'], 0, False)
     """
 
     def __init__(self, items: Iterable[tuple[str, FileSums]]) -> None:
-        self._records = Records(
-            _Named, (_Named(name=name, bytes=sums.bytes, blocks=sums.blocks) for name, sums in items)
+        self._records = PackedRecords(
+            _FileRecord,
+            (_FileRecord(name=name, bytes=sums.bytes, blocks=sums.blocks) for name, sums in items),
         )
         names = [record.name for record in self._records]
         self._order = array("q", sorted(range(len(names)), key=names.__getitem__))
-        self._last = _Named(name="", bytes=0, blocks=())
+        self._last = _FileRecord(name="", bytes=0, blocks=())
 
     def __len__(self) -> int:
         return len(self._order)

@@ -120,7 +120,7 @@ class Split:
             raise InputError(f"split {file} (damaged)", "a file from monochord build", remedy)
         if isinstance(tree.get("by"), str):
             refuse_impossible(tree["by"])
-        written = from_tree(_Written, tree, f"split {file}")
+        written = from_tree(_SplitFile, tree, f"split {file}")
         strange = [name for name in written.parts if name not in PARTS]
         if strange:
             given = f"split {file} with a part '{strange[0]}'"
@@ -144,7 +144,7 @@ class Split:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Written:
+class _SplitFile:
     """A split as written to its file: parts as runs [first, last + 1]."""
 
     by: By

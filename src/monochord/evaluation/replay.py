@@ -15,7 +15,7 @@ from monochord.core.reasons import Reason
 from monochord.core.types import Audio, Estimates, Floats, Indices, Progress, Signal, StringParams, Window
 from monochord.core.units import Metres
 from monochord.core.workers import run_all
-from monochord.datasets.manifest import Part
+from monochord.datasets.manifest import DatasetSession
 from monochord.datasets.store import Dataset
 from monochord.evaluation.noise import Disturbance
 from monochord.evaluation.results import Results, Trial
@@ -97,7 +97,7 @@ class Selection:
         rows = self.rows[quiet[self.dataset.session[self.rows]]]
         return replace(self, rows=rows) if len(rows) else None
 
-    def ambient(self, part: Part) -> str:
+    def ambient(self, part: DatasetSession) -> str:
         """Return the ambient noise of a session's recording, empty for none."""
         if part.music is not None:
             return MUSIC if part.music else ""

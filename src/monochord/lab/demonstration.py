@@ -51,9 +51,9 @@ def twin_options(sensor: str, seed: int, **given: Any) -> dict[str, Any]:
 
 def refuse_unlearned(sensor: str) -> None:
     """Raise `InputError` for a sensor whose string length differs from the model's training."""
-    own, trained = load_sensor(sensor).string.length, load_sensor(TRAINED_SENSOR).string.length
-    if abs(own / trained - 1.0) > LENGTH_TOLERANCE:
-        given = f"sensor '{sensor}', whose string is {own:g} m long, for the bundled model"
+    length, trained = load_sensor(sensor).string.length, load_sensor(TRAINED_SENSOR).string.length
+    if abs(length / trained - 1.0) > LENGTH_TOLERANCE:
+        given = f"sensor '{sensor}', whose string is {length:g} m long, for the bundled model"
         remedy = f"monochord demo {shlex.quote(sensor)} --estimator closed_form"
         raise InputError(given, f"{trained:g} m, as in its training", remedy)
 

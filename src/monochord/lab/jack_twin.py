@@ -81,7 +81,7 @@ class Relay(Closing):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Hello:
+class TwinReady:
     """The player's message once its ports exist."""
 
     ports: tuple[str, ...]
@@ -93,7 +93,7 @@ class Hello:
 def play(options: dict[str, Any], server: str, pipe: Connection) -> None:
     """Play the twin with these options, until the other end closes the pipe or the server goes away.
 
-    The twin is sampled at the server's rate, in blocks of a usual hop. After a `Hello`, it sends for each
+    The twin is sampled at the server's rate, in blocks of a usual hop. After a `TwinReady`, it sends for each
     block the start of the window that ends there, its truth, and the settings; it receives commands of a
     hand, as the name of a `Controls` method and its arguments.
     """
@@ -120,13 +120,13 @@ def _play(stream: Stream, relay: Relay, pipe: Connection) -> None:
     assert controls is not None
     blocks, size = iter(stream), round(WINDOW * rate)
     next(blocks)  # what loads at first use does so before anything is connected
-    hello = Hello(
+    ready = TwinReady(
         ports=tuple(relay.ports),
         positions=controls.positions,
         forces=controls.forces,
         settings=controls.settings,
     )
-    pipe.send(hello)
+    pipe.send(ready)
     first = None
     for block in blocks:
         first = block.start if first is None else first
@@ -143,20 +143,20 @@ def _play(stream: Stream, relay: Relay, pipe: Connection) -> None:
             pipe.send((end - size - first, dict(stream.truth(end - size, end)), controls.settings))
 
 
-class _Led(Controls):
+class _RemoteControls(Controls):
     """The controls of a twin in another process."""
 
-    def __init__(self, hello: Hello, pipe: Connection) -> None:
-        self._hello, self._pipe, self._lock = hello, pipe, threading.Lock()
-        self.newest = hello.settings
+    def __init__(self, ready: TwinReady, pipe: Connection) -> None:
+        self._ready, self._pipe, self._lock = ready, pipe, threading.Lock()
+        self.newest = ready.settings
 
     @property
     def positions(self) -> tuple[Metres, Metres]:
-        return self._hello.positions
+        return self._ready.positions
 
     @property
     def forces(self) -> tuple[Newtons, Newtons]:
-        return self._hello.forces
+        return self._ready.forces
 
     @property
     def settings(self) -> tuple[Setting, ...]:
@@ -184,12 +184,12 @@ class _Led(Controls):
             self._pipe.send((name, arguments))
 
 
-class _Played(Stream):
+class _TwinCapture(Stream):
     """The stream of a JACK source, with the truth and the controls of the twin playing there."""
 
-    def __init__(self, capture: Stream, hello: Hello, pipe: Connection) -> None:
+    def __init__(self, capture: Stream, ready: TwinReady, pipe: Connection) -> None:
         self._capture, self._pipe = capture, pipe
-        self._controls = _Led(hello, pipe)
+        self._controls = _RemoteControls(ready, pipe)
         self._truth: dict[Samples, Truth] = {}
         self._following = threading.Thread(target=self._follow, name="twin-truth", daemon=True)
         self._following.start()
@@ -256,11 +256,11 @@ class JackTwin(Source):
         player.start()
         theirs.close()
         try:
-            hello = _answer(pipe)
-            ports = ",".join(re.escape(port) for port in hello.ports)
+            ready = _answer(pipe)
+            ports = ",".join(re.escape(port) for port in ready.ports)
             jack = SOURCES.build("jack", {"ports": ports, "server": self.server, "reconnect": False})
             with jack.open() as capture:
-                played = _Played(capture, hello, pipe)
+                played = _TwinCapture(capture, ready, pipe)
                 try:
                     yield played
                 finally:
@@ -273,7 +273,7 @@ class JackTwin(Source):
                 player.join()
 
 
-def _answer(pipe: Connection) -> Hello:
+def _answer(pipe: Connection) -> TwinReady:
     """Return the player's first message; raises the error that stopped it from starting."""
     try:
         reply = pipe.recv() if pipe.poll(PATIENCE) else DeviceError("the twin's player did not start")

@@ -286,9 +286,9 @@ class _SimulatedStreams:
             self._audio(piece, first, last)
             self._batches(wrench, begin, until)
             self._batches(pose, begin, until)
-            own = (label_time >= begin) & (label_time < until)
-            labels = {name: values[own] for name, values in piece.labels.items()}
-            self._writer.labels(label_time[own] + self._delays["wrench"], labels)
+            within = (label_time >= begin) & (label_time < until)
+            labels = {name: values[within] for name, values in piece.labels.items()}
+            self._writer.labels(label_time[within] + self._delays["wrench"], labels)
             for event in piece.events:
                 if begin <= event.time < until:
                     self._writer.event(

@@ -51,7 +51,7 @@ def partner_keys(session: Assignment, motion: Trajectory, length: Metres) -> tup
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Touch:
+class _PartnerTouch:
     """A touch of the second object: times of the first one's, how much later, how far away, how hard."""
 
     times: tuple[Seconds, ...]
@@ -60,12 +60,12 @@ class _Touch:
     share: float
 
 
-def _touches(session: Assignment, motion: Trajectory, ends: tuple[Metres, Metres]) -> list[_Touch]:
+def _touches(session: Assignment, motion: Trajectory, ends: tuple[Metres, Metres]) -> list[_PartnerTouch]:
     """Return every stretch in which the first object presses, with what is drawn for the second."""
     random, group = session.random("second"), session.group
     distances = group.second if isinstance(group.second, tuple) else (group.second, group.second)
     taps = [(phase.start, phase.stop) for phase in motion.phases if phase.kind == "tap"]
-    touches = list[_Touch]()
+    touches = list[_PartnerTouch]()
     for pressed in _pressed(motion.keys):
         begin, end = pressed[0].time, pressed[-1].time
         edge = min(EDGE, 0.25 * (end - begin))
@@ -80,7 +80,7 @@ def _touches(session: Assignment, motion: Trajectory, ends: tuple[Metres, Metres
             come = float(random.uniform(*group.in_turn))
             go = float(random.choice((-1.0, 1.0)) * random.uniform(*group.in_turn))
         touches.append(
-            _Touch(
+            _PartnerTouch(
                 times=(begin, begin + edge, end - edge, end),
                 later=(come, come, go, go),
                 away=away,

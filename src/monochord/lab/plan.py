@@ -474,8 +474,8 @@ class Assignment:
         """
         radius = self.radius if self.origin.group.radii else None
         touch = Touch(material=self.material, motion=motion, radius=radius, rolls=self.group.rolls)
-        own = self.name if self.group.material in DRAWN else f"build {self.build}"
-        seed = crc32(f"{self.seed} {own}".encode())
+        drawn_for = self.name if self.group.material in DRAWN else f"build {self.build}"
+        seed = crc32(f"{self.seed} {drawn_for}".encode())
         if self.group.mount and self.world == "plausible" and self.plan.effects.mount:
             touch = replace(touch, mount=drawn_mount(self.material.name, seed, self.group.mount))
         touch = plausible_touch(touch, seed, self.plan.effects, self.world)

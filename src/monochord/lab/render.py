@@ -170,7 +170,7 @@ class _Renderer:
         self.events = _events(self.schedule, session.deviation.dead_driver)
         self.noise = SensorNoise(plan.force_sensor, session.random("wrench"))
         self.pose_noise = session.random("pose")
-        self.errors = _Errors(session, self.schedule)
+        self.errors = _RobotErrors(session, self.schedule)
         self.filter = bandwidth_filter(plan.force_sensor.bandwidth, self.rate)
         width = np.hanning(2 * round(FORCE_AVERAGE * self.rate) + 3)[1:-1]
         self.average: Floats = width / width.sum()
@@ -337,7 +337,7 @@ class _Renderer:
         }
 
 
-class _Errors:
+class _RobotErrors:
     """The session's errors of pose and force, which no reading shows."""
 
     def __init__(self, session: Assignment, timing: Schedule) -> None:

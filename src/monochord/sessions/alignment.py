@@ -10,7 +10,7 @@ import numpy as np
 from monochord.core.types import Floats
 from monochord.core.units import Seconds
 from monochord.sessions.reader import SessionReader
-from monochord.sessions.sync.arrival import Taken, times_taken
+from monochord.sessions.sync.arrival import ReadingTimes, times_taken
 from monochord.sessions.sync.pulses import Taps, groups_of, taps_of_force, taps_of_height
 from monochord.sessions.sync.taps import (
     HOW_TO_TAP,
@@ -79,11 +79,6 @@ class Lateness:
         if not (self.times[1] > self.times[0] and all(offset.is_determined for offset in self.offsets)):
             return math.nan
         return self.offsets[1].value - self.offsets[0].value
-
-    @property
-    def drift_std(self) -> Seconds:
-        """Standard uncertainty of the drift, in s."""
-        return math.hypot(self.offsets[0].std, self.offsets[1].std)
 
     @property
     def ppm(self) -> float:
@@ -171,7 +166,7 @@ def align(session: SessionReader, limits: Limits | None = None) -> Alignment:
     return Alignment(reference=reference, lateness=lateness, flags=tuple(flags), taps=used)
 
 
-def reading_times(track: ReadingTrack) -> Taken:
+def reading_times(track: ReadingTrack) -> ReadingTimes:
     """Return when readings were taken, in session seconds, from the sender's clock or sequence number.
 
     See `sessions.sync.arrival.times_taken`. A sender with neither gets the times of arrival.
@@ -223,24 +218,24 @@ def calibration_spans(session: SessionReader, alignment: Alignment) -> Spans:
     return (*spans, (off_since, math.inf)) if off_since is not None else tuple(spans)
 
 
-class _Seen(NamedTuple):
+class _TapStream(NamedTuple):
     """A stream that detects taps: its times, rising, and the values in which taps show."""
 
     stream: str
     rows: tuple[Floats, Floats]
 
 
-def _seen(session: SessionReader, column: str, usual: str) -> list[_Seen]:
+def _seen(session: SessionReader, column: str, usual: str) -> list[_TapStream]:
     """Return the streams that have the column and readings, the one with the default name first."""
     names = [feed.stream for feed in session.description.feeds if column in feed.columns]
-    streams: list[_Seen] = []
+    streams: list[_TapStream] = []
     for name in sorted(names, key=lambda name: name != usual):
         track = session.readings(name)
         time, values = reading_times(track).time, track.column(column)
         order = np.argsort(time)
         known = order[np.isfinite(values[order])]
         if known.size > 1:
-            streams.append(_Seen(name, (time[known], values[known])))
+            streams.append(_TapStream(name, (time[known], values[known])))
     return streams
 
 
@@ -262,7 +257,7 @@ def _of_audio(session: SessionReader, group: Taps, limits: Limits) -> Offset:
     )
 
 
-def _of_height(seen: _Seen, group: Taps, limits: Limits) -> Offset:
+def _of_height(seen: _TapStream, group: Taps, limits: Limits) -> Offset:
     reach = limits.offset + BEYOND
     time, height = seen.rows
     edges = np.searchsorted(time, [group.begin[0] - reach - SPARE, group.end[-1] + reach + SPARE])

@@ -133,7 +133,7 @@ class Contents:
 
 def scan(view: memoryview) -> Contents:
     """Return what a file holds up to its last intact record."""
-    contents, edges, group = Contents(), set[int](), _Group()
+    contents, edges, group = Contents(), set[int](), _ExpectedIndex()
     walked, data_ended = len(chunks.MAGIC), False
     records = chunks.records(view)
     for record in records:
@@ -162,7 +162,7 @@ def scan(view: memoryview) -> Contents:
     return contents
 
 
-def _add(view: memoryview, contents: Contents, record: chunks.Record) -> "_Group":
+def _add(view: memoryview, contents: Contents, record: chunks.Record) -> "_ExpectedIndex":
     """Add a record; return what must follow."""
     if record.opcode == chunks.CHUNK:
         return _add_chunk(view, contents, record)
@@ -178,10 +178,10 @@ def _add(view: memoryview, contents: Contents, record: chunks.Record) -> "_Group
         _add_messages(contents, record.body)
     contents.rewritten |= record.opcode == chunks.HEADER and rewritten(bytes(record.body))
     contents.marked |= record.opcode == chunks.LOST
-    return _Group()
+    return _ExpectedIndex()
 
 
-class _Group:
+class _ExpectedIndex:
     """A chunk's message index: the expected index, and the records found in its place."""
 
     def __init__(self, chunk: ChunkIndex | None = None, start: int = 0, index: bytes = b"") -> None:
@@ -244,13 +244,13 @@ def _patch(view: memoryview, contents: Contents, offset: int, data: bytes, what:
     contents.patches.append(Patch(offset + wrong[0], data[wrong[0] : wrong[-1] + 1], what))
 
 
-def _add_chunk(view: memoryview, contents: Contents, record: chunks.Record) -> _Group:
+def _add_chunk(view: memoryview, contents: Contents, record: chunks.Record) -> _ExpectedIndex:
     """Add a chunk; return its expected index."""
     chunk = chunks.contents(record)
     if not chunk.sound:
         maybe = unreadable(chunk.compression, chunk.uncompressed_size)
         contents.damage.append(Damage(record.offset, record.end, UNREADABLE if maybe else "chunk"))
-        return _Group()
+        return _ExpectedIndex()
     entries = _add_messages(contents, chunk.records)
     begin, stop = _span(entries) or (0, 0)
     if entries and not chunk.compression and not contents.rewritten:
@@ -272,7 +272,7 @@ def _add_chunk(view: memoryview, contents: Contents, record: chunks.Record) -> _
     index = RecordBuilder()
     for number, each in entries.items():
         MessageIndex(number, each).write(index)
-    return _Group(contents.chunks[-1], record.end, index.end())
+    return _ExpectedIndex(contents.chunks[-1], record.end, index.end())
 
 
 def _add_messages(contents: Contents, records: memoryview) -> Entries:

@@ -8,7 +8,7 @@ import pytest
 from monochord.core.errors import InputError
 from monochord.core.types import StringParams
 from monochord.core.units import Newtons
-from monochord.datasets.manifest import Part
+from monochord.datasets.manifest import DatasetSession
 from monochord.perception.tuning.sessions import at_length_of, string_of, tension_estimator
 from monochord.physics.sensors import load_sensor, with_length
 from monochord.physics.strings import load_string
@@ -32,7 +32,9 @@ def test_a_session_keeps_its_pitch_on_the_designs_wire_and_its_own_length() -> N
     other = replace(load_sensor("gauge_012").string, length=0.203, tension=70.0)
     tension = tension_estimator(DESIGN)(SOUND, 44100, other, 70.0)
     blank = dict.fromkeys(("name", "source", "checksum", "audio", "audio_checksum", "labels"), "")
-    part = Part(**blank, frames=0, first=0, windows=0, tension=tension, tuned="recorded", length=0.203)
+    part = DatasetSession(
+        **blank, frames=0, first=0, windows=0, tension=tension, tuned="recorded", length=0.203
+    )
     own = string_of(part, DESIGN, measured=True)
     assert own.length == 0.203
     assert open_frequency(own) == pytest.approx(open_frequency(other))

@@ -15,7 +15,7 @@ from monochord.physics.sensors import refuse_other_length, with_length
 from monochord.physics.theory import open_frequency
 
 if TYPE_CHECKING:  # a live run has no dataset
-    from monochord.datasets.manifest import Part
+    from monochord.datasets.manifest import DatasetSession
     from monochord.datasets.store import Dataset
 
 BEGINNING: Seconds = 5.0
@@ -68,7 +68,7 @@ def tension_estimator(
 
     A session that names no string has the design's string. A session with a string of another length is
     refused, beyond what a string may be off its design. The result is the tension that gives the design's
-    wire the same pitch at the session's length, `monochord.datasets.manifest.Part.length`.
+    wire the same pitch at the session's length, `monochord.datasets.manifest.DatasetSession.length`.
     """
     return partial(_tension_for, design)
 
@@ -94,7 +94,7 @@ def refuse_foreign(string: StringParams, trained: StringParams) -> None:
     refuse_other_length(string.length, trained.length, "a model for a string", remedy)
 
 
-def string_of(part: "Part", design: StringParams, *, measured: bool) -> StringParams:
+def string_of(part: "DatasetSession", design: StringParams, *, measured: bool) -> StringParams:
     """Return a session's string: the design's wire at the session's tuning and length, where they are known.
 
     Parameters

@@ -46,7 +46,7 @@ class Piece:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Taken:
+class ReadingTimes:
     """When each reading was taken: `time` (n,) in seconds of the host's clock, and its pieces.
 
     Without a count there are no pieces, and `time` is the time of arrival.
@@ -56,7 +56,7 @@ class Taken:
     pieces: tuple[Piece, ...]
 
 
-def times_taken(arrival: Floats, count: NDArray[np.int64] | None, *, rate: float = 0.0) -> Taken:
+def times_taken(arrival: Floats, count: NDArray[np.int64] | None, *, rate: float = 0.0) -> ReadingTimes:
     """Return when readings were taken, from a line under their arrival times (n,) in s.
 
     A reading with count k was taken at a + k / r and arrived later by a non-negative delay. Of all lines
@@ -88,14 +88,14 @@ def times_taken(arrival: Floats, count: NDArray[np.int64] | None, *, rate: float
     if not np.isfinite(arrival).all():
         raise InputError("arrivals that are not finite", "seconds")
     if count is None or arrival.size == 0 or (count < 0).any():
-        return Taken(time=_rising(arrival, np.arange(arrival.size)), pieces=())
+        return ReadingTimes(time=_rising(arrival, np.arange(arrival.size)), pieces=())
     elapsed = (count - count[0]).astype(np.float64)
-    own = _own_rate(arrival, elapsed, rate)
+    sent_rate = _sent_rate(arrival, elapsed, rate)
     time, pieces = np.empty(arrival.size), list[Piece]()
-    edges = [0, *_breaks(arrival - elapsed / own, own, elapsed), arrival.size]
+    edges = [0, *_breaks(arrival - elapsed / sent_rate, sent_rate, elapsed), arrival.size]
     for first, stop in pairwise(edges):
         cut = slice(first, stop)
-        time[cut], fitted = _fit(arrival[cut], elapsed[cut], own)
+        time[cut], fitted = _fit(arrival[cut], elapsed[cut], sent_rate)
         late = arrival[cut] - time[cut]
         steady = bool(np.median(late) <= MAX_MEDIAN_DELAY)
         if not steady:
@@ -115,7 +115,7 @@ def times_taken(arrival: Floats, count: NDArray[np.int64] | None, *, rate: float
     order = np.concatenate(
         [piece.first + np.argsort(count[piece.first : piece.stop], kind="stable") for piece in pieces]
     )
-    return Taken(time=_rising(time, order), pieces=tuple(pieces))
+    return ReadingTimes(time=_rising(time, order), pieces=tuple(pieces))
 
 
 def _rising(time: Floats, order: NDArray[np.int64]) -> Floats:
@@ -126,7 +126,7 @@ def _rising(time: Floats, order: NDArray[np.int64]) -> Floats:
     return risen
 
 
-def _own_rate(arrival: Floats, elapsed: Floats, nominal: float) -> float:
+def _sent_rate(arrival: Floats, elapsed: Floats, nominal: float) -> float:
     """Return the median rate of the count over stretches of about a second; restarts do not move it."""
     span = float(arrival[-1] - arrival[0])
     step = min(max(math.ceil(arrival.size / max(span, 1e-9)), 1), max(arrival.size // 2, 1))
