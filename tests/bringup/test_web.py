@@ -22,7 +22,7 @@ from monochord.bringup import END, RECORD, SKIP, STEPS, BringUp, Guide, Step, Ta
 from monochord.bringup.web import BringUpPage
 from monochord.core.errors import DeviceError
 from monochord.front.page import design_page
-from monochord.live.web.server import Server
+from monochord.page.server import Server
 from monochord.physics.sensors import load_sensor
 
 RATE = 44100
@@ -141,7 +141,7 @@ def running(source: Hum, out: Path | None = None, token: str = "") -> Generator[
 
     thread = threading.Thread(target=work, daemon=True)
     headers = {"Cookie": f"monochord={token}"} if token else {}
-    with Server(port=free(), token=token, home="bring-up", parts=(page.part, design_page())) as server:
+    with Server([page.page, design_page()], port=free(), token=token) as server:
         thread.start()
         address = f"ws://127.0.0.1:{server.port}/bring-up-live"
         try:
@@ -149,7 +149,7 @@ def running(source: Hum, out: Path | None = None, token: str = "") -> Generator[
                 yield Running(server, page, client)
         finally:
             while thread.is_alive():  # once for the steps, once for the page: Control-C in the command
-                page._commands.put(END)  # pyright: ignore[reportPrivateUsage]
+                page._choices.put(END)  # pyright: ignore[reportPrivateUsage]
                 thread.join(0.5)
 
 

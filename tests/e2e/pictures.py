@@ -26,9 +26,10 @@ from tests.e2e.test_web import READY, String, demonstration, on_a_terminal
 
 from monochord.front.page import design_page
 from monochord.lab.demonstration import UNSEEN
-from monochord.live.web.server import Server
+from monochord.page.server import Server
 
-STATIC = Path(__file__).parents[2] / "src" / "monochord" / "live" / "web" / "static"
+SOURCES = Path(__file__).parents[2] / "src" / "monochord"
+STATIC = (SOURCES / "live" / "web" / "static", SOURCES / "page" / "static")
 OF_THE_PAGE = ("page_light.png", "page_dark.png", "page_phone.png")
 LATE = "[...document.querySelectorAll('#notes .note')].some((each) => each.dataset.level !== 'info')"
 """Whether the page warns, as it does where the machine is too busy."""
@@ -66,7 +67,12 @@ def slide(page: Page) -> None:
 
 def todays_page() -> str:
     """Return the checksum of what the page shows: its files, and the build that is demonstrated."""
-    files = [each for each in sorted(STATIC.iterdir()) if each.is_file() and "design" not in each.name]
+    files = [
+        each
+        for folder in STATIC
+        for each in sorted(folder.iterdir())
+        if each.is_file() and "design" not in each.name
+    ]
     shown = [*(each.read_bytes() for each in files), json.dumps(dict(UNSEEN)).encode()]
     return sha256(b"".join(shown)).hexdigest()[:16]
 
@@ -126,7 +132,7 @@ def of_the_page(address: str, folder: Path) -> None:
 def of_the_design() -> None:
     """Take a picture of the design's sliders and figures in light, and of its charts in dark."""
     with (
-        Server(home="design", parts=(design_page(),)) as server,
+        Server([design_page()]) as server,
         opened(f"{server.address}design#tension=40&gap=2") as page,
     ):
         page.size(1200, 900)

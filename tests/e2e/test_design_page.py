@@ -15,7 +15,7 @@ from tests.waiting import wait_for
 import monochord as mc
 from monochord.front.design import design_string
 from monochord.front.page import design_page
-from monochord.live.web.server import Server
+from monochord.page.server import Server
 from monochord.physics.design import Wishes
 
 pytestmark = [
@@ -30,7 +30,7 @@ PATIENCE = 240.0
 
 @pytest.fixture(scope="module")
 def server() -> Iterator[Server]:
-    with Server(port=free(), home="design", parts=(design_page(),)) as server:
+    with Server([design_page()], port=free()) as server:
         yield server
 
 

@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 from tests.e2e.browser import Page, chromium, opened
 from tests.e2e.test_web import READY, String, choose, demonstration
+from tests.live.web.run_server import RunServer
 from tests.live.web.test_server import SIGNAL, Keep, update
 
 from monochord.core.reasons import Reason
@@ -19,7 +20,6 @@ from monochord.core.types import Estimate, Signal, Tracked
 from monochord.live.guides.bench import Bench
 from monochord.live.health import Note
 from monochord.live.update import Update
-from monochord.live.web.server import Server
 from monochord.physics.sensors import load_sensor, with_sensor
 
 pytestmark = [
@@ -79,7 +79,7 @@ def telling_page(signal: Signal, controls: Keep | None, folder: Path) -> Generat
                 return
 
     with (
-        Server(port=0) as server,
+        RunServer(port=0) as server,
         server.show(signal, 1.3, controls, tasks=Bench(signal, 1.3, folder, "demo")) as writer,
         opened(server.address) as page,
     ):
@@ -249,7 +249,7 @@ def test_a_link_explains_the_page(page: Page, tmp_path: Path) -> None:
     assert page.ask("document.activeElement.id") == "what"
     assert len(page.requests) == requests
     with (
-        Server(port=0) as server,
+        RunServer(port=0) as server,
         server.show(SIGNAL, 0.2, None) as writer,
         opened(f"{server.address}#about") as other,
     ):

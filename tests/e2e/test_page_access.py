@@ -8,9 +8,10 @@ from contextlib import ExitStack, contextmanager, suppress
 
 import pytest
 from tests.e2e.browser import Page, chromium, opened
+from tests.live.web.run_server import RunServer
 from tests.live.web.test_server import SIGNAL, Run, free
 
-from monochord.live.web.server import Server
+from monochord.page.server import Server
 
 pytestmark = [
     pytest.mark.slow,
@@ -23,7 +24,7 @@ FOLDER = "/monochord"
 @contextmanager
 def shown(token: str, *names: str) -> Generator[Server]:
     with (
-        Server(port=free(), token=token, names=names) as server,
+        RunServer(port=free(), token=token, names=names) as server,
         server.show(SIGNAL, 0.2, None) as writer,
         Run(writer),
     ):

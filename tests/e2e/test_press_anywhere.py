@@ -8,10 +8,10 @@ import pytest
 from tests.e2e.browser import Page, chromium, opened
 from tests.e2e.press_anywhere import Count, pressed, zones
 from tests.e2e.test_web import READY, String, demonstration
+from tests.live.web.run_server import RunServer
 from tests.live.web.test_server import LENGTH, SIGNAL, update
 
 from monochord.lab.demonstration import ruled_length, twin_options
-from monochord.live.web.server import Server
 from monochord.physics.sensors import load_sensor
 from monochord.physics.setup import lengthened
 
@@ -77,7 +77,7 @@ def test_the_sensing_range_is_a_band_behind_the_string(page: Page) -> None:
 
 def test_of_an_unknown_sensor_nothing_is_drawn_or_said() -> None:
     with (
-        Server(port=0) as server,
+        RunServer(port=0) as server,
         server.show(SIGNAL, LENGTH, None) as writer,
         opened(server.address) as page,
     ):

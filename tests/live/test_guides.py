@@ -14,7 +14,7 @@ from monochord.live.guides.bench import MAX_WAITING, Bench
 from monochord.live.loop import opened
 from monochord.live.settings import LiveRun
 from monochord.live.update import Update
-from monochord.live.web.messages import carry_out
+from monochord.page.commands import Commands
 from monochord.perception.model import load
 from monochord.physics.sensors import load_sensor
 from monochord.sessions import read_session
@@ -126,7 +126,8 @@ def test_a_touch_that_cannot_be_is_not_taken_and_the_page_says_why(bench: Bench)
         assert not bench.hold(position, force)
     asked = bench.state()["guided"]["says"]
     grams = b'{"do": "hold", "position": 0.1, "force": 1224, "unit": "g"}'
-    assert carry_out(grams, None, bench, lambda _: False) == "task"  # 12 N
+    commands = Commands(bench.commands)
+    commands.carry_out(commands.read(grams))  # 12 N
     assert bench.state()["guided"]["says"] != asked
     bench.close()
 

@@ -2,9 +2,8 @@
 
 import asyncio
 import threading
-from collections.abc import Callable, Generator, Sequence
-from contextlib import contextmanager, suppress
-from importlib.resources import files
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any, Literal, Protocol
@@ -13,12 +12,11 @@ import msgspec
 import numpy as np
 from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response
-from starlette.routing import BaseRoute, Route, WebSocketRoute
-from starlette.websockets import WebSocket, WebSocketDisconnect
+from starlette.routing import Route
 
 from monochord.bringup.drawing import drawing
 from monochord.bringup.examine import BringUp, number
-from monochord.bringup.page import page
+from monochord.bringup.page import page as report
 from monochord.bringup.run import END, RECORD, SKIP, Guide, Taking
 from monochord.bringup.steps import Step
 from monochord.bringup.takes import Virtual
@@ -26,24 +24,23 @@ from monochord.core.errors import MonochordError
 from monochord.core.types import Audio
 from monochord.core.units import Seconds
 from monochord.dsp.levels import LOUD_LEVEL, levels
-from monochord.live.web.messages import number as finite
-from monochord.live.web.messages import packed
-from monochord.live.web.server import Part
+from monochord.page.clients import Clients, Feed, Viewer
+from monochord.page.commands import Commands, RefusedError
+from monochord.page.messages import number as finite
+from monochord.page.messages import packed
+from monochord.page.server import Page, static
 from monochord.physics.sensors import load_sensor
 
 METERED: Seconds = 0.05
 """Length of sound behind each level of the meter, in s."""
-PACE: Seconds = 0.05
-"""Time between two messages to a page, in s."""
 RETRY: Seconds = 1.0
 """Pause before a device that cannot be opened is tried again, in s."""
-MAX_PAGES = 32
 REPORT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
 """What a report may do: it has its own styles, and no script."""
 
 
-class Command(msgspec.Struct, forbid_unknown_fields=True):
-    """What a page asks for. `step` is the step that it shows, or the one to go to."""
+class Choice(msgspec.Struct, forbid_unknown_fields=True):
+    """What a page chooses. `step` is the step that it shows, or the one to go to."""
 
     do: Literal["record", "skip", "repeat", "end"]
     step: str = ""
@@ -57,8 +54,8 @@ class Listening(Taking, Protocol):
         ...
 
 
-class BringUpPage:
-    """The state that all pages of a bring-up show; its methods may be called from any thread.
+class BringUpPage(Feed):
+    """The state that all pages of a bring-up show, and what they choose; called from any thread.
 
     Parameters
     ----------
@@ -78,7 +75,7 @@ class BringUpPage:
         write: Callable[[BringUp], Sequence[Path | None]] | None = None,
     ) -> None:
         self._steps, self._sensor, self._write = tuple(steps), sensor, write
-        self._commands: SimpleQueue[str] = SimpleQueue()
+        self._choices: SimpleQueue[str] = SimpleQueue()
         self._lock = threading.Lock()
         self._phase: Literal["ready", "recording", "done"] = "ready"
         self._step: Step | None = None
@@ -87,9 +84,12 @@ class BringUpPage:
         self._error = self._silence = ""
         self._simulated = False
         self._paths = list[str]()
-        self._number = self._pages = 0
+        self._number = 0
         self._sound, self._seconds, self._levels = list[Audio](), 0.0, list[tuple[float, float]]()
-        self.part = Part(path="bring-up", title="Bring-up", routes=self._routes)
+        self.commands = Commands({Choice: self._choose}, "a JSON object with do and step")
+        self.state_text = self.meter_text = ""
+        self._encoded = -1
+        self.page = self._page()
 
     def guide(self, source: Listening) -> Guide:
         """Return the guide that asks this page; it listens to the source while it waits."""
@@ -114,7 +114,7 @@ class BringUpPage:
             self._phase, self._step = "ready" if step else "done", step
             self._number += 1
         try:
-            choice = self._commands.get()
+            choice = self._choices.get()
         except KeyboardInterrupt:
             if step is None and result is not None:  # all is done, and Control-C ends the page
                 return END
@@ -158,30 +158,26 @@ class BringUpPage:
                 self._silence = " ".join(why.split())
                 self._number += 1
 
-    def choose(self, text: str | bytes) -> str:
-        """Carry out a page's request; return why not as one line, empty where it is done."""
-        try:
-            command = msgspec.json.decode(text, type=Command)
-        except (msgspec.DecodeError, RecursionError, UnicodeError) as error:
-            return f"request: expected a JSON object with do and step ({error})"
+    def _choose(self, choice: Choice) -> bool:
+        """Pass a page's choice to who asks; raises `RefusedError` where it cannot be made now."""
         with self._lock:
-            why = self._refusal(command)
-            if not why:
-                choices = {"record": RECORD, "skip": SKIP, "end": END, "repeat": command.step}
-                self._commands.put(choices[command.do])
-            return why
+            if why := self._refusal(choice):
+                raise RefusedError(why)
+            choices = {"record": RECORD, "skip": SKIP, "end": END, "repeat": choice.step}
+            self._choices.put(choices[choice.do])
+        return True
 
-    def _refusal(self, command: Command) -> str:
-        """Return why a command is not carried out now; empty where it is."""
-        own = self._step.name if self._step else None
-        if self._phase == "recording" or not self._commands.empty():
+    def _refusal(self, choice: Choice) -> str:
+        """Return why a choice cannot be made now; empty where it can."""
+        current = self._step.name if self._step else None
+        if self._phase == "recording" or not self._choices.empty():
             return "A step is being recorded. Wait until it ends."
-        if command.do == "repeat":
+        if choice.do == "repeat":
             names = [each.name for each in self._steps]
-            return "" if command.step in names else f"Step '{command.step}': expected {', '.join(names)}."
-        if own is None:
+            return "" if choice.step in names else f"Step '{choice.step}': expected {', '.join(names)}."
+        if current is None:
             return "All steps are done."
-        return "" if command.do == "end" or command.step == own else "Another page has gone on meanwhile."
+        return "" if choice.do == "end" or choice.step == current else "Another page has gone on meanwhile."
 
     def state(self) -> tuple[int, dict[str, Any]]:
         """Return everything but the meter, and a number that changes with it."""
@@ -243,17 +239,30 @@ class BringUpPage:
             "seconds": round(self._seconds, 2),
         }
 
-    def _routes(self, with_tabs: Callable[[bytes], bytes]) -> Sequence[BaseRoute]:
-        static = files("monochord.bringup").joinpath("static")
-        html = with_tabs(static.joinpath("bring_up.html").read_bytes())
-        html = html.replace(b"<!--sensor-->", drawing(load_sensor(self._sensor)).encode())
-        script = static.joinpath("bring_up.js").read_bytes()
-        return (
-            Route("/bring-up", lambda _: Response(html, media_type="text/html")),
-            Route("/static/bring_up.js", lambda _: Response(script, media_type="text/javascript")),
-            Route("/sensor.toml", self._toml),
-            Route("/report.html", self._report),
-            WebSocketRoute("/bring-up-live", self._live),
+    def refresh(self, clients: Clients) -> bool:  # noqa: ARG002
+        """Encode the state and the meter where they have changed."""
+        before = self.state_text, self.meter_text
+        if self._encoded != self._number:
+            self._encoded, state = self.state()
+            self.state_text = packed(state)
+        self.meter_text = packed(self.meter())
+        return before != (self.state_text, self.meter_text)
+
+    def enter(self) -> Viewer:
+        """Return a browser that shows the state."""
+        return _Browser(self)
+
+    def _page(self) -> Page:
+        package = "monochord.bringup"
+        html = static(package, "bring_up.html")["bring_up.html"]
+        return Page(
+            path="bring-up",
+            title="Bring-up",
+            html=html.replace(b"<!--sensor-->", drawing(load_sensor(self._sensor)).encode()),
+            files=static(package, "bring_up.js"),
+            feed=self,
+            socket="bring-up-live",
+            routes=(Route("/sensor.toml", self._toml), Route("/report.html", self._report)),
         )
 
     async def _toml(self, _: Request) -> Response:
@@ -267,48 +276,39 @@ class BringUpPage:
         result = self._result
         if result is None:
             return PlainTextResponse("There is no report: no step is recorded.\n", 404)
-        html = await asyncio.to_thread(page, result)
+        html = await asyncio.to_thread(report, result)
         return Response(html, media_type="text/html", headers={"content-security-policy": REPORT_POLICY})
 
-    async def _live(self, socket: WebSocket) -> None:
-        if self._pages >= MAX_PAGES:
-            await socket.close(1013, "too many pages are open")
-            return
-        await socket.accept()
-        self._pages += 1
-        sending = asyncio.create_task(self._send(socket))
-        try:
-            while (message := await socket.receive())["type"] != "websocket.disconnect":
-                if line := self.choose(message.get("text") or message.get("bytes") or b""):
-                    await socket.send_text(packed({"type": "refused", "line": line}))
-                await asyncio.sleep(PACE)
-        except (WebSocketDisconnect, RuntimeError):
-            pass  # it went away
-        finally:
-            self._pages -= 1
-            sending.cancel()
-            with suppress(asyncio.CancelledError):
-                await sending
 
-    async def _send(self, socket: WebSocket) -> None:
-        shown, metered = -1, dict[str, Any]()
-        with suppress(WebSocketDisconnect, RuntimeError, OSError):
-            while True:
-                current, state = self.state() if shown != self._number else (shown, {})
-                if state:
-                    shown = current
-                    await socket.send_text(packed(state))
-                if (meter := self.meter()) != metered:
-                    metered = meter
-                    await socket.send_text(packed(meter))
-                await asyncio.sleep(PACE)
+class _Browser(Viewer):
+    """An open page of a bring-up."""
+
+    def __init__(self, page: BringUpPage) -> None:
+        self._page = page
+        self._shown = self._metered = ""
+
+    def news(self) -> Iterator[str]:
+        """Yield the newest state and meter."""
+        if (state := self._page.state_text) != self._shown:
+            self._shown = state
+            yield state
+        if (meter := self._page.meter_text) != self._metered:
+            self._metered = meter
+            yield meter
+
+    def ask(self, content: str | bytes) -> None:
+        """Make a choice."""
+        self._page.commands.carry_out(self._page.commands.read(content))
+
+    def leave(self) -> None:
+        """Leave the bring-up to other browsers."""
 
 
 class _Asking(Guide):
     """Asks a page, and passes on what the source hears meanwhile."""
 
-    def __init__(self, page_: BringUpPage, source: Listening) -> None:
-        self._page, self._source = page_, source
+    def __init__(self, page: BringUpPage, source: Listening) -> None:
+        self._page, self._source = page, source
 
     def choose(self, step: Step | None, result: BringUp | None) -> str:
         """Ask the page."""

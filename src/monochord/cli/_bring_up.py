@@ -115,7 +115,7 @@ def _source_of(options: dict[str, Any], on_audio: OnAudio | None = None) -> Live
 def _on_the_page(options: dict[str, Any], todo: tuple[Step, ...]) -> BringUp:
     """Carry out the steps as people choose on a page, and serve it until Control-C."""
     from monochord.bringup.web import BringUpPage  # noqa: PLC0415  (loads a web server)
-    from monochord.live.web.serving import served  # noqa: PLC0415  (likewise)
+    from monochord.page.serving import served  # noqa: PLC0415  (likewise)
 
     out = options["out"]
     page = BringUpPage(
@@ -123,8 +123,8 @@ def _on_the_page(options: dict[str, Any], todo: tuple[Step, ...]) -> BringUp:
     )
     source = _source_of(options, page.on_audio)
     names, browser = options["allow_host"], not options["no_browser"]
-    parts = (page.part, design_page())
-    with served(str(options["port"]), names=names, browser=browser, home=page.part.path, parts=parts):
+    pages = (page.page, design_page())
+    with served(pages, str(options["port"]), names=names, browser=browser):
         return bring_up(options["sensor"], source, todo, page.guide(source))
 
 

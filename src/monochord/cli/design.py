@@ -98,8 +98,8 @@ def design(
 
 def _serve(page: dict[str, Any]) -> None:
     """Serve the page of the design until Control-C."""
-    from monochord.live.web.serving import served, until_interrupted  # noqa: PLC0415  (loads a web server)
+    from monochord.page.serving import served, until_interrupted  # noqa: PLC0415  (loads a web server)
 
-    names, browser, part = page["allow_host"], not page["no_browser"], design_page()
-    with served(str(page["port"]), names=names, browser=browser, home=part.path, parts=(part,)):
+    names, browser = page["allow_host"], not page["no_browser"]
+    with served([design_page()], str(page["port"]), names=names, browser=browser):
         until_interrupted()

@@ -7,7 +7,7 @@ from monochord.core.workers import Worker
 from monochord.live.sinks.base import PageSink, Sink
 
 if TYPE_CHECKING:
-    from monochord.live.web.server import Part
+    from monochord.page.server import Page
 
 NICENESS = 5
 """Of the process that computes designs: a running sensor goes first."""
@@ -26,16 +26,16 @@ def with_page(sinks: Iterable[Sink]) -> tuple[Sink, ...]:
     return tuple(_whole(each) if isinstance(each, PageSink) else each for each in sinks)
 
 
-def design_page() -> "Part":
+def design_page() -> "Page":
     """Return the page of a design, for a server."""
     # Loaded where a page is served: a web server, and in its process what computes a design.
     from monochord.front.design_page import encoded_answer  # noqa: PLC0415
-    from monochord.live.web.design import design_part  # noqa: PLC0415
+    from monochord.page import design  # noqa: PLC0415
 
-    return design_part(Worker(encoded_answer, niceness=NICENESS))
+    return design.design_page(Worker(encoded_answer, niceness=NICENESS))
 
 
 def _whole(page: PageSink) -> Sink:
     from monochord.live.guides.bench import Bench  # noqa: PLC0415  (what a recording and a tuning take)
 
-    return page.with_tasks(Bench, parts=(design_page(),))
+    return page.with_tasks(Bench, pages=(design_page(),))

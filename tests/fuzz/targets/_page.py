@@ -14,6 +14,7 @@ from typing import Self
 import numpy as np
 from h11 import LocalProtocolError
 from tests.fuzz.base import REFUSALS
+from tests.live.web.run_server import RunServer
 from websockets.exceptions import InvalidState
 from websockets.sync.client import connect
 
@@ -21,7 +22,6 @@ from monochord.capture.sources import SOURCES
 from monochord.core.types import Estimate, Prediction, StreamHealth, Window
 from monochord.live.guides.bench import Bench
 from monochord.live.update import Update
-from monochord.live.web.server import Server
 
 PATIENCE = 10.0
 """Seconds in which the server closes a connection that its client has ended, and answers another one."""
@@ -43,7 +43,7 @@ class Page:
     def __init__(self, token: str = "") -> None:
         self._stack = ExitStack()
         self._errors = self._stack.enter_context(_Errors())
-        server = self._stack.enter_context(Server(token=token))
+        server = self._stack.enter_context(RunServer(token=token))
         stream = self._stack.enter_context(SOURCES.build("twin").open())
         folder = Path(self._stack.enter_context(TemporaryDirectory()))
         tasks = Bench(stream.signal, 0.2, folder, "")

@@ -7,12 +7,13 @@ import time
 from urllib.parse import quote, urlsplit
 
 import pytest
+from tests.live.web.run_server import RunServer
 from tests.live.web.test_server import SIGNAL, TOKEN, free, get, live, messages_of, running, update
 from websockets.exceptions import InvalidStatus
 
 from monochord.core.errors import InputError
-from monochord.live.web.access import FREE, INTERVAL, MAX_ATTEMPTS, page_name
-from monochord.live.web.server import Server
+from monochord.page.guard import FREE, INTERVAL, MAX_ATTEMPTS, page_name
+from monochord.page.server import Server
 
 
 def cookie_of(server: Server, **headers: str) -> str:
@@ -56,14 +57,14 @@ def test_what_else_a_host_keeps_in_its_cookies_is_no_matter() -> None:
 def test_a_browser_stays_let_in_where_the_run_is_started_anew_with_its_token() -> None:
     with running(token=TOKEN) as (server, _):
         port, cookie = server.port, cookie_of(server)
-    with Server(port=port, token=TOKEN) as server:
+    with RunServer(port=port, token=TOKEN) as server:
         assert get(server, "/static/page.js", Cookie=cookie).status == 200
         again = get(server, "/", Cookie=cookie)
         assert again.status == 200
         assert again.getheader("set-cookie")
         with live(server, additional_headers={"Cookie": cookie}):
             pass
-    with Server(port=port, token="other") as server:  # noqa: S106
+    with RunServer(port=port, token="other") as server:  # noqa: S106
         assert get(server, "/", Cookie=cookie).status == 401
 
 
@@ -141,7 +142,7 @@ def test_so_many_tokens_at_once_that_they_would_wait_for_long_are_refused() -> N
 
 def test_a_name_of_the_page_is_allowed_and_a_refusal_says_how(capsys: pytest.CaptureFixture[str]) -> None:
     names = ("lab.example.org", "proxy:8443")
-    with Server(port=free(), names=names) as server, server.show(SIGNAL, 0.2, None) as writer:
+    with RunServer(port=free(), names=names) as server, server.show(SIGNAL, 0.2, None) as writer:
         writer.write(update(0))
         for host in (*names, "LAB.example.org:80", "lab.example.org.", "proxy", "127.0.0.1"):
             assert get(server, "/", Host=host).status == 200, host

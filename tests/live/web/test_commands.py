@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.live.web.run_server import RunServer
 from tests.live.web.test_server import free, live, messages_of
 from websockets.sync.client import ClientConnection
 
@@ -19,7 +20,7 @@ from monochord.live.guides.bench import Bench
 from monochord.live.loop import opened
 from monochord.live.settings import LiveRun
 from monochord.live.update import Update
-from monochord.live.web.server import Server, View
+from monochord.live.web.run_page import View
 from monochord.physics.sensors import load_sensor, with_sensor
 from monochord.sessions import read_session
 
@@ -69,7 +70,7 @@ def shown(updates: Sequence[Update], folder: Path, pause: float = 0.005) -> Gene
 
     tasks = Bench(SIGNAL, SENSOR.string.length, folder, "demo")
     with (
-        Server(port=free()) as server,
+        RunServer(port=free()) as server,
         server.show(SIGNAL, SENSOR.string.length, None, tasks=tasks) as writer,
     ):
         player = threading.Thread(target=play, args=(writer,))

@@ -11,7 +11,7 @@ import pytest
 from tests.live.web.test_server import TOKEN, get, live, messages_of, running
 from websockets.sync.client import ClientConnection
 
-from monochord.live.web.connections import DEADLINE, MAX_WAITING
+from monochord.page.connections import DEADLINE, MAX_WAITING
 
 HEAD = b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n"
 
@@ -104,8 +104,9 @@ def test_whoever_is_refused_is_not_kept() -> None:
 EXHAUSTED = """
 import resource, socket, sys, time
 resource.setrlimit(resource.RLIMIT_NOFILE, (128, 128))
-from monochord.live.web.server import Server
-with Server(token="right") as server:
+from monochord.live.web.run_page import RunPage
+from monochord.page.server import Server
+with Server([RunPage().page], token="right") as server:
     def ask():
         with socket.create_connection(("127.0.0.1", server.port), 10) as client:
             client.sendall(b"GET / HTTP/1.1\\r\\nHost: 127.0.0.1\\r\\nCookie: monochord=right\\r\\n\\r\\n")
@@ -144,8 +145,9 @@ def test_where_the_process_has_no_descriptors_left_one_line_is_printed_and_the_p
 FEW = """
 import os, resource, socket, sys
 resource.setrlimit(resource.RLIMIT_NOFILE, (256, 4096))
-from monochord.live.web.server import Server
-with Server() as server:
+from monochord.live.web.run_page import RunPage
+from monochord.page.server import Server
+with Server([RunPage().page]) as server:
     print(server.port, flush=True)
     for line in sys.stdin:
         print(len(os.listdir("/proc/self/fd")), server.counts["clients"], flush=True)

@@ -11,13 +11,14 @@ from typing import Any
 
 import psutil
 import pytest
+from tests.live.web.run_server import RunServer
 from tests.live.web.test_server import TOKEN, free, get
 from tests.waiting import wait_for
 
 import monochord as mc
 from monochord.front.page import design_page
-from monochord.live.web.design import MAX_REQUEST
-from monochord.live.web.server import Server
+from monochord.page.design import MAX_REQUEST
+from monochord.page.server import Server
 
 STRING = {"gauge": 0.254e-3, "tension": 40.0, "length": 0.2}
 GIVEN = b'{"do": "string", "wishes": {%s}}'
@@ -25,7 +26,7 @@ GIVEN = b'{"do": "string", "wishes": {%s}}'
 
 @pytest.fixture(scope="module")
 def server() -> Iterator[Server]:
-    with Server(port=free(), home="design", parts=(design_page(),)) as server:
+    with Server([design_page()], port=free()) as server:
         yield server
 
 
@@ -122,7 +123,7 @@ def test_a_long_request_and_a_foreign_page_are_refused(server: Server) -> None:
     assert post(server, b" " * (MAX_REQUEST + 1))[0] == 413
     assert post(server, b"{}", Origin="http://evil.example")[0] == 403
     assert post(server, b"{}", Host="evil.example")[0] == 421
-    with Server(port=free(), token=TOKEN, parts=(design_page(),)) as guarded:
+    with Server([design_page()], port=free(), token=TOKEN) as guarded:
         assert post(guarded, b"{}")[0] == 401
         assert get(guarded, "/design").status == 401
         assert get(guarded, "/design", Cookie=f"monochord={TOKEN}").status == 200
@@ -135,7 +136,7 @@ def workers() -> list[psutil.Process]:
 
 def test_a_process_that_dies_is_started_again_and_none_is_left() -> None:
     before = {each.pid for each in workers()}
-    with Server(port=free(), parts=(design_page(),)) as server:
+    with Server([design_page()], port=free()) as server:
         ask(server, "about")
         (worker,) = [each for each in workers() if each.pid not in before]
         worker.send_signal(signal.SIGKILL)
@@ -168,7 +169,7 @@ def test_every_page_leads_to_the_others(server: Server) -> None:
     alone = get(server, "/design").body.decode()  # pyright: ignore[reportAttributeAccessIssue]
     assert '<a href="design" aria-current="page">Design</a>' in alone
     assert "Live" not in alone
-    with Server(port=free(), parts=(design_page(),)) as running:
+    with RunServer(port=free(), pages=[design_page()]) as running:
         for path, other in (("/", "design"), ("/design", "./")):
             page = get(running, path).body.decode()  # pyright: ignore[reportAttributeAccessIssue]
             assert f'<a href="{other}">' in page

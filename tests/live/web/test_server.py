@@ -14,6 +14,7 @@ from typing import Any, Self
 
 import numpy as np
 import pytest
+from tests.live.web.run_server import RunServer
 from tests.waiting import wait_for
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
@@ -29,7 +30,9 @@ from monochord.live.sinks import SINKS
 from monochord.live.sinks.base import Run as SinkRun
 from monochord.live.update import Update
 from monochord.live.web import messages
-from monochord.live.web.server import MAX_MESSAGE, PAGE, RATE, Server, View
+from monochord.live.web.run_page import FILES, View
+from monochord.page.clients import RATE
+from monochord.page.server import MAX_MESSAGE, SHARED, Server
 from monochord.perception.watching import Condition
 from monochord.physics.sensors import load_sensor, with_sensor
 from monochord.sessions import read_session
@@ -126,7 +129,7 @@ def running(
 ) -> Generator[tuple[Server, Run]]:
     tasks = Bench(SIGNAL, LENGTH, folder, "")
     with (
-        Server(port=free(), token=token) as server,
+        RunServer(port=free(), token=token) as server,
         server.show(SIGNAL, LENGTH, controls, tasks=tasks) as writer,
         Run(writer) as run,
     ):
@@ -162,7 +165,7 @@ def messages_of(client: ClientConnection, kind: str, count: int = 1) -> list[dic
 
 
 def test_the_page_is_there_before_there_is_sound() -> None:
-    with Server(port=free()) as server:
+    with RunServer(port=free()) as server:
         assert get(server, "/").status == 200
         with live(server) as client:
             assert json.loads(client.recv(30))["type"] == "waiting"
@@ -174,8 +177,8 @@ def test_the_page_is_there_before_there_is_sound() -> None:
 
 
 def test_every_file_of_the_page_is_served_and_nothing_else() -> None:
-    with Server(port=free()) as server:
-        for path in PAGE:
+    with RunServer(port=free()) as server:
+        for path in ("/", *(f"/static/{name}" for name in (*SHARED, *FILES))):
             answer = get(server, path)
             assert (answer.status, answer.getheader("x-content-type-options")) == (200, "nosniff"), path
             assert "default-src 'none'" in (answer.getheader("content-security-policy") or "")
@@ -186,7 +189,7 @@ def test_every_file_of_the_page_is_served_and_nothing_else() -> None:
 
 
 def test_another_name_or_another_page_is_refused() -> None:
-    with Server(port=free()) as server:
+    with RunServer(port=free()) as server:
         assert get(server, "/", Host="evil.example").status == 421
         assert get(server, "/", Host=f"localhost:{server.port + 1}").status == 200  # the end of a tunnel
         assert get(server, "/", Origin="http://evil.example").status == 403
@@ -229,8 +232,8 @@ def test_beyond_this_machine_there_is_always_a_token(capsys: pytest.CaptureFixtu
 
 
 def test_an_address_that_is_taken_or_none_is_refused() -> None:
-    with Server(port=free()) as server, pytest.raises(DeviceError, match=str(server.port)):
-        Server(port=server.port)
+    with RunServer(port=free()) as server, pytest.raises(DeviceError, match=str(server.port)):
+        RunServer(port=server.port)
     with (
         pytest.raises(InputError, match="'seven'"),
         SINKS.build("web", {"at": "seven"}).open(SinkRun(signal=SIGNAL)),
@@ -368,7 +371,7 @@ def test_a_recording_that_cannot_be_made_is_said_and_the_page_goes_on(tmp_path: 
 
 def test_a_page_chooses_among_strings_for_itself() -> None:
     with (
-        Server(port=free(), first="ring") as server,
+        RunServer(port=free(), first="ring") as server,
         server.show(SIGNAL, LENGTH, None, string="thumb") as thumb,
         server.show(replace(SIGNAL, channels=1), 2 * LENGTH, None, string="ring") as ring,
         Run(thumb, "thumb"),

@@ -1,39 +1,26 @@
 // The bring-up of a sensor: the server says which step is next, what is heard and what passed; people choose.
 
+import { Connection, showConnection } from "./connection.js";
 import { themed } from "./theme.js";
 
 const element = (id) => document.getElementById(id);
-const RETRY = 1000; // ms until the next attempt to connect
 const FLOOR = -90; // dB below full scale at the left end of a meter
 const STATUS = { passed: "passed", failed: "to change", skipped: "left out", waiting: "to come" };
 const MARK = { true: "passed", false: "failed", null: "left out" };
-let state = null, socket = null, before = null;
+let state = null, before = null;
 
-function connect() {
-  socket = new WebSocket(new URL("bring-up-live", location.href).href.replace(/^http/, "ws"));
-  socket.onopen = () => connected("live", "live");
-  socket.onmessage = ({ data }) => {
+const connection = new Connection("bring-up-live", {
+  opened: () => showConnection("live", "live"),
+  message: (data) => {
     const message = JSON.parse(data);
     if (message.type === "state") show(message);
     else if (message.type === "meter") meter(message);
     else refuse(message.line);
-  };
-  socket.onclose = () => {
-    connected("lost", "not connected, trying again");
-    setTimeout(connect, RETRY);
-  };
-}
+  },
+  lost: () => { for (const id of ["record", "skip", "end", "repeat"]) element(id).disabled = true; },
+});
 
-function connected(name, words) {
-  element("connection").dataset.state = name;
-  element("connection").lastElementChild.textContent = words;
-  document.body.dataset.connection = name;
-  if (name !== "live") for (const id of ["record", "skip", "end", "repeat"]) element(id).disabled = true;
-}
-
-function send(message) {
-  if (socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
-}
+const send = (message) => connection.send(message);
 
 function put(id, text) {
   if (element(id).textContent !== text) element(id).textContent = text;
@@ -156,7 +143,6 @@ function meter({ levels, clips, seconds }) {
 for (const id of ["record", "skip", "end"]) element(id).addEventListener("click", () => send({ do: id, step: state.step ?? "" }));
 element("repeat").addEventListener("click", () => send({ do: "repeat", step: before }));
 themed(() => {});
-connect();
 
 // What a test or a curious person may ask of the page in the console.
 window.monochord = { get state() { return state; }, send };

@@ -4,6 +4,7 @@ Commands from several pages arrive in one thread and take effect in order. A sec
 files, a third computes results, and neither delays the commands.
 """
 
+import math
 import threading
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -17,11 +18,14 @@ from monochord.core.types import Signal
 from monochord.core.units import Metres, Newtons
 from monochord.live.delivery import reason
 from monochord.live.guides.labelling import Labelling
+from monochord.live.guides.requests import Act, Calibrate, Cancel, Do, Hold, Label, Record, Tune
 from monochord.live.guides.steps import Calibration, Guided, Tuning
 from monochord.live.recording import Recording
 from monochord.live.touch_guide import TouchGuide
 from monochord.live.update import Update
-from monochord.live.web.tasks import Act, Tasks
+from monochord.live.web.tasks import Tasks
+from monochord.page.commands import Handlers
+from monochord.physics.known_touches import in_newtons
 
 MAX_WAITING = 16
 """Most files waiting to be opened or closed, as on a slow disk; further commands are refused."""
@@ -98,6 +102,19 @@ class Bench(Tasks):
         self._lines: list[str] = []
         self._saved = self._answer = ""
 
+    @property
+    def commands(self) -> Handlers:
+        """What a page can ask, by type of request."""
+        return {
+            Record: lambda request: self.record(on=request.on),
+            Tune: lambda _: self.tune(),
+            Calibrate: lambda request: self.calibrate(request.touches),
+            Label: lambda request: self.label(request.touches),
+            Hold: self._typed,
+            Do: lambda request: self.touch(request.act),
+            Cancel: lambda _: self.cancel(),
+        }
+
     def record(self, *, on: bool) -> bool:
         """Start or end a recording; return whether that changed anything."""
         with self._lock:
@@ -130,6 +147,10 @@ class Bench(Tasks):
     def hold(self, position: Metres, force: Newtons) -> bool:
         """Give the present touch's position and force; one that is not heard begins now."""
         return self._guided(lambda guide: guide.hold(position, force))
+
+    def _typed(self, request: Hold) -> bool:
+        position, force = (math.nan if each is None else each for each in (request.position, request.force))
+        return self.hold(position, in_newtons(force, request.unit))
 
     def touch(self, act: Act) -> bool:
         """Announce, undo or skip a touch."""

@@ -19,7 +19,7 @@ from monochord.live.update import Update
 from monochord.live.web.tasks import MakeTasks
 
 if TYPE_CHECKING:
-    from monochord.live.web.server import Part
+    from monochord.page.server import Page
 
 __all__ = [
     "BACKLOG",
@@ -150,7 +150,7 @@ class PageSink(Sink, ABC):
     """A sink that serves a page, which can do more than show the run where that is handed to it."""
 
     @abstractmethod
-    def with_tasks(self, tasks: MakeTasks, *, parts: "Sequence[Part]" = ()) -> Sink:
+    def with_tasks(self, tasks: MakeTasks, *, pages: "Sequence[Page]" = ()) -> Sink:
         """Return this sink with what its page can ask for, and with further pages of its server."""
 
 

@@ -14,7 +14,8 @@ from monochord.live.sinks.terminal import DEFAULT_LENGTH
 from monochord.live.web.tasks import MakeTasks
 
 if TYPE_CHECKING:
-    from monochord.live.web.server import Part, Server, View
+    from monochord.live.web.run_page import RunPage, View
+    from monochord.page.server import Page, Server
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,56 +76,58 @@ class Web(PageSink):
         with _Page(options=self).open(run) as writer:
             yield writer
 
-    def with_tasks(self, tasks: MakeTasks, *, parts: "Sequence[Part]" = ()) -> Sink:
+    def with_tasks(self, tasks: MakeTasks, *, pages: "Sequence[Page]" = ()) -> Sink:
         """Return this sink with what its page can ask for, and with further pages of its server."""
-        return _Page(options=self, tasks=tasks, parts=tuple(parts))
+        return _Page(options=self, tasks=tasks, pages=tuple(pages))
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Page(Sink):
-    """The page of a run, on a running server or a new one."""
+    """The page of a run, served already or once the run opens it."""
 
     options: Web
     tasks: MakeTasks | None = None
-    parts: "tuple[Part, ...]" = ()
+    pages: "tuple[Page, ...]" = ()
+    shown: "RunPage | None" = None
     server: "Server | None" = None
 
     @contextmanager
     def ahead(self) -> Generator[Sink]:
-        with self._served(to_stderr=self.options.stderr) as server:
-            yield replace(self, server=server)
+        with self._served(to_stderr=self.options.stderr) as (server, shown):
+            yield replace(self, server=server, shown=shown)
 
     @contextmanager
     def open(self, run: Run) -> Generator[Writer]:
-        options = self.options
         with ExitStack() as stack:
-            server = self.server or stack.enter_context(
-                self._served(to_stderr=options.stderr or run.is_output_taken)
-            )
+            shown = self.shown
+            if shown is None:
+                to_stderr = self.options.stderr or run.is_output_taken
+                _, shown = stack.enter_context(self._served(to_stderr=to_stderr))
             views = {
-                name: stack.enter_context(self._shown(server, run, name, own))
-                for name, own in (run.strings or {"": run.signal}).items()
+                name: stack.enter_context(self._shown(shown, run, name, signal))
+                for name, signal in (run.strings or {"": run.signal}).items()
             }
             yield _Views(views)
 
     @contextmanager
-    def _served(self, *, to_stderr: bool) -> Generator["Server"]:
-        """Run the server and print its address."""
-        from monochord.live.web.serving import served  # noqa: PLC0415  (loads a web server)
+    def _served(self, *, to_stderr: bool) -> Generator["tuple[Server, RunPage]"]:
+        """Serve the page and print its address."""
+        from monochord.live.web.run_page import RunPage  # noqa: PLC0415  (loads a web server)
+        from monochord.page.serving import served  # noqa: PLC0415  (likewise)
 
         options = self.options
+        shown = RunPage(options.string)
         with served(
+            (shown.page, *self.pages),
             options.at,
             token=options.token,
             names=options.allow_host,
             browser=options.browser,
             to_stderr=to_stderr,
-            first=options.string,
-            parts=self.parts,
         ) as server:
-            yield server
+            yield server, shown
 
-    def _shown(self, server: "Server", run: Run, name: str, signal: Signal) -> "AbstractContextManager[View]":
+    def _shown(self, shown: "RunPage", run: Run, name: str, signal: Signal) -> "AbstractContextManager[View]":
         """Show one string of a run."""
         options = self.options
         known = signal.string.length if signal.string else DEFAULT_LENGTH
@@ -134,7 +137,7 @@ class _Page(Sink):
             described = of_sensor(sensor) if (sensor := run.sensors.get(name)) else {}
             folder, model = Path(options.folder), options.model or run.model
             tasks = self.tasks(signal, length, folder, model, described)
-        return server.show(signal, length, run.controls, string=name, tasks=tasks)
+        return shown.show(signal, length, run.controls, string=name, tasks=tasks)
 
 
 class _Views(Writer):

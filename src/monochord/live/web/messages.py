@@ -1,25 +1,22 @@
-"""Messages to the page, as JSON and compact bytes, and the requests that the page may send."""
+"""Messages to the page of a run, as JSON and compact bytes, and what a page may ask of it."""
 
-import json
 import math
-from collections.abc import Callable, Mapping
-from typing import Annotated, Any, TypeAlias
+from collections.abc import Mapping
+from typing import Any
 
 import msgspec
 import numpy as np
 
 from monochord.capture.sources.base import Controls
-from monochord.core.errors import InputError
 from monochord.core.reasons import Reason
 from monochord.core.timing import Percentiles
-from monochord.core.types import Audio, Contact, Estimate, Signal
+from monochord.core.types import Audio, Estimate, Signal
 from monochord.core.units import Hertz, Seconds
 from monochord.dsp.levels import LOUD_LEVEL, levels
 from monochord.live.events import Event
 from monochord.live.update import Update
-from monochord.live.web.tasks import Act, Tasks
+from monochord.page.messages import number, packed
 from monochord.perception.watching import Condition
-from monochord.physics.known_touches import Unit, in_newtons
 
 TOP: Hertz = 10_000.0
 """Highest frequency of a transmitted spectrum, in Hz."""
@@ -56,101 +53,6 @@ class Show(msgspec.Struct, tag_field="do", tag="show", forbid_unknown_fields=Tru
     """Show another string, by its name."""
 
     string: str
-
-
-class Record(msgspec.Struct, tag_field="do", tag="record", forbid_unknown_fields=True):
-    """Start or end a recording."""
-
-    on: bool
-
-
-class Tune(msgspec.Struct, tag_field="do", tag="tune", forbid_unknown_fields=True):
-    """Tune the sensor."""
-
-
-class Calibrate(msgspec.Struct, tag_field="do", tag="calibrate", forbid_unknown_fields=True):
-    """Calibrate the model with a number of touches."""
-
-    touches: Annotated[int, msgspec.Meta(ge=3, le=30)]
-
-
-class Label(msgspec.Struct, tag_field="do", tag="label", forbid_unknown_fields=True):
-    """Record a number of touches with labels."""
-
-    touches: Annotated[int, msgspec.Meta(ge=1, le=100)]
-
-
-class Hold(msgspec.Struct, tag_field="do", tag="hold", forbid_unknown_fields=True):
-    """State the present touch's position in m and force in a unit; null for one that was not measured."""
-
-    position: float | None
-    force: float | None
-    unit: Unit = "N"
-
-
-class Do(msgspec.Struct, tag_field="do", tag="step", forbid_unknown_fields=True):
-    """Announce, undo or skip a touch."""
-
-    act: Act
-
-
-class Cancel(msgspec.Struct, tag_field="do", tag="cancel", forbid_unknown_fields=True):
-    """End a guided step."""
-
-
-Task: TypeAlias = Record | Tune | Calibrate | Label | Hold | Do | Cancel
-_decoder = msgspec.json.Decoder(Show | Touch | Release | Change | Task)
-
-
-def carry_out(
-    text: str | bytes, controls: Controls | None, tasks: Tasks | None, show: Callable[[str], bool]
-) -> str | None:
-    """Carry out a page's request, and return it; None where that was not possible.
-
-    Nothing happens for a source without controls, an invalid message, or numbers that are not finite. `show`
-    shows another string, and returns whether a string of that name exists.
-    """
-    try:
-        request = _decoder.decode(text)
-        if isinstance(request, Show):
-            return "show" if show(request.string) else None
-        if isinstance(request, Task):
-            return "task" if tasks is not None and _begun(request, tasks) else None
-        return None if controls is None else _handled(request, controls)
-    except (msgspec.DecodeError, InputError, ValueError, RecursionError):
-        return None
-
-
-def _handled(request: Touch | Release | Change, controls: Controls) -> str:
-    if isinstance(request, Touch):
-        contact = Contact(position=request.position, force=request.force, slip_velocity=request.across)
-        controls.touch(contact)
-        return "touch"
-    if isinstance(request, Release):
-        controls.release()
-        return "release"
-    controls.change(request.name, request.value)
-    return "change"
-
-
-def _begun(request: Task, tasks: Tasks) -> bool:
-    match request:
-        case Record(on=on):
-            done = tasks.record(on=on)
-        case Tune():
-            done = tasks.tune()
-        case Calibrate(touches=touches):
-            done = tasks.calibrate(touches)
-        case Label(touches=touches):
-            done = tasks.label(touches)
-        case Hold(position=position, force=force, unit=unit):
-            place, press = (math.nan if each is None else each for each in (position, force))
-            done = tasks.hold(place, in_newtons(press, unit))
-        case Do(act=act):
-            done = tasks.touch(act)
-        case Cancel():
-            done = tasks.cancel()
-    return done
 
 
 def waiting() -> str:
@@ -276,20 +178,6 @@ def spectrum(samples: Audio, sample_rate: int) -> bytes:
     scaled = np.clip(255.0 * (1.0 - decibels / FLOOR), 0.0, 255.0).astype(np.uint8)
     head = bytes([scaled.shape[0], 0, 0, 0]) + np.float32(top).astype("<f4").tobytes()
     return head + scaled.tobytes()
-
-
-def packed(message: Mapping[str, Any]) -> str:
-    """Return a message as JSON."""
-    return json.dumps(message, separators=(",", ":"), allow_nan=False)
-
-
-def number(value: float, digits: int = 6) -> float | None:
-    """Return a rounded number, or None for NaN and infinity, which JSON lacks.
-
-    >>> number(0.123456789), number(float("nan"))
-    (0.123457, None)
-    """
-    return round(float(value), digits) if math.isfinite(value) else None
 
 
 def _pitch(condition: Condition | None) -> dict[str, Any] | None:

@@ -3,49 +3,24 @@
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Any, TypeAlias
 
 from monochord.core.types import Signal
-from monochord.core.units import Metres, Newtons
+from monochord.core.units import Metres
 from monochord.live.update import Update
-
-Act: TypeAlias = Literal["announce", "undo", "skip"]
-"""What a person may do with a touch beside giving its position and force."""
+from monochord.page.commands import Handlers
 
 
 class Tasks(ABC):
-    """The commands of a page, for one string of a run; each returns whether it had an effect.
+    """The tasks of a page, for one string of a run.
 
     Updates come in the sink's thread, commands in the server's.
     """
 
+    @property
     @abstractmethod
-    def record(self, *, on: bool) -> bool:
-        """Start or end a recording."""
-
-    @abstractmethod
-    def tune(self) -> bool:
-        """Start a tuning."""
-
-    @abstractmethod
-    def calibrate(self, count: int) -> bool:
-        """Start a calibration with a number of touches."""
-
-    @abstractmethod
-    def label(self, count: int) -> bool:
-        """Start to record a number of labelled touches."""
-
-    @abstractmethod
-    def hold(self, position: Metres, force: Newtons) -> bool:
-        """Give the present touch's position and force."""
-
-    @abstractmethod
-    def touch(self, act: Act) -> bool:
-        """Announce, undo or skip a touch."""
-
-    @abstractmethod
-    def cancel(self) -> bool:
-        """End a guided step."""
+    def commands(self) -> Handlers:
+        """What a page can ask, by type of request."""
 
     @abstractmethod
     def take(self, update: Update) -> None:

@@ -4,7 +4,7 @@ import { History } from "./history.js";
 import { facts, showEvents, showNotes, showNumbers, showPitch, showStream, speak } from "./numbers.js";
 import { Spectra } from "./spectrum.js";
 import { brief, explain, explainRun, foldSections } from "./sections.js";
-import { Connection, span } from "./state.js";
+import { Run, span } from "./state.js";
 import { StringView } from "./string.js";
 import { Strings } from "./strings.js";
 import { Tasks } from "./tasks.js";
@@ -30,15 +30,8 @@ const watch = new IntersectionObserver((entries) => entries.forEach(({ target, i
 }));
 for (const id of ["string", "spectra", "history"]) watch.observe(element(id));
 
-const connection = new Connection({
-  state(state, words) {
-    const place = element("connection");
-    if (place.dataset.state === state) return;
-    place.dataset.state = state;
-    place.lastElementChild.textContent = words;
-    document.body.dataset.connection = state;
-    if (state === "lost") hand.lift();
-  },
+const connection = new Run({
+  lost() { hand.lift(); },
   hello(message) {
     run = message;
     moment = null; // the one before may be of another string

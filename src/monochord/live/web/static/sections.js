@@ -1,13 +1,10 @@
 // Sections that fold, and the explanation for somebody who knows nothing of the page yet.
 
 import { millimetres } from "./state.js";
+import { keep, kept } from "./theme.js";
 
 const element = (id) => document.getElementById(id);
 const SMALL = matchMedia("(max-width: 720px), (max-height: 480px)");
-
-// What is kept in this browser, where it keeps anything.
-export function kept(name) { try { return localStorage.getItem(name); } catch { return null; } }
-export function keep(name, value) { try { localStorage.setItem(name, value); } catch { /* no storage */ } }
 
 // Open on a large screen and folded on a small one, until a person opens or folds a section: then as they left it.
 export function foldSections() {

@@ -1,57 +1,45 @@
-// The connection to the server, and what it said last. Drawing asks here, 60 times a second, whatever comes in.
+// A run's messages, and what the newest said. Drawing asks here, 60 times a second, whatever comes in.
 
-const RETRY = [250, 500, 1000, 2000, 4000]; // ms until the next attempt
+import { Connection, showConnection } from "./connection.js";
+
 const SILENCE = 3000; // ms without a moment after which those that are shown are old
+const MOST_WAITING = 4096; // bytes that wait to be sent above which a touch is left out
 
-export class Connection {
+export class Run {
   constructor(listeners) {
-    this.listeners = listeners; // {state, hello, moment, spectrum}
-    this.attempt = 0;
+    this.listeners = listeners; // {lost, hello, moment, spectrum}
     this.received = null; // when the newest moment came, on this connection
     setInterval(() => this.listen(), 500);
-    this.open();
+    this.connection = new Connection("live", {
+      opened: () => showConnection("waiting", "waiting for the first sound"),
+      message: (data) => this.take(data),
+      lost: () => {
+        this.received = null;
+        listeners.lost();
+      },
+    });
   }
 
   // A connection may be open while nothing comes: a run that computes or is stopped, a network that is gone.
   listen() {
     if (this.received === null || performance.now() - this.received < SILENCE) return;
-    this.listeners.state("silent", "nothing new for some seconds");
-  }
-
-  open() {
-    const socket = new WebSocket(new URL("live", location.href).href.replace(/^http/, "ws")); // in the page's folder
-    socket.binaryType = "arraybuffer";
-    this.socket = socket;
-    socket.onopen = () => this.listeners.state("waiting", "waiting for the first sound");
-    socket.onmessage = (event) => this.take(event.data);
-    socket.onclose = () => {
-      this.received = null;
-      const pause = RETRY[Math.min(this.attempt++, RETRY.length - 1)];
-      this.listeners.state("lost", "not connected, trying again");
-      setTimeout(() => this.open(), pause);
-    };
+    showConnection("silent", "nothing new for some seconds");
   }
 
   take(data) {
     if (data instanceof ArrayBuffer) return this.listeners.spectrum(unpacked(data));
     const message = JSON.parse(data);
     if (message.type === "hello") {
-      this.attempt = 0;
       this.listeners.hello(message);
     } else if (message.type === "moment") {
       this.received = performance.now();
-      this.listeners.state("live", "live");
+      showConnection("live", "live");
       this.listeners.moment(message);
     }
   }
 
-  // Returns whether it is sent. A touch is left out where others wait: the next one says more.
-  send(message) {
-    const { readyState, bufferedAmount } = this.socket;
-    if (readyState !== WebSocket.OPEN || (message.do === "touch" && bufferedAmount > 4096)) return false;
-    this.socket.send(JSON.stringify(message));
-    return true;
-  }
+  // Returns whether it is sent.
+  send(message) { return this.connection.send(message, message.do === "touch" ? MOST_WAITING : Infinity); }
 }
 
 function unpacked(buffer) {

@@ -1,18 +1,16 @@
 """The page's design of a sensor: it is computed in a process of its own, so that no window of a run waits."""
 
 import asyncio
-from collections.abc import Callable, Sequence
 from contextlib import suppress
-from importlib.resources import files
 
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response
-from starlette.routing import BaseRoute, Route
+from starlette.routing import Route
 
 from monochord.core.units import Seconds
 from monochord.core.workers import Worker
-from monochord.live.web.messages import packed
-from monochord.live.web.server import Part
+from monochord.page.messages import packed
+from monochord.page.server import Page, static
 
 MAX_REQUEST = 4096
 """Largest request, in bytes."""
@@ -26,20 +24,17 @@ PATIENCE: Seconds = 120.0
 """Time for an answer, in s."""
 
 
-def design_part(answer: Worker[bytes, bytes]) -> Part:
+def design_page(answer: Worker[bytes, bytes]) -> Page:
     """Return the page of a design for a `Server`, from the process that answers its requests."""
-    designer, static = Designer(answer), files("monochord.live.web").joinpath("static")
-
-    def routes(with_tabs: Callable[[bytes], bytes]) -> Sequence[BaseRoute]:
-        html = with_tabs(static.joinpath("design.html").read_bytes())
-        script = static.joinpath("design.js").read_bytes()
-        return (
-            Route("/design", lambda _: Response(html, media_type="text/html")),
-            Route("/design", designer.respond, methods=["POST"]),
-            Route("/static/design.js", lambda _: Response(script, media_type="text/javascript")),
-        )
-
-    return Part(path="design", title="Design", routes=routes, close=designer.close)
+    designer = Designer(answer)
+    return Page(
+        path="design",
+        title="Design",
+        html=static("monochord.page", "design.html")["design.html"],
+        files=static("monochord.page", "design.js"),
+        routes=(Route("/design", designer.respond, methods=["POST"]),),
+        close=designer.close,
+    )
 
 
 class Designer:

@@ -11,8 +11,8 @@ from contextlib import contextmanager
 from monochord.capture.address import is_port, resolved
 from monochord.core.errors import InputError
 from monochord.core.interruption import interruption
-from monochord.live.web.access import is_loopback
-from monochord.live.web.server import Part, Server
+from monochord.page.guard import is_loopback
+from monochord.page.server import Page, Server
 
 RESOLVING = 5.0
 """Timeout for resolving a local address, in s."""
@@ -20,20 +20,20 @@ RESOLVING = 5.0
 
 @contextmanager
 def served(
+    pages: Sequence[Page],
     at: str,
     *,
     token: str = "",  # nosec B107
     names: Sequence[str] = (),
     browser: bool = False,
     to_stderr: bool = False,
-    first: str = "",
-    home: str = "",
-    parts: Sequence[Part] = (),
 ) -> Generator[Server]:
     """Run a server and print its address; other machines, and other names, need a token.
 
     Parameters
     ----------
+    pages
+        Its pages; the first is the one that opens.
     at
         Port, or ``HOST:PORT``, of this machine; port 0 is the first free one from 8420 on.
     token
@@ -44,8 +44,6 @@ def served(
         Whether to open it in a browser, if there is a display.
     to_stderr
         Whether to print the address on standard error.
-    first, home, parts
-        As for `Server`.
 
     Raises
     ------
@@ -61,7 +59,7 @@ def served(
     address = host if ":" in host else resolved(host, RESOLVING)
     is_alone = is_loopback(address) and not names
     token = token or ("" if is_alone else secrets.token_urlsafe(16))
-    with Server(address, int(port), token, first=first, names=names, home=home, parts=parts) as server:
+    with Server(pages, address, int(port), token, names=names) as server:
         opened = browser and _has_display() and webbrowser.open(server.address)
         hint = "" if opened or not browser else "  (open it in a browser)"
         file = sys.stderr if to_stderr else sys.stdout

@@ -16,7 +16,7 @@ from functools import partial
 from typing import Any, TypeAlias
 
 from monochord.core.units import Seconds
-from monochord.live.web.access import App, Receive, Scope, Send
+from monochord.page.guard import App, Receive, Scope, Send
 
 MAX_WAITING = 64
 """Most connections waiting for their request."""

@@ -1,10 +1,12 @@
 // Light and dark: as the system says, or as a person chose.
 
-import { keep, kept } from "./sections.js";
-
 const dark = matchMedia("(prefers-color-scheme: dark)");
 const root = document.documentElement;
 const NAMES = ["ink", "muted", "line", "estimate", "spread", "truth", "hand", "string", "swing", "mark", "surface", "range"];
+
+// What is kept in this browser, where it keeps anything.
+export function kept(name) { try { return localStorage.getItem(name); } catch { return null; } }
+export function keep(name, value) { try { localStorage.setItem(name, value); } catch { /* no storage */ } }
 
 export function colours() {
   const style = getComputedStyle(root);
