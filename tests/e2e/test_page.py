@@ -17,7 +17,7 @@ from tests.live.web.test_server import SIGNAL, Keep, update
 
 from monochord.core.reasons import Reason
 from monochord.core.types import Estimate, Signal, Tracked
-from monochord.live.guides.bench import Bench
+from monochord.live.guides.run_tasks import RunTasks
 from monochord.live.health import Note
 from monochord.live.update import Update
 from monochord.physics.sensors import load_sensor, with_sensor
@@ -80,7 +80,7 @@ def telling_page(signal: Signal, controls: Keep | None, folder: Path) -> Generat
 
     with (
         RunServer(port=0) as server,
-        server.show(signal, 1.3, controls, tasks=Bench(signal, 1.3, folder, "demo")) as writer,
+        server.show(signal, 1.3, controls, tasks=RunTasks(signal, 1.3, folder, "demo")) as writer,
         opened(server.address) as page,
     ):
         thread = threading.Thread(target=write, args=(writer,))

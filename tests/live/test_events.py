@@ -4,7 +4,7 @@ import math
 
 from monochord.core.types import Estimate, Estimates, Prediction
 from monochord.live import events
-from monochord.live.events import Announced, Event
+from monochord.live.events import AnnouncedState, Event
 from monochord.live.filter import FilterSettings, FilterState, step
 
 
@@ -17,7 +17,7 @@ def window(contact: float | None, slip: float | None = None) -> Estimates:
 
 
 def happened(windows: list[Estimates], offset: float | None = None) -> list[Event]:
-    state, announced, settings, result = FilterState(), Announced(), FilterSettings(), list[Event]()
+    state, announced, settings, result = FilterState(), AnnouncedState(), FilterSettings(), list[Event]()
     for k, each in enumerate(windows):
         prediction = Prediction(start=441 * k, time=0.01 * k, estimates=each)
         state, tracked = step(state, prediction, 0.1, settings)

@@ -2,7 +2,7 @@ import json
 
 from monochord.core.types import Estimate, Prediction, StreamHealth
 from monochord.live.delivery import Delivered
-from monochord.live.summary import Meter
+from monochord.live.summary import LoopMeter
 
 
 def prediction(*, valid: bool, latency: float) -> Prediction:
@@ -10,8 +10,8 @@ def prediction(*, valid: bool, latency: float) -> Prediction:
     return Prediction(start=0, time=0.0, estimates={"position": position}, latency=latency)
 
 
-def metered() -> Meter:
-    meter = Meter(deadline=0.01)
+def metered() -> LoopMeter:
+    meter = LoopMeter(deadline=0.01)
     for k in range(10):
         estimated = prediction(valid=k < 7, latency=0.02 if k < 2 else 0.001)
         meter.add(estimated, read=1e-4, estimate=1e-3, follow=1e-4, sinks=2e-4)
@@ -37,7 +37,7 @@ def test_everything_is_counted_once() -> None:
 
 
 def test_a_window_without_a_position_is_not_valid() -> None:
-    meter = Meter(deadline=1.0)
+    meter = LoopMeter(deadline=1.0)
     meter.add(Prediction(start=0, time=0.0, estimates={}), read=0.0, estimate=0.0, sinks=0.0)
     assert meter.summary(0, StreamHealth()).valid == 0
 

@@ -33,7 +33,7 @@ MIN_FEED = -46.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Lock:
+class DriverLock:
     """What a driver brings the string to.
 
     `frequency` is in Hz, `level` in dBFS, the `time` to lock in s; `growth` is the largest rate at which the
@@ -48,7 +48,7 @@ class Lock:
     envelope: Floats
 
 
-def lock_of(take: Take, pitch: Hertz, quiet: Take | None) -> Lock | None:
+def lock_of(take: Take, pitch: Hertz, quiet: Take | None) -> DriverLock | None:
     """Return how the string locks in a take in which a driver is switched on; None if it is not sustained.
 
     Time counts from a tenth of the final level, or twice the noise where that is more, and is zero where the
@@ -80,7 +80,7 @@ def lock_of(take: Take, pitch: Hertz, quiet: Take | None) -> Lock | None:
     first, _ = strongest_line(rising, rate, LOWEST_SHARE * pitch)
     if end < AUDIBLE * floor:
         growth = 0.0
-    return Lock(
+    return DriverLock(
         frequency=frequency,
         level=decibels(float(levels[channel])),
         time=time,
@@ -107,7 +107,7 @@ def _envelope(samples: Floats, pitch: Hertz, sample_rate: int) -> Floats:
     return np.sqrt((frames**2).mean(axis=1))
 
 
-def driver_checks(step: str, lock: Lock | None, pitch: Hertz, decay: float | None) -> list[Check]:
+def driver_checks(step: str, lock: DriverLock | None, pitch: Hertz, decay: float | None) -> list[Check]:
     """Return whether a driver, or both, sustain the string: on which partial, how loud, and how fast.
 
     `pitch` is that of the open string; `decay` the decay rate of its fundamental in 1/s, from the pluck: that

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from monochord.bringup.check import MICROPHONES, Check, Take, left_out
-from monochord.bringup.drivers import Lock, driver_checks, feed_checks, lock_of
+from monochord.bringup.drivers import DriverLock, driver_checks, feed_checks, lock_of
 from monochord.bringup.inputs import (
     dropped_check,
     inputs_check,
@@ -41,7 +41,7 @@ class BringUp:
     checks: tuple[Check, ...]
     pluck: StringMeasurement | None
     takes: Mapping[str, Take]
-    locks: Mapping[str, Lock]
+    locks: Mapping[str, DriverLock]
     time: str = ""
 
     @property
@@ -217,10 +217,10 @@ def _refuse(takes: Mapping[str, Take]) -> None:
 
 def _drivers(
     takes: Mapping[str, Take], sensor: Sensor, pitch: Hertz, decay: float | None, *, hears: bool
-) -> tuple[list[Check], dict[str, Lock]]:
+) -> tuple[list[Check], dict[str, DriverLock]]:
     """Return the checks of the drivers, each alone and both, and how the string locks in each step."""
     checks: list[Check] = []
-    locks: dict[str, Lock] = {}
+    locks: dict[str, DriverLock] = {}
     absent = {f"driver_{d}" for d, each in enumerate(sensor.drivers, 1) if not each.gain * each.limit}
     for step in ("driver_1", "driver_2", "both"):
         if step in absent:

@@ -66,9 +66,9 @@ def rehearse(
 def _coupled(sensor: Sensor, count: int, sample_rate: int) -> Audio:
     """Return what the pickups receive of two drivers that oscillate without a string."""
     time = np.arange(count) / sample_rate
-    own, other = sensor.pickups.feed
+    near, far = sensor.pickups.feed
     sound = np.zeros((2, count))
     for d, driver in enumerate(sensor.drivers):
         drive = driver.level * driver.limit * np.sin(2.0 * np.pi * driver.centre * time)
-        sound += np.outer((own, other) if d == 0 else (other, own), drive)
+        sound += np.outer((near, far) if d == 0 else (far, near), drive)
     return sound.astype(np.float32)

@@ -17,7 +17,7 @@ RECORD, SKIP, END = "record", "skip", "end"
 """What can be chosen before a step; the name of a step repeats that one first."""
 
 
-class Taking(Protocol):
+class TakeSource(Protocol):
     """Where takes come from: a live source or the virtual sensor."""
 
     def take(self, step: Step) -> Take:
@@ -40,7 +40,7 @@ class Guide:
         raise error
 
 
-def bring_up(sensor: str, source: Taking, steps: Sequence[Step], guide: Guide | None = None) -> BringUp:
+def bring_up(sensor: str, source: TakeSource, steps: Sequence[Step], guide: Guide | None = None) -> BringUp:
     """Return the bring-up of a sensor, its steps recorded from a source as a guide chooses.
 
     Parameters
@@ -74,12 +74,12 @@ def bring_up(sensor: str, source: Taking, steps: Sequence[Step], guide: Guide | 
             break
         if choice == RECORD:
             try:
-                own = takes | {step.name: source.take(step)}
-                result = examine(design, loaded, own, time=_now())
+                with_this = takes | {step.name: source.take(step)}
+                result = examine(design, loaded, with_this, time=_now())
             except MonochordError as error:
                 guide.failed(step, error)
                 continue
-            takes = own
+            takes = with_this
             guide.show(result)
         waiting.pop(0)
     if result is None:

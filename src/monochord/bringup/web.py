@@ -17,7 +17,7 @@ from starlette.routing import Route
 from monochord.bringup.drawing import drawing
 from monochord.bringup.examine import BringUp, number
 from monochord.bringup.page import page as report
-from monochord.bringup.run import END, RECORD, SKIP, Guide, Taking
+from monochord.bringup.run import END, RECORD, SKIP, Guide, TakeSource
 from monochord.bringup.steps import Step
 from monochord.bringup.takes import Virtual
 from monochord.core.errors import MonochordError
@@ -46,7 +46,7 @@ class Choice(msgspec.Struct, forbid_unknown_fields=True):
     step: str = ""
 
 
-class Listening(Taking, Protocol):
+class ListenableSource(TakeSource, Protocol):
     """A source that can be listened to between the steps."""
 
     def listen(self, ended: threading.Event) -> None:
@@ -57,14 +57,7 @@ class Listening(Taking, Protocol):
 class BringUpPage(Feed):
     """The state that all pages of a bring-up show, and what they choose; called from any thread.
 
-    Parameters
-    ----------
-    sensor
-        The sensor's name.
-    steps
-        The steps, in order.
-    write
-        Writes the files once the last step is done, and returns their paths; None for no files.
+    `write` writes the files once the last step is done, and returns their paths; None for no files.
     """
 
     def __init__(
@@ -91,10 +84,10 @@ class BringUpPage(Feed):
         self._encoded = -1
         self.page = self._page()
 
-    def guide(self, source: Listening) -> Guide:
+    def guide(self, source: ListenableSource) -> Guide:
         """Return the guide that asks this page; it listens to the source while it waits."""
         self._simulated = isinstance(source, Virtual)
-        return _Asking(self, source)
+        return _PageGuide(self, source)
 
     def on_audio(self, samples: Audio, sample_rate: int) -> None:
         """Take sound for the meter."""
@@ -304,10 +297,10 @@ class _Browser(Viewer):
         """Leave the bring-up to other browsers."""
 
 
-class _Asking(Guide):
+class _PageGuide(Guide):
     """Asks a page, and passes on what the source hears meanwhile."""
 
-    def __init__(self, page: BringUpPage, source: Listening) -> None:
+    def __init__(self, page: BringUpPage, source: ListenableSource) -> None:
         self._page, self._source = page, source
 
     def choose(self, step: Step | None, result: BringUp | None) -> str:

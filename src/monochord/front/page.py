@@ -36,6 +36,6 @@ def design_page() -> "Page":
 
 
 def _whole(page: PageSink) -> Sink:
-    from monochord.live.guides.bench import Bench  # noqa: PLC0415  (what a recording and a tuning take)
+    from monochord.live.guides.run_tasks import RunTasks  # noqa: PLC0415  (what a recording and a tuning take)
 
-    return page.with_tasks(Bench, pages=(design_page(),))
+    return page.with_tasks(RunTasks, pages=(design_page(),))

@@ -18,17 +18,8 @@ from monochord.live.sinks.base import Listener, Update
 def calibrated(tree: Tree, takes: Iterable[tuple[str | Path, Metres]]) -> Tree:
     """Return the tree of a run with the medians of takes (frequency, position, inharmonicity) as calibration.
 
-    Parameters
-    ----------
-    tree
-        The run to calibrate, as `LiveRun.read` takes it.
-    takes
-        Recordings, each with its position in m from the nut.
-
-    Raises
-    ------
-    InputError
-        If a recording cannot be read, or no window of it has a frequency.
+    Each take is a recording with its position in m from the nut. Raises `InputError` for one that cannot be
+    read, or has no window with a frequency.
     """
     rows: list[list[float]] = []
     for path, position in takes:
@@ -51,14 +42,8 @@ def calibrated(tree: Tree, takes: Iterable[tuple[str | Path, Metres]]) -> Tree:
 def medians(take: LiveRun) -> dict[str, float]:
     """Return the median of each quantity over a take's windows with a frequency.
 
-    The median suppresses a plucked take's onset and decay.
-
-    Raises
-    ------
-    InputError
-        If no window of the take has a frequency.
-    KeyboardInterrupt
-        If the take is interrupted: an incomplete take is not used.
+    The median suppresses a plucked take's onset and decay. Raises `InputError` where no window has a
+    frequency, and `KeyboardInterrupt` for a take that is interrupted: an incomplete take is not used.
     """
     estimates = _Estimates()
     if run(dataclasses.replace(take, sinks=(estimates,))).interrupted:

@@ -65,15 +65,8 @@ class Delivery:
     error where no other sink is left, or where the reader of standard output went away. A `Listener` belongs
     to the program that runs the loop: it is always called in the loop, and its exceptions propagate.
 
-    Parameters
-    ----------
-    sinks
-        Sinks in opening order.
-    run
-        The run they are opened for. With several strings, a sink with one instance per string
-        (`Sink.is_for_each_string`) takes the updates of its string; other sinks take all.
-    paced
-        Whether a clock paces the source.
+    Sinks are opened in order. With several strings, a sink with one instance per string
+    (`Sink.is_for_each_string`) takes the updates of its string; other sinks take all.
 
     Examples
     --------
@@ -88,7 +81,7 @@ class Delivery:
 
     def __init__(self, sinks: Iterable[Sink], run: Run, *, paced: bool) -> None:
         self._sinks, self._run, self._paced = tuple(sinks), run, paced
-        self._outlets: list[_Outlet] = []
+        self._open_sinks: list[_OpenSink] = []
         self._dispatcher: _Dispatcher | None = None
         self._usual_interval = sys.getswitchinterval()
 
@@ -99,7 +92,7 @@ class Delivery:
         except BaseException:
             self._close()
             raise
-        queued = [outlet for outlet in self._outlets if isinstance(outlet, _Queued)]
+        queued = [sink for sink in self._open_sinks if isinstance(sink, _SinkQueue)]
         if queued:
             self._dispatcher = _Dispatcher(queued)
             sys.setswitchinterval(min(SWITCH_INTERVAL, self._usual_interval))
@@ -114,54 +107,54 @@ class Delivery:
 
     def hand_over(self, update: Update) -> None:
         """Pass an update to every sink, with a note on each closed sink; raises where no sink is left."""
-        closed = [outlet for outlet in self._outlets if outlet.error is not None]
+        closed = [sink for sink in self._open_sinks if sink.error is not None]
         if closed:
-            notes = [outlet.note(update.prediction.time) for outlet in closed]
+            notes = [sink.note(update.prediction.time) for sink in closed]
             update = replace(update, notes=(*update.notes, *notes))
         if self._dispatcher is not None:
             self._dispatcher.updates.put(update)
-        for outlet in self._outlets:
-            if outlet.string in (ALL, update.string):
-                outlet.take(update)
-            if outlet.error is not None:
+        for sink in self._open_sinks:
+            if sink.string in (ALL, update.string):
+                sink.take(update)
+            if sink.error is not None:
                 self._raise_where_none_is_left()
 
     @property
     def delivered(self) -> tuple[Delivered, ...]:
         """The counts of each sink, listeners excepted."""
-        return tuple(outlet.delivered() for outlet in self._outlets if not isinstance(outlet, _Called))
+        return tuple(sink.delivered() for sink in self._open_sinks if not isinstance(sink, _CalledListener))
 
     def _open(self, sink: Sink) -> None:
-        kind = _Called if isinstance(sink, Listener) else _Queued if self._paced else _Guarded
+        kind = _CalledListener if isinstance(sink, Listener) else _SinkQueue if self._paced else _SinkInLoop
         taken = any(each.fills_standard_output for each in self._sinks) and not sink.fills_standard_output
         run = replace(self._run, is_output_taken=taken)
         if sink.is_for_each_string and run.strings:
-            own = [replace(run, signal=each, string=name, strings={}) for name, each in run.strings.items()]
+            runs = [replace(run, signal=each, string=name, strings={}) for name, each in run.strings.items()]
         else:
-            own = [run]
-        self._outlets += [kind(sink, each) for each in own]
+            runs = [run]
+        self._open_sinks += [kind(sink, each) for each in runs]
 
     def _close(self) -> None:
         deadline = time.monotonic() + CLOSING
         if self._dispatcher is not None:
             self._dispatcher.close()
-        for outlet in self._outlets:
-            outlet.end()
-        for outlet in self._outlets:
-            outlet.close(deadline)
+        for sink in self._open_sinks:
+            sink.end()
+        for sink in self._open_sinks:
+            sink.close(deadline)
         sys.setswitchinterval(self._usual_interval)  # last: a sink may have had a delivery of its own
 
     def _raise_where_none_is_left(self) -> None:
-        own = [outlet for outlet in self._outlets if not isinstance(outlet, _Called)]
-        failed = [outlet for outlet in own if outlet.error is not None]
+        sinks = [sink for sink in self._open_sinks if not isinstance(sink, _CalledListener)]
+        failed = [sink for sink in sinks if sink.error is not None]
         gone = [each for each in failed if each.ends_the_run]
-        if gone or (failed and len(failed) == len(own)):
+        if gone or (failed and len(failed) == len(sinks)):
             error = (gone or failed)[0].error
             assert error is not None
             raise error
 
 
-class _Outlet:
+class _OpenSink:
     """An open sink, for one string by name or for all strings."""
 
     def __init__(self, sink: Sink, run: Run) -> None:
@@ -236,7 +229,7 @@ class _Outlet:
             _log.warning("sink %s is closed: %s", self.name, reason(error))
 
 
-class _Called(_Outlet):
+class _CalledListener(_OpenSink):
     """A listener: called in the loop; its exceptions propagate."""
 
     def take(self, update: Update) -> None:
@@ -246,7 +239,7 @@ class _Called(_Outlet):
         self._context.__exit__(None, None, None)
 
 
-class _Guarded(_Outlet):
+class _SinkInLoop(_OpenSink):
     """A sink called in the loop, which waits for it."""
 
     def take(self, update: Update) -> None:
@@ -255,7 +248,7 @@ class _Guarded(_Outlet):
             self._write(update)
 
 
-class _Queued(_Outlet):
+class _SinkQueue(_OpenSink):
     """A sink with a thread behind a queue."""
 
     def __init__(self, sink: Sink, run: Run) -> None:
@@ -298,9 +291,9 @@ class _Dispatcher:
     Waking a thread costs some 10 us, which the loop spends once, whatever the number of sinks.
     """
 
-    def __init__(self, outlets: list[_Queued]) -> None:
+    def __init__(self, open_sinks: list[_SinkQueue]) -> None:
         self.updates: queue.SimpleQueue[Update | None] = queue.SimpleQueue()
-        self._outlets = outlets
+        self._open_sinks = open_sinks
         self._thread = threading.Thread(target=self._run, name="delivery", daemon=True)
         self._thread.start()
 
@@ -311,9 +304,9 @@ class _Dispatcher:
 
     def _run(self) -> None:
         while (update := self.updates.get()) is not None:
-            for outlet in self._outlets:
-                if outlet.string in (ALL, update.string):
-                    outlet.put(update)
+            for sink in self._open_sinks:
+                if sink.string in (ALL, update.string):
+                    sink.put(update)
 
 
 def reason(error: Exception) -> str:

@@ -39,8 +39,8 @@ class Event:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Announced:
-    """The state announced by the events so far, passed in and out; it starts as ``Announced()``.
+class AnnouncedState:
+    """The state announced by the events so far, passed in and out; it starts as ``AnnouncedState()``.
 
     It stays unchanged while nothing is decided, as in a long gap.
     """
@@ -50,25 +50,19 @@ class Announced:
 
 
 def step(
-    before: Announced, state: FilterState, tracked: Tracked, adc_offset: Seconds | None = None
-) -> tuple[Announced, tuple[Event, ...]]:
+    before: AnnouncedState, state: FilterState, tracked: Tracked, adc_offset: Seconds | None = None
+) -> tuple[AnnouncedState, tuple[Event, ...]]:
     """Return the announced state after a window, and its events: the end of slip before that of contact.
 
-    Parameters
-    ----------
-    before
-        The announced state before the window.
-    state, tracked
-        The filter's state and output after the window.
-    adc_offset
-        The monotonic clock minus the stream's time at the converter, in s, where the source knows it.
+    `state` and `tracked` are the filter's after the window. `adc_offset` is the monotonic clock minus the
+    stream's time at the converter, in s, where the source knows it.
 
     Examples
     --------
     >>> from monochord.live.switches import Switch
     >>> contact = Switch(on=True, since=0.5, decided=0.52, level=4.0, time=0.52)
     >>> state, tracked = FilterState(time=0.52, contact=contact), Tracked(decided={"contact": True})
-    >>> _, events = step(Announced(), state, tracked)
+    >>> _, events = step(AnnouncedState(), state, tracked)
     >>> [(event.name, event.on, event.time, round(event.delay, 3)) for event in events]
     [('contact', True, 0.5, 0.02)]
     """
@@ -84,7 +78,7 @@ def step(
         changes.append(_event(SLIP, source, adc_offset, on=slip))
     if not contact:
         changes.reverse()
-    return Announced(contact=contact, slip=slip), tuple(changes)
+    return AnnouncedState(contact=contact, slip=slip), tuple(changes)
 
 
 def _event(name: str, source: Switch, adc_offset: Seconds | None, *, on: bool) -> Event:

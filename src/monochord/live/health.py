@@ -82,7 +82,7 @@ class HealthSettings(Checked):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Lasting:
+class LastingFinding:
     """A finding over time: when it was first and last seen."""
 
     finding: Finding
@@ -90,7 +90,7 @@ class Lasting:
     last: Seconds
 
 
-NO_LASTING: Mapping[str, Lasting] = MappingProxyType({})
+NO_LASTING: Mapping[str, LastingFinding] = MappingProxyType({})
 NO_FINDINGS: Mapping[str, Finding] = MappingProxyType({})
 
 
@@ -104,7 +104,7 @@ class HealthState:
     """
 
     start: int = -1
-    lasting: Mapping[str, Lasting] = field(default_factory=lambda: NO_LASTING)
+    lasting: Mapping[str, LastingFinding] = field(default_factory=lambda: NO_LASTING)
     from_levels: Mapping[str, Finding] = field(default_factory=lambda: NO_FINDINGS)
     looked: Seconds = -math.inf
     stream: StreamHealth = field(default_factory=StreamHealth)
@@ -124,20 +124,9 @@ def step(
 ) -> tuple[HealthState, tuple[Note, ...]]:
     """Return the state after a window, and the notes for the user, oldest first.
 
-    Parameters
-    ----------
-    state
-        The state before the window. A window that does not begin after the previous one starts a new stream.
-    window, estimates
-        The window and its estimates.
-    stream, skipped
-        The stream's counters, and the number of windows skipped so far because the reader was late.
-    followed
-        The filter's state after the window.
-    condition
-        The estimator's knowledge of the string, None where it has none.
-    settings
-        When findings become notes.
+    A window that does not begin after the previous one starts a new stream. `skipped` counts the windows
+    skipped so far because the reader was late. `followed` is the filter's state after the window, `condition`
+    the estimator's knowledge of the string, None where it has none.
 
     Examples
     --------
@@ -188,23 +177,26 @@ def warm_up(window: Window) -> None:
 
 
 def _lasting(
-    before: Mapping[str, Lasting], findings: Mapping[str, Finding], now: Seconds, settings: HealthSettings
-) -> Mapping[str, Lasting]:
+    before: Mapping[str, LastingFinding],
+    findings: Mapping[str, Finding],
+    now: Seconds,
+    settings: HealthSettings,
+) -> Mapping[str, LastingFinding]:
     """Return findings over time after a window that shows some of them."""
-    lasting = dict[str, Lasting]()
+    lasting = dict[str, LastingFinding]()
     for key, each in before.items():
         clear = settings.clear if each.finding.clear is None else each.finding.clear
         if key in findings:
-            lasting[key] = Lasting(finding=findings[key], first=each.first, last=now)
+            lasting[key] = LastingFinding(finding=findings[key], first=each.first, last=now)
         elif now - each.last <= clear and clear > 0.0:
             lasting[key] = each
     for key, finding in findings.items():
         if key not in lasting:
-            lasting[key] = Lasting(finding=finding, first=now, last=now)
+            lasting[key] = LastingFinding(finding=finding, first=now, last=now)
     return lasting
 
 
-def _notes(lasting: Mapping[str, Lasting], settings: HealthSettings) -> tuple[Note, ...]:
+def _notes(lasting: Mapping[str, LastingFinding], settings: HealthSettings) -> tuple[Note, ...]:
     notes = [
         Note(
             key=key,

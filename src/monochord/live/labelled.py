@@ -12,7 +12,7 @@ from monochord.core.types import Signal
 from monochord.core.units import Metres
 from monochord.live.delivery import reason
 from monochord.live.recording import Recording
-from monochord.live.touch_guide import Row, TouchGuide
+from monochord.live.touch_guide import LabelRow, TouchGuide
 from monochord.live.update import Update
 
 COLUMNS = "begin,end,position,force,contact"
@@ -27,10 +27,10 @@ def beside(out: Path) -> tuple[Path, Path]:
     return out.with_name(f"{out.stem}.recorded.mcap"), out.with_suffix(".csv")
 
 
-def table(rows: list[Row]) -> str:
+def table(rows: list[LabelRow]) -> str:
     """Return labels as a table that `from_files` reads; unknown positions and forces are empty cells.
 
-    >>> table([Row(0.0, 1.5, contact=0.0), Row(2.0, 3.2, 0.062, 0.5)]).splitlines()[1:]
+    >>> table([LabelRow(0.0, 1.5, contact=0.0), LabelRow(2.0, 3.2, 0.062, 0.5)]).splitlines()[1:]
     ['0.000,1.500,,,0', '2.000,3.200,0.062,0.5,1']
     """
     cells = (
@@ -43,12 +43,8 @@ def table(rows: list[Row]) -> str:
 def complete(out: Path, described: Mapping[str, Any]) -> Path:
     """Make the session of the files `beside` it, also after an interruption; return the table's path.
 
-    The recorded sound is removed once the session is complete; the table stays.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be used, or the session exists.
+    The recorded sound is removed once the session is complete; the table stays. Raises `InputError` for a
+    file that cannot be used, or a session that exists.
     """
     recorded, labels = beside(out)
     from_files(recorded, labels, out, described={"name": out.stem, **described})
@@ -59,21 +55,9 @@ def complete(out: Path, described: Mapping[str, Any]) -> Path:
 class LabelledRecording:
     """Guided touches recorded into a session with labels; the labels so far are always on the disk.
 
-    Parameters
-    ----------
-    out
-        The new session, ``NAME.mcap``; while recording, there are ``NAME.recorded.mcap`` and ``NAME.csv``.
-    guide
-        The touches to make.
-    signal, length
-        The source's audio format, and the string's length in m.
-    described
-        Options of the session's `Description`, such as ``object`` and ``sensor``.
-
-    Raises
-    ------
-    InputError
-        If one of the files exists or cannot be created.
+    The session is `out`, ``NAME.mcap``; while recording, there are ``NAME.recorded.mcap`` and ``NAME.csv``.
+    `described` are options of its `Description`, such as ``object`` and ``sensor``. Raises `InputError` where
+    one of the files exists or cannot be created.
     """
 
     def __init__(self, out: Path, guide: TouchGuide, signal: Signal, described: Mapping[str, Any]) -> None:
@@ -84,7 +68,7 @@ class LabelledRecording:
             if path.exists():
                 raise InputError(f"file '{path}', which already exists", "a new file")
         self.recording = Recording(recorded, signal)
-        self._written: list[Row] = []
+        self._written: list[LabelRow] = []
         self._closed = False
 
     def take(self, update: Update) -> None:

@@ -25,7 +25,7 @@ from monochord.live import filter as time_filter
 from monochord.live.delivery import Delivered, Delivery
 from monochord.live.settings import LiveRun, channels_of
 from monochord.live.sinks.base import Run, Update
-from monochord.live.summary import Meter, Summary
+from monochord.live.summary import LoopMeter, Summary
 from monochord.perception.watching import Watching
 from monochord.physics.sensors import load_sensor, refuse_other_length, with_sensor
 from monochord.physics.strings import load_string
@@ -96,12 +96,8 @@ def run(setup: LiveRun) -> Summary:
 def opened(setup: LiveRun) -> Generator["LiveStream"]:
     """Open the source and prepare the estimator; leaving the context releases the source.
 
-    Raises
-    ------
-    InputError
-        If the source or the estimator rejects its options or the signal.
-    DeviceError
-        If a device is missing.
+    Raises `InputError` where one of them rejects its options or the signal, `DeviceError` for a missing
+    device.
     """
     with setup.source.open() as stream:
         yield LiveStream(setup, stream)
@@ -131,8 +127,8 @@ class LiveStream:
         # What loads or compiles at first use does so now.
         self._estimator.estimate_all(self._prepared, warm_up)
         health.warm_up(warm_up[0])
-        self._feed = _Feed(stream, self.signal.sample_rate)
-        self._meter = Meter(deadline=self._hop / self.signal.sample_rate)
+        self._feed = _TimedBlocks(stream, self.signal.sample_rate)
+        self._meter = LoopMeter(deadline=self._hop / self.signal.sample_rate)
         self._closed = False
 
     def close(self) -> None:
@@ -164,8 +160,8 @@ class LiveStream:
                 meter.skip(count)
                 continue
             cut = time.monotonic()
-            own = [each.cut(window) for each in self.strings]
-            estimates = self._estimator.estimate_all(self._prepared, own)
+            cuts = [each.cut(window) for each in self.strings]
+            estimates = self._estimator.estimate_all(self._prepared, cuts)
             done = begun = time.monotonic()
             adc_time, counters = feed.captured(window.start), stream.health
             for k, string in enumerate(self.strings):
@@ -182,7 +178,7 @@ class LiveStream:
                 condition = estimate.condition if isinstance(estimate, Watching) else None
                 checked, notes = health.step(
                     state.sensor_health,
-                    own[k],
+                    cuts[k],
                     estimates[k],
                     counters,
                     skipped,
@@ -194,7 +190,7 @@ class LiveStream:
                 handed = time.monotonic()
                 yield Update(
                     prediction=prediction,
-                    window=own[k],
+                    window=cuts[k],
                     health=counters,
                     truth=NO_TRUTH if string.name else stream.truth(window.start, end),
                     skipped=skipped,
@@ -242,11 +238,11 @@ class _StringState:
     """The time-dependent state of one string."""
 
     followed: time_filter.FilterState = field(default_factory=time_filter.FilterState)
-    announced: events.Announced = field(default_factory=events.Announced)
+    announced: events.AnnouncedState = field(default_factory=events.AnnouncedState)
     sensor_health: health.HealthState = field(default_factory=health.HealthState)
 
 
-class _Feed:
+class _TimedBlocks:
     """The blocks of a stream as they pass, with the time at which the newest was available."""
 
     def __init__(self, stream: Stream, sample_rate: int) -> None:
@@ -287,10 +283,7 @@ def _sawtooth(signal: Signal, size: Samples) -> Window:
 def _strings(signal: Signal, setup: LiveRun) -> tuple[Signal, tuple[LiveString, ...]]:
     """Return the source's signal and its strings.
 
-    Raises
-    ------
-    InputError
-        If the source lacks the strings' channels, or has more than two channels without named strings.
+    Raises `InputError` where the source lacks a string's channels, or has more than two and no named strings.
     """
     if not setup.strings:
         if signal.channels > 2:
@@ -298,8 +291,8 @@ def _strings(signal: Signal, setup: LiveRun) -> tuple[Signal, tuple[LiveString, 
             raise InputError(
                 given, "1 or 2 for one string", "name the strings: --sensor NAME=PRESET for each"
             )
-        own = _with_string(signal, setup.string, setup.sensor)
-        return own, (LiveString(name="", signal=own, channels=tuple(range(signal.channels))),)
+        known = _with_string(signal, setup.string, setup.sensor)
+        return known, (LiveString(name="", signal=known, channels=tuple(range(signal.channels))),)
     strings: list[LiveString] = []
     for name, channels in channels_of(setup.strings).items():
         if max(channels) > signal.channels:
@@ -331,10 +324,10 @@ def _with_string(signal: Signal, preset: str, sensor: str) -> Signal:
     Raises `InputError` for a string where the source provides one, and for a sensor of another length.
     """
     if sensor:
-        known, own = load_sensor(sensor), signal.string
-        if own is not None:
+        known, string = load_sensor(sensor), signal.string
+        if string is not None:
             what = f"sensor '{sensor}' for a source, with a string"
-            refuse_other_length(known.string.length, own.length, what, "name the source's sensor")
+            refuse_other_length(known.string.length, string.length, what, "name the source's sensor")
         return with_sensor(signal, known)
     if not preset:
         return signal

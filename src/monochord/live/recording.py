@@ -13,26 +13,8 @@ from monochord.live.sinks.base import Run, Update
 class Recording:
     """A session of a run from its next window on, written by the sink ``mcap`` in a separate thread.
 
-    Parameters
-    ----------
-    path
-        The new file.
-    signal
-        The audio format of the run's source.
-
-    Raises
-    ------
-    InputError
-        If the file exists or cannot be created.
-
-    Attributes
-    ----------
-    path
-        The file.
-    seconds
-        Length so far, in s.
-    failure
-        Why it ended by itself, such as a full disk; empty otherwise.
+    Its length so far is `seconds`. `failure` says why it ended by itself, such as a full disk; empty
+    otherwise. Raises `InputError` where the file exists or cannot be created.
     """
 
     def __init__(self, path: Path, signal: Signal) -> None:

@@ -10,15 +10,7 @@ from monochord.live.sinks.base import Listener, Run, Update, Writer
 
 
 class SavedSettings(Listener):
-    """A sink that writes settings to a file once the source is open and the estimator accepts its signal.
-
-    Parameters
-    ----------
-    path
-        The file.
-    text
-        The settings as text.
-    """
+    """A sink that writes settings to a file once the source is open and the estimator accepts its signal."""
 
     def __init__(self, path: Path, text: str) -> None:
         self._path, self._text = path, text

@@ -100,10 +100,7 @@ ONE_STRING: Mapping[str, StringSettings] = MappingProxyType({})
 def channels_of(strings: Mapping[str, StringSettings]) -> dict[str, tuple[int, ...]]:
     """Return the channels of each string, counted from 1.
 
-    Raises
-    ------
-    InputError
-        If a name is invalid, a string has more than two channels, or two strings share a channel.
+    Raises `InputError` for an invalid name, a string of more than two channels, or a channel of two strings.
 
     Examples
     --------
@@ -117,18 +114,19 @@ def channels_of(strings: Mapping[str, StringSettings]) -> dict[str, tuple[int, .
     for name, each in strings.items():
         if not NAME.fullmatch(name):
             raise InputError(f"string called '{name}'", "a letter, then letters, digits and underscores")
-        own = each.channels or (end + 1, end + 2)
-        if len(set(own)) != len(own) or len(own) > 2 or not 1 <= min(own) <= max(own) <= MAX_CHANNELS:
-            given = f"channels {', '.join(map(str, own))} of the string {name}"
+        numbers = each.channels or (end + 1, end + 2)
+        is_allowed = len(numbers) <= 2 and 1 <= min(numbers) <= max(numbers) <= MAX_CHANNELS
+        if len(set(numbers)) != len(numbers) or not is_allowed:
+            given = f"channels {', '.join(map(str, numbers))} of the string {name}"
             raise InputError(given, f"one or two different channels from 1 to {MAX_CHANNELS}")
-        for channel in own:
+        for channel in numbers:
             if channel in used:
                 raise InputError(
                     f"channel {channel} of the strings {used[channel]} and {name}",
                     "each channel in one string only",
                 )
             used[channel] = name
-        channels[name], end = own, max(own)
+        channels[name], end = numbers, max(numbers)
     return channels
 
 
@@ -233,25 +231,9 @@ def put_estimator(
 ) -> None:
     """Put estimator, string and window into the tree of a run, for `LiveRun.read`; what is None is left out.
 
-    Parameters
-    ----------
-    tree
-        The tree, which may have values already.
-    model
-        A trained model's folder or name, in place of an estimator.
-    estimator
-        Name of an estimator.
-    length, open_frequency
-        Of the string, in m and in Hz, for an estimator that takes them.
-    string, sensor
-        Presets.
-    window, hop
-        Of the windows, in s; a model has its own length of window.
-
-    Raises
-    ------
-    InputError
-        If a model is named beside an estimator, or cannot be loaded.
+    `model` is a trained model's folder or name, in place of an estimator, and has its own length of window.
+    The string's `length` in m and `open_frequency` in Hz are for an estimator that takes them. Raises
+    `InputError` for a model that is named beside an estimator, or cannot be loaded.
     """
     if model is not None and estimator:
         raise InputError(f"model {model} with --estimator {estimator}", "only one of them")

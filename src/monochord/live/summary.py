@@ -64,7 +64,7 @@ class Summary:
         return counts | {"health": health, "stages": stages, "delivered": sinks}
 
 
-class Meter:
+class LoopMeter:
     """Counts and times a running loop in fixed memory."""
 
     def __init__(self, *, deadline: Seconds) -> None:

@@ -58,7 +58,7 @@ def locked(method: Callable[Concatenate[S, P], T]) -> Callable[Concatenate[S, P]
     return one_at_a_time
 
 
-class Row(NamedTuple):
+class LabelRow(NamedTuple):
     """Labels of a part of a recording: from begin to end in s, position, force, and contact (0 or 1).
 
     Position and force are NaN where they are not known.
@@ -71,31 +71,19 @@ class Row(NamedTuple):
     contact: float = 1.0
 
 
-class _Touch(NamedTuple):
+class _LabelledTouch(NamedTuple):
     """A labelled touch with the model's estimates of position, its standard error, and force."""
 
-    row: Row
+    row: LabelRow
     estimated: tuple[float, float, float]
 
 
 class TouchGuide:
     """The touches of a recording, one after the other; its time is the recording's, in s.
 
-    A simulated string states position and force itself, once a touch is held still. A run and its commands
-    may be in different threads.
-
-    Parameters
-    ----------
-    signal
-        The source's audio format: its string limits what is possible, its sensing range what is proposed.
-    length
-        The string's length in m.
-    count
-        Number of touches.
-    hold
-        Duration of a labelled touch, in s.
-    forces
-        Range of proposed forces in N.
+    The signal's string limits what is possible, its sensing range what is proposed. A simulated string states
+    position and force itself, once a touch is held still. A labelled touch lasts for `hold`, and `forces` is
+    the range of proposed forces. A run and its commands may be in different threads.
 
     Examples
     --------
@@ -120,8 +108,8 @@ class TouchGuide:
         self.states_truth = False
         self._string, self._length, self._forces = signal.string, length, forces
         self._now: Seconds = 0.0
-        self._rests: list[Row] = []
-        self._touches: list[_Touch] = []
+        self._rests: list[LabelRow] = []
+        self._touches: list[_LabelledTouch] = []
         self._skipped = 0
         self._since: Seconds = 0.0  # of the untouched string, or of the labelled part
         self._end: Seconds = math.nan  # of the labelled part
@@ -134,12 +122,12 @@ class TouchGuide:
         self._lock = threading.RLock()
 
     @property
-    def touches(self) -> list[Row]:
+    def touches(self) -> list[LabelRow]:
         """The labelled touches, in order."""
         return [touch.row for touch in self._touches]
 
     @property
-    def rows(self) -> list[Row]:
+    def rows(self) -> list[LabelRow]:
         """Everything that is labelled, in order of time: touches, and parts without a touch."""
         return sorted([*self._rests, *self.touches])
 
@@ -310,7 +298,7 @@ class TouchGuide:
         """Label the untouched part before a touch, and await the touch's begin."""
         first = self._since + (GUARD * self._slower if self._since > 0.0 else 0.0)
         if self._now - GUARD > first:
-            self._rests.append(Row(first, self._now - GUARD, contact=0.0))
+            self._rests.append(LabelRow(first, self._now - GUARD, contact=0.0))
         self.phase, self._since = "hold", begin
         self._windows, self._estimates = [], []
         self.refusal = ""
@@ -354,8 +342,8 @@ class TouchGuide:
         assert self._known is not None
         columns = zip(*self._estimates, strict=True) if self._estimates else ((), (), ())
         position, std, force = map(_median, columns)
-        row = Row(self._since, self._end, *self._known)
-        self._touches.append(_Touch(row, (position, std, force)))
+        row = LabelRow(self._since, self._end, *self._known)
+        self._touches.append(_LabelledTouch(row, (position, std, force)))
         self._doubt()
         self.refusal = ""
         self._begin_rest()

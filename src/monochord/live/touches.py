@@ -34,21 +34,10 @@ def touch_spans(
     """Return start and end of each touch in a recording, in s from its first frame, in order.
 
     The touches are those of the live loop. A span lies within its touch: it begins at the end of the first
-    window that shows the touch, and ends `DECAY` before the first window without it.
-
-    Parameters
-    ----------
-    recording
-        A two-channel sound file, or a session.
-    model
-        The model that estimates contact: a bundled model's name, or a model's folder.
-    sensor
-        The tuned sensor, a preset or a file, where the recording does not name it.
-
-    Raises
-    ------
-    InputError
-        If recording, model or sensor cannot be used, or no touch lasts for `SHORTEST`.
+    window that shows the touch, and ends `DECAY` before the first window without it. The recording is a
+    two-channel sound file, or a session; `sensor` is the tuned sensor, a preset or a file, where the
+    recording does not name it. Raises `InputError` where one of them cannot be used, or no touch lasts for
+    `SHORTEST`.
     """
     definition = load(model).definition
     length: Seconds = definition.window / definition.sample_rate
@@ -79,12 +68,8 @@ def robot_positions(recording: str | Path, spans: Sequence[tuple[Seconds, Second
     """Return the position of each touch by the recorded pose of a robot, in m; None without a pose.
 
     It is the mean of the pose's x, in metres along the string from pickup 1, over the span; NaN where there
-    is no reading, or the robot moved by more than `STILL`.
-
-    Raises
-    ------
-    InputError
-        If the recording is a session that cannot be read.
+    is no reading, or the robot moved by more than `STILL`. Raises `InputError` for a session that cannot be
+    read.
     """
     if Path(recording).suffix != ".mcap":
         return None

@@ -211,13 +211,7 @@ def tuned(
     window: WindowSettings = WINDOW,
     length: Metres | None = None,
 ) -> SensorAsTuned:
-    """Return a tuned sensor, from source objects and their names; see `tune`.
-
-    Raises
-    ------
-    InputError
-        As in `tune`.
-    """
+    """Return a tuned sensor, from source objects and their names; raises as `tune` does."""
     design = sensor_design(sensor) if sensor else ""
     if design:
         _refuse_length(length, design)  # before any device is opened
@@ -268,12 +262,7 @@ def heard_in(
 
 
 def preset_of(string: StringParams | None) -> str:
-    """Return the name of the sensor preset with this string, at any tension.
-
-    Raises
-    ------
-    InputError
-        If the string is unknown, or no preset has it.
+    """Return the name of the sensor preset with this string, at any tension; `InputError` if there is none.
 
     Examples
     --------

@@ -67,20 +67,20 @@ class Clients:
 
     def __init__(self, feed: Feed) -> None:
         self._feed = feed
-        self._awake: dict[Viewer, asyncio.Event] = {}
+        self._wakes: dict[Viewer, asyncio.Event] = {}
         self._max_clients = share_of_descriptors(4, MAX_CLIENTS)
         self.served = self.sent = self.ignored = 0
 
     def __len__(self) -> int:
-        return len(self._awake)
+        return len(self._wakes)
 
     async def keep_pace(self) -> None:
         """Encode what is new and wake the clients, at the permitted rate, until cancelled."""
         while True:
             await asyncio.sleep(max(1.0 / RATE, len(self) / TOTAL_RATE))
             if self._feed.refresh(self):
-                for awake in self._awake.values():
-                    awake.set()
+                for wake in self._wakes.values():
+                    wake.set()
 
     async def serve(self, socket: WebSocket) -> None:
         """Serve one client until it leaves."""
@@ -88,12 +88,12 @@ class Clients:
             await socket.close(1013, "too many pages are open")
             return
         await socket.accept()
-        viewer, awake = self._feed.enter(), asyncio.Event()
-        self._awake[viewer] = awake
+        viewer, wake = self._feed.enter(), asyncio.Event()
+        self._wakes[viewer] = wake
         self.served += 1
-        sending = asyncio.create_task(self._send(socket, viewer, awake))
+        sending = asyncio.create_task(self._send(socket, viewer, wake))
         try:
-            await self._receive(socket, viewer, awake)
+            await self._receive(socket, viewer, wake)
         except TimeoutError:
             await _close(socket)
         except (WebSocketDisconnect, RuntimeError):
@@ -102,10 +102,10 @@ class Clients:
             sending.cancel()
             with suppress(asyncio.CancelledError):
                 await sending
-            del self._awake[viewer]
+            del self._wakes[viewer]
             viewer.leave()
 
-    async def _send(self, socket: WebSocket, viewer: Viewer, awake: asyncio.Event) -> None:
+    async def _send(self, socket: WebSocket, viewer: Viewer, wake: asyncio.Event) -> None:
         """Send what is new, until the client reads nothing for too long."""
         try:
             while True:
@@ -113,14 +113,14 @@ class Clients:
                     await _sent(socket, message)
                     self.sent += 1
                 with suppress(TimeoutError):
-                    await asyncio.wait_for(awake.wait(), LONGEST_PAUSE)
-                awake.clear()
+                    await asyncio.wait_for(wake.wait(), LONGEST_PAUSE)
+                wake.clear()
         except TimeoutError:
             await _close(socket)
         except (WebSocketDisconnect, RuntimeError, OSError):
             pass  # it went away
 
-    async def _receive(self, socket: WebSocket, viewer: Viewer, awake: asyncio.Event) -> None:
+    async def _receive(self, socket: WebSocket, viewer: Viewer, wake: asyncio.Event) -> None:
         """Carry out the client's requests until it leaves; those that are refused are counted."""
         while (message := await socket.receive())["type"] != "websocket.disconnect":
             try:
@@ -130,7 +130,7 @@ class Clients:
                 if line := str(refusal):
                     await _sent(socket, packed({"type": "refused", "line": line}))
             else:
-                awake.set()
+                wake.set()
             await asyncio.sleep(MIN_PAUSE)
 
 

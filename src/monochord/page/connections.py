@@ -76,12 +76,7 @@ class Connection:
 class Connections:
     """Accepts connections from a listening socket and passes them to protocols; see the module.
 
-    Parameters
-    ----------
-    listening
-        The listening socket.
-    protocol
-        Creates a connection's protocol from the state of its scopes.
+    `protocol` creates a connection's protocol from the state of its scopes.
     """
 
     listening: socket.socket

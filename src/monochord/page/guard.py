@@ -66,12 +66,7 @@ def is_loopback(host: str) -> bool:
 
 
 def page_name(text: str) -> str:
-    """Return a host name of the page, NAME or NAME:PORT, as a browser writes it.
-
-    Raises
-    ------
-    InputError
-        If it is neither a host name nor an address.
+    """Return a host name of the page, NAME or NAME:PORT, as a browser writes it; `InputError` if it is none.
 
     >>> page_name("Lab.Example.org."), page_name("lab:8443"), page_name("lab:443")
     ('lab.example.org', 'lab:8443', 'lab')
@@ -91,7 +86,7 @@ def page_name(text: str) -> str:
 
 
 @dataclass(slots=True)
-class _Source:
+class _Sender:
     """An address's attempts: when its delay ends, and its waiting requests."""
 
     due: Seconds = 0.0
@@ -102,22 +97,17 @@ class _Source:
         return max(0.0, self.due - FREE * INTERVAL - time.monotonic())
 
 
-class Attempts:
+class TokenAttempts:
     """Checks tokens, and slows down an address that tries many.
 
     The right token is let in at once, whatever else comes from its address: people behind one router share
     it. The first `FREE` wrong tokens from an address have no delay; after that one is answered every
     `INTERVAL`, in order. Other addresses are not delayed.
-
-    Parameters
-    ----------
-    is_right
-        Returns whether a text is the token.
     """
 
     def __init__(self, is_right: Callable[[str], bool]) -> None:
         self._is_right = is_right
-        self._sources: dict[str, _Source] = {}
+        self._senders: dict[str, _Sender] = {}
         self._waiting = 0
 
     async def right(self, address: str, text: str, gone: Callable[[], bool] = lambda: False) -> bool | None:
@@ -125,31 +115,31 @@ class Attempts:
 
         A sender that is `gone` does not delay the others.
 
-        >>> asyncio.run(Attempts("mine".__eq__).right("192.168.1.5", "yours"))
+        >>> asyncio.run(TokenAttempts("mine".__eq__).right("192.168.1.5", "yours"))
         False
         """
         if self._is_right(text):
             return True
-        source = self._source(_network(address))
-        if self._waiting >= MAX_ATTEMPTS and (source.turn.locked() or source.pause):
+        sender = self._sender(_network(address))
+        if self._waiting >= MAX_ATTEMPTS and (sender.turn.locked() or sender.pause):
             return None
         self._waiting += 1
         try:
-            async with source.turn:
-                await asyncio.sleep(source.pause)
+            async with sender.turn:
+                await asyncio.sleep(sender.pause)
                 if not gone():
-                    source.due = max(source.due, time.monotonic()) + INTERVAL
+                    sender.due = max(sender.due, time.monotonic()) + INTERVAL
                 return False
         finally:
             self._waiting -= 1
 
-    def _source(self, name: str) -> _Source:
-        if len(self._sources) >= MAX_SOURCES:
-            now, sources = time.monotonic(), self._sources
-            self._sources = {
-                name: each for name, each in sources.items() if each.due > now or each.turn.locked()
+    def _sender(self, name: str) -> _Sender:
+        if len(self._senders) >= MAX_SOURCES:
+            now, senders = time.monotonic(), self._senders
+            self._senders = {
+                name: each for name, each in senders.items() if each.due > now or each.turn.locked()
             }
-        return self._sources.setdefault(name, _Source())
+        return self._senders.setdefault(name, _Sender())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -182,8 +172,9 @@ class Guard:
             return True
         if is_loopback(self.host):
             return False
-        own = socket.gethostname().lower()
-        return _is_address(name) or name in (own, own.partition(".")[0], f"{own.partition('.')[0]}.local")
+        machine = socket.gethostname().lower()
+        short = machine.partition(".")[0]
+        return _is_address(name) or name in (machine, short, f"{short}.local")
 
     def same_origin(self, origin: str | None, host: str) -> bool:
         """Return whether a request comes from this server's page.
@@ -195,8 +186,10 @@ class Guard:
         >>> Guard(host="127.0.0.1").same_origin("http://localhost:2", "localhost:1")
         False
         """
-        own = {f"{scheme}://{name}".lower() for scheme in ("http", "https") for name in (host, *self.names)}
-        return origin is None or origin.lower() in own
+        origins = {
+            f"{scheme}://{name}".lower() for scheme in ("http", "https") for name in (host, *self.names)
+        }
+        return origin is None or origin.lower() in origins
 
     def knows_token(self, text: str) -> bool:
         """Return whether a text is the token, in constant time."""
@@ -206,7 +199,7 @@ class Guard:
         """Return an application that passes admitted requests to `app` and refuses others."""
         from starlette.requests import HTTPConnection  # noqa: PLC0415  (loads a web server)
 
-        attempts, is_told = Attempts(self.knows_token), False
+        attempts, is_told = TokenAttempts(self.knows_token), False
 
         async def guarded(scope: Scope, receive: Receive, send: Send) -> None:
             """Pass a request on, or refuse it."""
@@ -305,9 +298,9 @@ def _network(address: str) -> str:
 def _with_headers(send: Send, more: Headers) -> Send:
     async def sending(message: MutableMapping[str, Any]) -> None:
         if message["type"] in ("http.response.start", "websocket.accept"):
-            own = message.get("headers", [])
-            names = {name for name, _ in own}  # a report has its own policy
-            message = {**message, "headers": [*own, *(each for each in more if each[0] not in names)]}
+            present = message.get("headers", [])
+            names = {name for name, _ in present}  # a report has its own policy
+            message = {**message, "headers": [*present, *(each for each in more if each[0] not in names)]}
         await send(message)
 
     return sending

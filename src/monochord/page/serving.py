@@ -30,27 +30,10 @@ def served(
 ) -> Generator[Server]:
     """Run a server and print its address; other machines, and other names, need a token.
 
-    Parameters
-    ----------
-    pages
-        Its pages; the first is the one that opens.
-    at
-        Port, or ``HOST:PORT``, of this machine; port 0 is the first free one from 8420 on.
-    token
-        Required token; empty to generate one where other machines can reach the page.
-    names
-        Further host names of the page.
-    browser
-        Whether to open it in a browser, if there is a display.
-    to_stderr
-        Whether to print the address on standard error.
-
-    Raises
-    ------
-    InputError
-        If the address or a name is not valid.
-    DeviceError
-        If the address is taken.
+    `at` is a port, or ``HOST:PORT``, of this machine; port 0 is the first free one from 8420 on. An empty
+    token is generated where other machines can reach the page. `names` are further host names of the page. It
+    is opened in a browser where there is a display. Raises `InputError` for an invalid address or name,
+    `DeviceError` for an address that is taken.
     """
     host, _, port = at.rpartition(":")
     if not is_port(port, lowest=0):

@@ -20,7 +20,7 @@ from websockets.sync.client import connect
 
 from monochord.capture.sources import SOURCES
 from monochord.core.types import Estimate, Prediction, StreamHealth, Window
-from monochord.live.guides.bench import Bench
+from monochord.live.guides.run_tasks import RunTasks
 from monochord.live.update import Update
 
 PATIENCE = 10.0
@@ -46,7 +46,7 @@ class Page:
         server = self._stack.enter_context(RunServer(token=token))
         stream = self._stack.enter_context(SOURCES.build("twin").open())
         folder = Path(self._stack.enter_context(TemporaryDirectory()))
-        tasks = Bench(stream.signal, 0.2, folder, "")
+        tasks = RunTasks(stream.signal, 0.2, folder, "")
         self._view = self._stack.enter_context(server.show(stream.signal, 0.2, stream.controls, tasks=tasks))
         self._headers, self._count = {"Cookie": f"monochord={token}"}, 0
         self._address = ("127.0.0.1", server.port)

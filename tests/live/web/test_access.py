@@ -2,6 +2,7 @@
 
 import http.client
 import re
+import socket
 import threading
 import time
 from urllib.parse import quote, urlsplit
@@ -12,6 +13,7 @@ from tests.live.web.test_server import SIGNAL, TOKEN, free, get, live, messages_
 from websockets.exceptions import InvalidStatus
 
 from monochord.core.errors import InputError
+from monochord.live.web.run_page import RunPage
 from monochord.page.guard import FREE, INTERVAL, MAX_ATTEMPTS, page_name
 from monochord.page.server import Server
 
@@ -165,6 +167,16 @@ def test_a_name_of_the_page_is_allowed_and_a_refusal_says_how(capsys: pytest.Cap
         assert "lab.example.org:8443" in told
         assert get(server, "/", **{"X-Forwarded-Host": "lab.example.org"}).status == 200
         assert get(server, "/", **{"X-Forwarded-Host": "other"}).status == 421
+
+
+def test_beyond_this_machine_the_page_has_its_name_and_any_address() -> None:
+    machine = socket.gethostname()
+    short = machine.partition(".")[0]
+    for host, status in (("127.0.0.1", 421), ("0.0.0.0", 200)):  # noqa: S104
+        with Server([RunPage().page], host, free()) as server:
+            for name in (machine, short, f"{short}.local", "10.1.2.3"):
+                assert get(server, "/", Host=f"{name}:{server.port}").status == status, (host, name)
+            assert get(server, "/", Host="evil.example").status == 421
 
 
 def test_a_name_that_is_none_is_refused() -> None:

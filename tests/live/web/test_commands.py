@@ -16,7 +16,7 @@ from tests.live.web.test_server import free, live, messages_of
 from websockets.sync.client import ClientConnection
 
 from monochord.core.types import Signal
-from monochord.live.guides.bench import Bench
+from monochord.live.guides.run_tasks import RunTasks
 from monochord.live.loop import opened
 from monochord.live.settings import LiveRun
 from monochord.live.update import Update
@@ -68,7 +68,7 @@ def shown(updates: Sequence[Update], folder: Path, pause: float = 0.005) -> Gene
                 if ended.wait(pause):
                     return
 
-    tasks = Bench(SIGNAL, SENSOR.string.length, folder, "demo")
+    tasks = RunTasks(SIGNAL, SENSOR.string.length, folder, "demo")
     with (
         RunServer(port=free()) as server,
         server.show(SIGNAL, SENSOR.string.length, None, tasks=tasks) as writer,

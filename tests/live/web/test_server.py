@@ -24,7 +24,7 @@ from monochord.core.errors import DeviceError, InputError
 from monochord.core.reasons import Reason
 from monochord.core.types import Contact, Estimate, Prediction, Signal, StreamHealth, StringParams, Window
 from monochord.live.events import Event
-from monochord.live.guides.bench import Bench
+from monochord.live.guides.run_tasks import RunTasks
 from monochord.live.health import Note
 from monochord.live.sinks import SINKS
 from monochord.live.sinks.base import Run as SinkRun
@@ -127,7 +127,7 @@ class Run:
 def running(
     controls: Controls | None = None, token: str = "", folder: Path = Path()
 ) -> Generator[tuple[Server, Run]]:
-    tasks = Bench(SIGNAL, LENGTH, folder, "")
+    tasks = RunTasks(SIGNAL, LENGTH, folder, "")
     with (
         RunServer(port=free(), token=token) as server,
         server.show(SIGNAL, LENGTH, controls, tasks=tasks) as writer,

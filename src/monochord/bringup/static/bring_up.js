@@ -74,12 +74,12 @@ function show(message) {
   element("sensor").hidden = phase === "done";
   element("simulated").hidden = !message.simulated;
   refuse(error);
-  const own = checks.filter((each) => each.step === before), status = steps.find(({ name }) => name === before)?.status;
+  const latest = checks.filter((each) => each.step === before), status = steps.find(({ name }) => name === before)?.status;
   element("before").hidden = !before || !ready || status === "waiting";
   element("meters").hidden = phase === "done";
   element("repeat").disabled = recording;
   if (before) put("before-title", `${title(before)}: ${STATUS[status]}`);
-  element("advice").replaceChildren(...own.map(checkOf));
+  element("advice").replaceChildren(...latest.map(checkOf));
   element("result").hidden = phase !== "done";
   const recorded = steps.filter((each) => ["passed", "failed"].includes(each.status)).length;
   put("verdict", `${message.verdict} ${recorded} of ${steps.length} steps are recorded.`);

@@ -9,25 +9,16 @@ from monochord.core.dated import dated_path
 from monochord.core.errors import MonochordError
 from monochord.core.types import Signal
 from monochord.core.units import Metres
-from monochord.live.guides.steps import Check, Guided
+from monochord.live.guides.steps import GuidedStep, OnProgress
 from monochord.live.labelled import LabelledRecording
 from monochord.live.touch_guide import TouchGuide
 from monochord.live.update import Update
 
 
-class Labelling(Guided):
+class GuidedLabelling(GuidedStep):
     """Record touches of known position and force; the labels so far are always on the disk.
 
-    Parameters
-    ----------
-    signal, length
-        The source's audio format, and the string's length in m.
-    folder
-        Folder of the session, ``touches_DATE.mcap``.
-    count
-        Number of touches.
-    described
-        Options of the session's `Description`.
+    The session is ``touches_DATE.mcap`` in the folder; `described` are options of its `Description`.
     """
 
     def __init__(
@@ -60,7 +51,7 @@ class Labelling(Guided):
         self.guide.finish()
         return bool(self.guide.touches)
 
-    def compute(self, check: Check) -> None:  # noqa: ARG002  (once begun, it is completed)
+    def compute(self, check: OnProgress) -> None:  # noqa: ARG002  (once begun, it is completed)
         """Make the session."""
         self._take.finish()
 

@@ -6,7 +6,7 @@ import msgspec
 
 from monochord.physics.known_touches import Unit
 
-Act: TypeAlias = Literal["announce", "undo", "skip"]
+TouchAct: TypeAlias = Literal["announce", "undo", "skip"]
 """What a person may do with a touch beside giving its position and force."""
 
 
@@ -40,10 +40,10 @@ class Hold(msgspec.Struct, tag_field="do", tag="hold", forbid_unknown_fields=Tru
     unit: Unit = "N"
 
 
-class Do(msgspec.Struct, tag_field="do", tag="step", forbid_unknown_fields=True):
+class TouchStep(msgspec.Struct, tag_field="do", tag="step", forbid_unknown_fields=True):
     """Announce, undo or skip a touch."""
 
-    act: Act
+    act: TouchAct
 
 
 class Cancel(msgspec.Struct, tag_field="do", tag="cancel", forbid_unknown_fields=True):

@@ -26,18 +26,12 @@ from monochord.live.update import Update
 if TYPE_CHECKING:
     from monochord.perception.training.adaptation import Adaptation
 
-Check: TypeAlias = Callable[..., None]
+OnProgress: TypeAlias = Callable[..., None]
 """Called with the progress of a computation as text."""
 
 
-class Guided(ABC):
-    """A recording that ends by itself, and its evaluation.
-
-    Attributes
-    ----------
-    recording
-        The recording.
-    """
+class GuidedStep(ABC):
+    """A recording that ends by itself, and its evaluation."""
 
     recording: Recording
 
@@ -56,7 +50,7 @@ class Guided(ABC):
         """Return the next instruction to the user."""
 
     @abstractmethod
-    def compute(self, check: Check) -> None:
+    def compute(self, check: OnProgress) -> None:
         """Compute the result from the closed recording.
 
         `check` is called now and then, and raises after a cancellation.
@@ -79,7 +73,7 @@ class Guided(ABC):
         """Complete or remove the recording."""
 
 
-class Scratch(Guided):
+class TemporaryGuidedStep(GuidedStep):
     """A step whose recording is removed at its end."""
 
     def __init__(self, signal: Signal, folder: Path) -> None:
@@ -93,7 +87,7 @@ class Scratch(Guided):
         self._scratch.cleanup()
 
 
-class Tuning(Scratch):
+class GuidedTuning(TemporaryGuidedStep):
     """Record the untouched string, and write the tuned sensor."""
 
     _sensor: SensorAsTuned
@@ -107,7 +101,7 @@ class Tuning(Scratch):
         """Return how much has been recorded."""
         return {"says": "Let go of the string.", "share": min(self.recording.seconds / SECONDS, 1.0)}
 
-    def compute(self, check: Check) -> None:
+    def compute(self, check: OnProgress) -> None:
         """Tune as ``monochord tune`` does."""
         check()
         source = SOURCES.build("session", {"path": str(self.recording.path)})
@@ -122,7 +116,7 @@ class Tuning(Scratch):
         return [*self._sensor.lines(), f"Saved as {path}; use it with --sensor {path}"]
 
 
-class Calibration(Scratch):
+class GuidedCalibration(TemporaryGuidedStep):
     """Record touches of known position and force, and adapt the model to them."""
 
     _adapted: "Adaptation"
@@ -151,7 +145,7 @@ class Calibration(Scratch):
         """Return the next touch to make, and the progress of the present one."""
         return self.guide.state()
 
-    def compute(self, check: Check) -> None:
+    def compute(self, check: OnProgress) -> None:
         """Adapt the model as ``monochord calibrate`` does."""
         from monochord.capture.recording.from_files import from_files  # noqa: PLC0415  (not needed until then)
         from monochord.perception.training.calibration import calibrated  # noqa: PLC0415  (likewise)

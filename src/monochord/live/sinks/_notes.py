@@ -63,18 +63,8 @@ def clipped(note: Note, name: str, columns: int) -> Text:
 def news(before: Mapping[str, Note], update: Update) -> tuple[Mapping[str, Note], list[str]]:
     """Return the current notes by key, and a line for each new or ended note.
 
-    Parameters
-    ----------
-    before
-        The notes returned for the previous update; empty at first.
-    update
-        The present update.
-
-    Returns
-    -------
-    tuple[Mapping[str, Note], list[str]]
-        The notes and the lines. A note whose sentence alone changes, such as a counter, gives no line; a
-        change of level does.
+    `before` are the notes returned for the previous update; empty at first.
+    A note whose sentence alone changes, such as a counter, gives no line; a change of level does.
     """
     if not update.notes and not before:
         return before, []

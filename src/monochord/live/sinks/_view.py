@@ -66,7 +66,7 @@ NOTE_RANKS = {"error": Rank.ERROR, "warning": Rank.WARNING, "info": Rank.INFO}
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class FrameLines:
     """Lines of a frame that are shown or left out together; of a note the first line may stay alone."""
 
     rank: Rank
@@ -103,28 +103,30 @@ def frame(
         _caption(truth),
         ends,
     )
-    blank = Part(Rank.BLANK, [Text()])
+    blank = FrameLines(Rank.BLANK, [Text()])
     meters = [_meter(k + 1, rms, peak, columns) for k, (rms, peak) in enumerate(sound_levels)]
     learned = any(name in update.prediction.estimates for name in WORDS)
     middle = [*_estimates(update, length, columns), *([legend(truth)] if learned else [])]
     ranks = [*[Rank.ESTIMATE] * (len(ORDER) - 1), Rank.LEGEND]
     parts = [
-        Part(Rank.TITLE, [_title(update, signal, columns)]),
+        FrameLines(Rank.TITLE, [_title(update, signal, columns)]),
         blank,
-        Part(Rank.PICTURE, [Text.assemble("  ", line) for line in picture]),
+        FrameLines(Rank.PICTURE, [Text.assemble("  ", line) for line in picture]),
         blank,
-        *(Part(ranks[k] if k < len(ranks) else Rank.EXTRA, [line]) for k, line in enumerate(middle)),
+        *(FrameLines(ranks[k] if k < len(ranks) else Rank.EXTRA, [line]) for k, line in enumerate(middle)),
         blank,
-        Part(Rank.LEVELS, meters),
+        FrameLines(Rank.LEVELS, meters),
         blank,
-        Part(Rank.LATENCY, [_latency(latency)]),
-        Part(Rank.COUNTERS, [_health(update)]),
+        FrameLines(Rank.LATENCY, [_latency(latency)]),
+        FrameLines(Rank.COUNTERS, [_health(update)]),
     ]
     if last is not None:
-        parts.append(Part(Rank.TRACKED, [_tracked(update)]))
-        parts.append(Part(Rank.EVENT, [Text.assemble(("  event    ", LABEL), event_in_words(last))]))
+        parts.append(FrameLines(Rank.TRACKED, [_tracked(update)]))
+        parts.append(FrameLines(Rank.EVENT, [Text.assemble(("  event    ", LABEL), event_in_words(last))]))
     notes = _notes.current(update)
-    parts.extend(Part(NOTE_RANKS[note.level], _notes.wrapped(note, columns), is_note=True) for note in notes)
+    parts.extend(
+        FrameLines(NOTE_RANKS[note.level], _notes.wrapped(note, columns), is_note=True) for note in notes
+    )
     return fitted(parts, rows - 1)
 
 
@@ -133,21 +135,22 @@ def several(updates: Iterable[Update], latency: Percentiles, columns: int, rows:
 
     Where both do not fit, an error replaces the estimates.
     """
-    parts = list[Part]()
+    parts = list[FrameLines]()
     for update in updates:
         worst = next(iter(_notes.current(update)), None)
         rank = Rank.PICTURE if worst is not None and worst.level == "error" else Rank.ESTIMATE
-        parts.append(Part(rank, [Text(printable(plain(update, latency)))]))
+        parts.append(FrameLines(rank, [Text(printable(plain(update, latency)))]))
         if worst is not None:
             line = _notes.clipped(worst, update.string, columns)
-            parts.append(Part(NOTE_RANKS[worst.level], [line]))
+            parts.append(FrameLines(NOTE_RANKS[worst.level], [line]))
     return fitted(parts, rows - 1)
 
 
-def fitted(parts: Sequence[Part], rows: int) -> list[Text]:
+def fitted(parts: Sequence[FrameLines], rows: int) -> list[Text]:
     """Return the lines of the parts that fit into `rows`, highest rank first, then in order.
 
-    >>> parts = [Part(Rank.TITLE, [Text("a")]), Part(Rank.BLANK, [Text()]), Part(Rank.ERROR, [Text("b")])]
+    >>> ranks = {Rank.TITLE: "a", Rank.BLANK: "", Rank.ERROR: "b"}
+    >>> parts = [FrameLines(rank, [Text(text)]) for rank, text in ranks.items()]
     >>> [line.plain for line in fitted(parts, 2)]
     ['a', 'b']
     """

@@ -94,11 +94,11 @@ class Ros2(Sink):
         """Join the domain; raises `InputError` without the library, `DeviceError` without the network."""
         from monochord.capture.dds.participant import Participant  # noqa: PLC0415
 
-        place, own = self.namespace.rstrip("/"), self
+        place, options = self.namespace.rstrip("/"), self
         if run.string:
-            own = replace(self, namespace=f"{place}/{run.string}", frame=f"{run.string}_{self.frame}")
+            options = replace(self, namespace=f"{place}/{run.string}", frame=f"{run.string}_{self.frame}")
         with Participant(domain=self.domain, interface=self.interface) as participant:
-            yield _Topics(own, participant)
+            yield _Topics(options, participant)
 
 
 class _Topics(Writer):

@@ -43,10 +43,7 @@ FILES = (
 class RunPage(Feed):
     """The page of a run with one or several strings, each of which is a `View`.
 
-    Parameters
-    ----------
-    first
-        With several strings, the string a page shows at first; empty for the first string.
+    With several strings, a page shows the string `first` at first; empty for the first one.
     """
 
     def __init__(self, first: str = "") -> None:
@@ -117,7 +114,7 @@ class _Browser(Viewer):
         self.string = ""
         self._asked: View | None = None
         self._commands = Commands({Show: self._show})
-        self._greeted = False
+        self._is_new = True
         self._view: View | None = None
         self._number = self._spectrum_number = 0
         self._holds = False
@@ -125,8 +122,8 @@ class _Browser(Viewer):
 
     def news(self) -> Iterator[str | bytes]:
         """Yield what a new view is about, the newest update, and at times the spectrum."""
-        if not self._greeted:
-            self._greeted = True
+        if self._is_new:
+            self._is_new = False
             yield messages.waiting()
         if self._holds and time.monotonic() > self._last_received + HOLD:
             self._let_go()

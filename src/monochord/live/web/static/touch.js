@@ -165,10 +165,10 @@ export function showSettings(settings, send) {
       select = document.createElement("select");
       select.name = name;
       select.append(...choices.map((choice) => new Option(choice.replaceAll("_", " "), choice)));
-      const own = select;
+      const chosen = select;
       select.addEventListener("change", () => {
-        own.dataset.until = String(performance.now() + 1000); // the choice is shown until it is in effect
-        send({ do: "change", name, value: own.value });
+        chosen.dataset.until = String(performance.now() + 1000); // the choice is shown until it is in effect
+        send({ do: "change", name, value: chosen.value });
       });
       label.append(select);
       place.append(label);

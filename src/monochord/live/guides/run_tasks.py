@@ -17,9 +17,9 @@ from monochord.core.dated import dated_path
 from monochord.core.types import Signal
 from monochord.core.units import Metres, Newtons
 from monochord.live.delivery import reason
-from monochord.live.guides.labelling import Labelling
-from monochord.live.guides.requests import Act, Calibrate, Cancel, Do, Hold, Label, Record, Tune
-from monochord.live.guides.steps import Calibration, Guided, Tuning
+from monochord.live.guides.labelling import GuidedLabelling
+from monochord.live.guides.requests import Calibrate, Cancel, Hold, Label, Record, TouchAct, TouchStep, Tune
+from monochord.live.guides.steps import GuidedCalibration, GuidedStep, GuidedTuning
 from monochord.live.recording import Recording
 from monochord.live.touch_guide import TouchGuide
 from monochord.live.update import Update
@@ -44,18 +44,18 @@ NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 
 @dataclass(eq=False, slots=True)
-class _Take:
+class _RequestedRecording:
     """A requested recording; `recording` is set once its file is open."""
 
     recording: Recording | None = None
 
 
 @dataclass(eq=False, slots=True)
-class _Step:
+class _RequestedStep:
     """A requested guided step; `guided` is set once its file is open. A cancelled step keeps its phase."""
 
     name: Name
-    guided: Guided | None = None
+    guided: GuidedStep | None = None
     phase: Phase = "opening"
 
 
@@ -63,21 +63,12 @@ class _Cancelled(Exception):  # noqa: N818  (no error)
     """Raised in a computation that was cancelled."""
 
 
-class Bench(Tasks):
+class RunTasks(Tasks):
     """The recordings and guided steps of a run: the sink calls `take`, the server everything else.
 
-    A command takes effect at once, or `state` says why not.
-
-    Parameters
-    ----------
-    signal, length
-        The source's audio format, and the string's length in m.
-    folder
-        Folder of the files.
-    model
-        The model that a calibration adapts; empty for none.
-    described
-        Options of a labelled session's `Description`, such as its sensor.
+    A command takes effect at once, or `state` says why not. Files go to `folder`. A calibration adapts
+    `model`, empty for none. `described` are options of a labelled session's `Description`, such as its
+    sensor.
     """
 
     def __init__(
@@ -96,9 +87,9 @@ class Bench(Tasks):
         self._lock = threading.Lock()  # of what was asked, never held for long
         self._waiting = 0
         self._closed = False
-        self._take: _Take | None = None
-        self._step: _Step | None = None
-        self._computed: _Step | None = None
+        self._take: _RequestedRecording | None = None
+        self._step: _RequestedStep | None = None
+        self._computed: _RequestedStep | None = None
         self._lines: list[str] = []
         self._saved = self._answer = ""
 
@@ -111,7 +102,7 @@ class Bench(Tasks):
             Calibrate: lambda request: self.calibrate(request.touches),
             Label: lambda request: self.label(request.touches),
             Hold: self._typed,
-            Do: lambda request: self.touch(request.act),
+            TouchStep: lambda request: self.touch(request.act),
             Cancel: lambda _: self.cancel(),
         }
 
@@ -122,7 +113,7 @@ class Bench(Tasks):
             if on is (take is not None) or not self._accepts("Record"):
                 return False
             if take is None:
-                self._take = begun = _Take()
+                self._take = begun = _RequestedRecording()
                 self._later(lambda: self._begin(begun))
             else:
                 self._stop(take)
@@ -130,18 +121,18 @@ class Bench(Tasks):
 
     def tune(self) -> bool:
         """Start a tuning."""
-        return self._guide("tuning", lambda: Tuning(self._signal, self._folder))
+        return self._guide("tuning", lambda: GuidedTuning(self._signal, self._folder))
 
     def calibrate(self, count: int) -> bool:
         """Start a calibration with a number of touches."""
         model, length = self._model, self._length
-        make = lambda: Calibration(self._signal, self._folder, length, model, count)  # noqa: E731
+        make = lambda: GuidedCalibration(self._signal, self._folder, length, model, count)  # noqa: E731
         return bool(model) and self._guide("calibration", make)
 
     def label(self, count: int) -> bool:
         """Start to record a number of labelled touches."""
         signal, length, described = self._signal, self._length, self._described
-        make = lambda: Labelling(signal, self._folder, length, count, described)  # noqa: E731
+        make = lambda: GuidedLabelling(signal, self._folder, length, count, described)  # noqa: E731
         return self._guide("labelling", make)
 
     def hold(self, position: Metres, force: Newtons) -> bool:
@@ -152,7 +143,7 @@ class Bench(Tasks):
         position, force = (math.nan if each is None else each for each in (request.position, request.force))
         return self.hold(position, in_newtons(force, request.unit))
 
-    def touch(self, act: Act) -> bool:
+    def touch(self, act: TouchAct) -> bool:
         """Announce, undo or skip a touch."""
         return self._guided(lambda guide: getattr(guide, act)())
 
@@ -238,7 +229,7 @@ class Bench(Tasks):
         self._waiting += 1
         self._files.submit(done)
 
-    def _begin(self, take: _Take) -> None:
+    def _begin(self, take: _RequestedRecording) -> None:
         self._saved = ""
         try:
             take.recording = Recording(dated_path("live", ".mcap", self._folder), self._signal)
@@ -247,7 +238,7 @@ class Bench(Tasks):
                 self._saved = reason(error)
                 self._take = None if take is self._take else self._take
 
-    def _stop(self, take: _Take) -> None:
+    def _stop(self, take: _RequestedRecording) -> None:
         """End a recording, unless already ended."""
         if take is self._take:
             self._take = None
@@ -261,18 +252,18 @@ class Bench(Tasks):
         sentence = f"{recording.seconds:.1f} s recorded: {recording.path}"
         self._saved = f"{sentence}; it ended: {recording.failure}" if recording.failure else sentence
 
-    def _guide(self, name: Name, make: Callable[[], Guided]) -> bool:
+    def _guide(self, name: Name, make: Callable[[], GuidedStep]) -> bool:
         with self._lock:
             step = self._step
             if step is None and self._accepts(VERBS[name]):
-                self._lines, self._step = [], (begun := _Step(name))
+                self._lines, self._step = [], (begun := _RequestedStep(name))
                 self._later(lambda: self._open(begun, make))
                 return True
             if step is not None and step.name != name:
                 self._answer = f"{VERBS[name]} did not start: a {step.name} is in progress. Cancel it first."
             return False
 
-    def _open(self, step: _Step, make: Callable[[], Guided]) -> None:
+    def _open(self, step: _RequestedStep, make: Callable[[], GuidedStep]) -> None:
         if step is not self._step:
             return
         try:
@@ -281,11 +272,11 @@ class Bench(Tasks):
         except Exception as error:  # noqa: BLE001  (the page says it, whatever it is)
             self._finish(step, [reason(error)])
 
-    def _leave(self, step: _Step) -> None:
+    def _leave(self, step: _RequestedStep) -> None:
         if step.guided is not None:
             step.guided.close()
 
-    def _shown(self, step: _Step) -> dict[str, Any]:
+    def _shown(self, step: _RequestedStep) -> dict[str, Any]:
         if step.phase == "opening" or step.guided is None:
             return {"says": "Opening a file …"}
         if step.phase == "recording":
@@ -294,7 +285,7 @@ class Bench(Tasks):
             return {"says": "Computing …"}
         return {"says": "Waiting for the cancelled computation to stop …"}
 
-    def _compute(self, step: _Step, guided: Guided) -> None:
+    def _compute(self, step: _RequestedStep, guided: GuidedStep) -> None:
         def check(*_: Any) -> None:
             if step is not self._step:
                 raise _Cancelled
@@ -319,7 +310,7 @@ class Bench(Tasks):
             self._computed = None
             self._finish(step, lines)
 
-    def _finish(self, step: _Step, lines: list[str]) -> None:
+    def _finish(self, step: _RequestedStep, lines: list[str]) -> None:
         with self._lock:
             if step is self._step:
                 self._lines, self._step = lines, None
