@@ -4,9 +4,9 @@ A kernel reads beyond the end of an array that is shorter than it expects. So ev
 one is listed here with who has checked its arrays, and every public entry is fed with sound of every shape.
 
 numba's cache looks at the file that a kernel stands in. A kernel inlined from another file would go on in its
-old form after that file has changed, and nothing would say so. So a cached kernel calls only kernels of its
-own file. The twin's kernel is made of parts in many files; the key of its cache carries a fingerprint of
-their text.
+old form after that file has changed, and nothing would say so. So a kernel's cache also watches the files of
+the kernels that its module imports by name (`tests/core/test_kernels.py`). The twin's kernel is made of parts
+in many files, by their modules; the key of its cache carries a fingerprint of their text.
 """
 
 import ast
@@ -40,13 +40,17 @@ def is_cached(function: CPUDispatcher) -> bool:
     return not isinstance(getattr(function, "_cache"), NullCache)  # noqa: B009
 
 
-def test_cached_kernels_stand_in_one_file_with_what_they_call() -> None:
-    mixed: list[str] = []
+def test_cached_kernels_call_those_of_other_files_by_name_alone() -> None:
+    by_module: list[str] = []
     for name in MODULES:
-        kernels = [(each.py_func.__module__ == name, is_cached(each)) for each in compiled(name).values()]
-        foreign = any(not own for own, _ in kernels)
-        mixed += [name] if foreign and (True, True) in kernels else []
-    assert not mixed, "a kernel kept on disk may inline one of another file"
+        own = {key: one for key, one in compiled(name).items() if one.py_func.__module__ == name}
+        if not any(is_cached(one) for one in own.values()):
+            continue
+        imported = {key for key, value in vars(import_module(name)).items() if inspect.ismodule(value)}
+        used = {word for one in own.values() for word in one.py_func.__code__.co_names} & imported
+        modules = [vars(import_module(name))[key].__name__ for key in used]
+        by_module += [name for module in modules if module in MODULES and compiled(module)]
+    assert not by_module, "a kernel kept on disk may inline one whose file its cache does not watch"
 
 
 def test_what_is_kept_on_disk_is_checked_when_it_is_read() -> None:
@@ -95,8 +99,8 @@ WHO_CHECKS = {
     "dsp.spectrum": {"power_spectrum": "itself", "find_peaks": "itself", "block_floors": "spectrum_of"},
     "perception.usable": {"unusable_reason": "Window"},
     "perception.spectrum": {"spectrum_of": "itself", "relisted": "spectrum_of"},
-    "perception.closed_form.lines": {"window_lines": "itself"},
-    "perception.closed_form.both_segments": {"read": "window_lines"},
+    "perception.closed_form.lines": {"prominent_lines": "itself"},
+    "perception.closed_form.both_segments": {"read": "prominent_lines"},
     "perception.features.fft_harmonic": {"row": "SpectrumAnalyser"},
     "perception.features.reading": {"row": "SpectrumAnalyser"},
     "perception.reader.cells": {"spectrum_cells": "SpectrumAnalyser"},
@@ -107,8 +111,9 @@ WHO_CHECKS = {
     "perception.model.forest": {"forest_sums": "the kernel"},
     "perception.model.network": {"outputs": "the kernel", "network_inputs": "itself"},
     "perception.tuning.measurement": {"heard": "Tuner"},
-    "perception.tuning.lines": {"window_lines": "spectrum_of", "lasting_lines": "window_lines"},
-    "perception.tuning.tuner": {"_tuning": "window_lines"},
+    "perception.tuning.pluck": {"_peaks": "itself"},
+    "perception.tuning.lines": {"merged_lines": "spectrum_of", "lasting_lines": "merged_lines"},
+    "perception.tuning.tuner": {"_tuning": "merged_lines"},
     "physics.split_string.stream": {"_ring_on": "SplitString"},
     "capture.jack.arena": {"count": "Arena"},
     "capture.jack.ring": dict.fromkeys(("pending", "put", "take"), "Ring"),

@@ -62,6 +62,24 @@ def test_a_whole_cache_is_used_in_another_process(tmp_path: Path) -> None:
         assert (done.returncode, done.stdout, done.stderr) == (0, expected, "")
 
 
+def test_a_kernel_is_compiled_again_when_what_it_calls_in_another_file_changes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    inner, middle, outer = (tmp_path / f"{name}_of_a_chain.py" for name in ("inner", "middle", "outer"))
+    start = "from monochord.core.kernels import kernel, part\n"
+    call = "from inner_of_a_chain import factor\n@part()\ndef times(x): return factor() * x\n"
+    middle.write_text(start + call, encoding="utf-8")
+    outer.write_text(
+        "from middle_of_a_chain import times\n" + MODULE.replace("2.0 * x", "times(x)"), encoding="utf-8"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    for factor, expected in (("2.0", 1), ("2.0", 0), ("4.0 / 2.0", 1), ("4.0 / 2.0", 0)):
+        inner.write_text(f"{start}@part()\ndef factor(): return {factor}\n", encoding="utf-8")
+        for name in (inner.stem, middle.stem):
+            monkeypatch.delitem(sys.modules, name, raising=False)
+        assert compilations(outer) == expected
+
+
 @pytest.mark.parametrize("suffix", ["nbi", "nbc"])
 def test_a_damaged_file_is_replaced(module: Path, suffix: str) -> None:
     assert compilations(module) == 0

@@ -3,7 +3,8 @@
 A cache file may be empty, truncated or corrupted after a full disk, a power failure or a bit error; numba
 would raise an unexpected error, or run it. Here each file ends with a checksum of its content. A file without
 a valid checksum counts as missing: the kernel is compiled again and the file replaced. If the cache cannot be
-written, kernels are still compiled.
+written, kernels are still compiled. A kernel is also compiled again when its file changes, or another file
+whose compiled functions its file imports by name.
 
 In a terminal, compilation shows a progress bar in any program (`monochord.core.compilation`). Python's
 garbage collector is paused meanwhile: most objects of a compilation are kept, and collection takes a tenth of
@@ -72,7 +73,8 @@ def kernel(signature: str = "", **options: Any) -> Callable[[Function], Function
     def compiled(function: Function) -> Function:
         dispatcher = compile_lazily(function, **options)
         if hasattr(dispatcher, "py_func"):
-            with suppress(RuntimeError):  # a function that stands in no file, or where none can be written
+            # Without a cache: a function in no file, one that calls such, and where none can be written.
+            with suppress(RuntimeError, OSError):
                 dispatcher._cache = _Cache(function)  # noqa: SLF001
             if signature:
                 dispatcher.compile(signature)
@@ -83,10 +85,11 @@ def kernel(signature: str = "", **options: Any) -> Callable[[Function], Function
 
 
 def part(**options: Any) -> Callable[[Function], Function]:
-    """Compile a function that kernels in the same file call; it is cached as part of them.
+    """Compile a function that kernels call; it is cached as part of them.
 
-    Python has no entry to the compiled code, which would take as long to compile as a short function. A call
-    from Python runs the uncompiled function.
+    A kernel in another file imports it by name, so that the kernel's cache depends on both files. Python has
+    no entry to the compiled code, which would take as long to compile as a short function. A call from Python
+    runs the uncompiled function.
 
     Parameters
     ----------
@@ -154,13 +157,29 @@ class _Cache(FunctionCache):
         self._cache_file = _Files(
             cache_path=self._cache_path,
             filename_base=self._impl.filename_base,
-            source_stamp=self._impl.locator.get_source_stamp(),
+            source_stamp=(self._impl.locator.get_source_stamp(), _checksum_of_calls(function)),
         )
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Save the compiled code, where possible."""
         with suppress(OSError):
             super().save_overload(sig, data)
+
+
+def _checksum_of_calls(function: Any) -> str:
+    """Return a checksum of the other files with compiled functions that a function may call.
+
+    They are the files of those that its module has imported by name, and of those that these call in turn.
+    """
+    files, waiting = {function.__code__.co_filename: b""}, [function]
+    while waiting:
+        for value in waiting.pop().__globals__.values():
+            called = value.py_func if isinstance(value, CPUDispatcher) else function
+            file = called.__code__.co_filename
+            if file not in files:
+                files[file] = Path(file).read_bytes()
+                waiting.append(called)
+    return hashlib.sha256(b"".join(files.values())).hexdigest()
 
 
 class _Files(IndexDataCacheFile):

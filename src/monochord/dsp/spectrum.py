@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monochord.core.errors import InputError
-from monochord.core.kernels import kernel
+from monochord.core.kernels import kernel, part
 from monochord.core.shapes import alike, sound
 from monochord.core.types import Audio, Floats
 from monochord.core.units import Hertz, Samples, Seconds
@@ -264,6 +264,16 @@ def find_peaks(
     return _peaks(power, salience, spacing, duration, least)
 
 
+@part()
+def vertex(below: float, peak: float, above: float) -> float:
+    """Return where the parabola through the logarithms of a peak and of both bins beside it has its vertex.
+
+    It is in bins from the peak; 0 where the three lie on a straight line.
+    """
+    bend = below - 2.0 * peak + above
+    return 0.5 * (below - above) / bend if bend < 0.0 else 0.0
+
+
 @kernel()
 def _peaks(
     power: Floats, salience: Floats, spacing: Hertz, duration: Seconds, least: float
@@ -272,8 +282,7 @@ def _peaks(
     for k in range(2, power.size - 1):
         if power[k] > power[k - 1] and power[k] >= power[k + 1] and salience[k] >= least:
             y0, y1, y2 = np.log(power[k - 1]), np.log(power[k]), np.log(power[k + 1])
-            bend = y0 - 2.0 * y1 + y2
-            shift = 0.5 * (y0 - y2) / bend if bend < 0.0 else 0.0
+            shift = vertex(y0, y1, y2)
             frequency.append((k + shift) * spacing)
             height.append(np.exp(y1 - 0.25 * (y0 - y2) * shift))
             stands.append(salience[k])

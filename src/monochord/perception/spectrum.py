@@ -1,14 +1,4 @@
-"""The spectrum of a window of two microphones: samples, transform, power and strongest lines.
-
-A line's frequency is precise however short the window. For a tone exp((m + i w0) t) and a taper h that is
-zero at both ends, integration by parts gives X_h'(w) = -(m + i (w0 - w)) X_h(w), where X_h and X_h' are the
-spectra under h and under its derivative. One bin of each gives frequency and growth of a lone tone exactly.
-Of a Hann taper both follow from three bins of the plain transform R:
-X_h[k] = R[k] / 2 - (R[k-1] + R[k+1]) / 4 and X_h'[k] = pi (R[k-1] - R[k+1]) / (2 i n).
-
-Auger and Flandrin (1995), Improving the readability of time-frequency and time-scale representations by the
-reassignment method, IEEE Trans. Signal Process. 43, 1068.
-"""
+"""The spectrum of a window of two microphones: samples, transform, power and strongest lines."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -22,6 +12,7 @@ from monochord.core.kernels import kernel
 from monochord.core.shapes import sound
 from monochord.core.types import Audio, Floats, Signal, StringParams
 from monochord.core.units import Hertz, Samples
+from monochord.dsp.hann import hann_power, strongest_lines
 from monochord.physics.theory import inharmonicity, open_frequency
 
 MIN_BINS = 14
@@ -30,8 +21,6 @@ LOWEST_LINE = 0.8
 """Lowest frequency of a line, as a share of the open frequency; below are rumble and hum."""
 HIGHEST_LINE: Hertz = 20000.0
 """Highest frequency of a line."""
-LINES = 8
-"""Lines of each microphone, the strongest first."""
 MAX_SAMPLE = 1.0e3
 """Largest sample in full scale; larger ones are clipped to it."""
 
@@ -161,49 +150,3 @@ def centred_samples(window: Audio) -> Floats:
         for i in range(window.shape[1]):
             samples[c, i] -= total / window.shape[1]
     return samples
-
-
-@kernel()
-def hann_power(transform: NDArray[np.complex128], size: Samples) -> Floats:
-    """Return the power under a Hann taper (channels, bins); a sine of amplitude a has a^2 / 2 at its bin.
-
-    `transform` (channels, bins) is without a taper, of `size` frames.
-    """
-    channels, bins = transform.shape
-    power = np.zeros((channels, bins))
-    for c in range(channels):
-        for k in range(1, bins - 1):
-            value = 0.5 * transform[c, k] - 0.25 * (transform[c, k - 1] + transform[c, k + 1])
-            power[c, k] = 8.0 / size**2 * (value.real * value.real + value.imag * value.imag)
-    return power
-
-
-@kernel()
-def strongest_lines(
-    transform: NDArray[np.complex128], power: Floats, spacing: Hertz, lowest: Hertz, highest: Hertz
-) -> tuple[Floats, Floats]:
-    """Return the strongest lines of each channel, frequency in Hz and power, each (channels, `LINES`).
-
-    `transform` and `power` are (channels, bins), their bins `spacing` apart. Lines lie between `lowest` and
-    `highest`, the strongest first; missing ones are 0 in both.
-    """
-    channels, bins = power.shape
-    frequency, height = np.zeros((channels, LINES)), np.zeros((channels, LINES))
-    first, last = max(int(lowest / spacing), 3), min(int(highest / spacing), bins - 3)
-    for c in range(channels):
-        for k in range(first, last):
-            peak = power[c, k]
-            if peak <= height[c, LINES - 1] or power[c, k - 1] >= peak or peak < power[c, k + 1]:
-                continue
-            if power[c, k - 2] >= peak or peak < power[c, k + 2]:
-                continue
-            rank = LINES - 1
-            while rank > 0 and height[c, rank - 1] < peak:
-                height[c, rank] = height[c, rank - 1]
-                frequency[c, rank] = frequency[c, rank - 1]
-                rank -= 1
-            value = 0.5 * transform[c, k] - 0.25 * (transform[c, k - 1] + transform[c, k + 1])
-            shift = 0.25 * ((transform[c, k - 1] - transform[c, k + 1]) / value).real
-            height[c, rank] = peak
-            frequency[c, rank] = (k + min(max(shift, -1.0), 1.0)) * spacing
-    return frequency, height

@@ -35,7 +35,7 @@ from monochord.perception.closed_form.explanations import (
     priors,
     untouched_evidence,
 )
-from monochord.perception.closed_form.lines import FREQUENCY, LEVEL, OWN, POWER, STD, window_lines
+from monochord.perception.closed_form.lines import FREQUENCY, LEVEL, OWN, POWER, STD, prominent_lines
 from monochord.physics.theory import (
     TensionLaw,
     bending_stiffness,
@@ -173,7 +173,7 @@ class BothSegments:
     def read(self, window: Audio) -> Reading | None:
         """Return what a window (2, n) is of, None without a clear line."""
         model, spacing = self.model, self.sample_rate / window.shape[1]
-        lines = window_lines(window, self.sample_rate, LOWEST * model.frequency, HIGHEST)
+        lines = prominent_lines(window, self.sample_rate, LOWEST * model.frequency, HIGHEST)
         if not len(lines) or lines[:, LEVEL].max() < MIN_SALIENCE:
             return None
         strongest = lines[lines[:, POWER].argmax()]

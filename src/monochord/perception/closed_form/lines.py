@@ -7,6 +7,7 @@ from monochord.core.kernels import kernel, part
 from monochord.core.shapes import sound
 from monochord.core.types import Audio, Floats
 from monochord.core.units import Hertz
+from monochord.dsp.hann import hann_line, is_peak
 from monochord.dsp.spectrum import BEAT, BLUR, FLOOR_WIDTH, noise_floor
 from monochord.perception.spectrum import spectrum_of
 
@@ -20,7 +21,7 @@ SAME_LINE = 1.5
 """Bins within which peaks at both microphones are one line."""
 
 
-def window_lines(samples: Audio, sample_rate: int, lowest: Hertz, highest: Hertz) -> Floats:
+def prominent_lines(samples: Audio, sample_rate: int, lowest: Hertz, highest: Hertz) -> Floats:
     """Return the lines (n, 5) of a window (2, n) between two frequencies, in rising order.
 
     Raises `InputError` unless there are two channels.
@@ -29,7 +30,7 @@ def window_lines(samples: Audio, sample_rate: int, lowest: Hertz, highest: Hertz
     >>> tones = np.stack([np.sin(2.0 * np.pi * f * time) for f in (2436.2, 1730.7)])
     >>> noise = 1e-4 * np.random.default_rng(0).normal(size=(2, 4410))
     >>> window = np.array([[0.8, 0.2], [0.2, 0.8]]) @ tones + noise
-    >>> lines = window_lines(window, 44100, 800.0, 16000.0)
+    >>> lines = prominent_lines(window, 44100, 800.0, 16000.0)
     >>> lines[lines[:, POWER] > 1e-3][:, [FREQUENCY, OWN]].round(2)
     array([[1.7307e+03, 6.0000e-02],
            [2.4362e+03, 9.4000e-01]])
@@ -58,9 +59,7 @@ def _strongest(
         level, of = _peak(power, floor, k)
         if of < 0:
             continue
-        value = 0.5 * transform[of, k] - 0.25 * (transform[of, k - 1] + transform[of, k + 1])
-        shift = 0.25 * ((transform[of, k - 1] - transform[of, k + 1]) / value).real
-        frequency = (k + min(max(shift, -1.0), 1.0)) * spacing
+        frequency = hann_line(transform, of, k, spacing)[0] * spacing
         if count > 0 and frequency - lines[count - 1, FREQUENCY] < SAME_LINE * spacing:
             if lines[count - 1, LEVEL] >= level:
                 continue
@@ -85,8 +84,6 @@ def _peak(power: Floats, floor: Floats, k: int) -> tuple[float, int]:
     """Return the height over the floor of a peak at bin k, and the microphone where it is higher, else -1."""
     level, of = MIN_LEVEL, -1
     for c in range(2):
-        peak = power[c, k]
-        below, above = max(power[c, k - 2], power[c, k - 1]), max(power[c, k + 1], power[c, k + 2])
-        if below < peak and peak >= above and np.log(peak / floor[c, k]) > level:
-            level, of = np.log(peak / floor[c, k]), c
+        if is_peak(power, c, k) and np.log(power[c, k] / floor[c, k]) > level:
+            level, of = np.log(power[c, k] / floor[c, k]), c
     return level, of

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from monochord.core.kernels import kernel, part
 from monochord.core.types import Floats
 from monochord.core.units import Hertz
+from monochord.dsp.hann import hann_bin, hann_line
 from monochord.perception.reader.measures import MODE_1, MODE_2, OPEN, POSITION, REST
 from monochord.perception.spectrum import SpectrumAnalyser
 
@@ -103,10 +104,10 @@ def measure_harmonics(
                 if peak == 0:
                     continue
                 clarity = line / (line + 3.0 * side + least)
-                value, ratio = _hann(transform, c, peak)
-                other, _ = _hann(transform, (c + 1) % channels, peak)
-                offset = 1000.0 * ((peak + min(max(0.25 * ratio.real, -1.0), 1.0)) / expected - 1.0)
-                growth = -0.5 * np.pi * spacing * ratio.imag
+                value = hann_bin(transform, c, peak)
+                other = hann_bin(transform, (c + 1) % channels, peak)
+                found, growth = hann_line(transform, c, peak, spacing)
+                offset = 1000.0 * (found / expected - 1.0)
                 cross = 2.0 * (value * other.conjugate()).real
                 likeness = cross / (abs(value) ** 2 + abs(other) ** 2 + MIN_POWER)
                 measured[c, s, n, LEVEL] = np.log10(line / 1.5 + least)
@@ -133,14 +134,6 @@ def _line_near(power: Floats, expected: float) -> tuple[int, float, float]:
     below = power[peak - SIDEBAND_END + 1 : peak - SIDEBAND_FIRST + 1].sum()
     above = power[peak + SIDEBAND_FIRST : peak + SIDEBAND_END].sum()
     return peak, line, below + above
-
-
-@part()
-def _hann(transform: NDArray[np.complex128], channel: int, k: int) -> tuple[complex, complex]:
-    """Return a bin under a Hann taper, and the difference of its neighbours over it."""
-    below, above = transform[channel, k - 1], transform[channel, k + 1]
-    value = 0.5 * transform[channel, k] - 0.25 * (below + above)
-    return value, (below - above) / (value + 1e-30)
 
 
 @kernel()

@@ -8,9 +8,10 @@ noise, whose power in a bin is exponentially distributed, the median is log 2 ti
 import numpy as np
 from numpy.typing import NDArray
 
-from monochord.core.kernels import kernel, part
+from monochord.core.kernels import kernel
 from monochord.core.types import Floats
 from monochord.core.units import Hertz
+from monochord.dsp.hann import hann_bin
 
 BANDS = 28
 """Bands, of equal ratio."""
@@ -66,14 +67,8 @@ def measure_gaps(transform: NDArray[np.complex128], power: Floats, spacing: Hert
         cross, squares = 0.0, MIN_SQUARE
         for k in range(first, last, step):
             if power[0, k] + power[1, k] <= median_1 + median_2:
-                one, two = _hann(transform, 0, k), _hann(transform, 1, k)
+                one, two = hann_bin(transform, 0, k), hann_bin(transform, 1, k)
                 cross += 2.0 * (one.real * two.real + one.imag * two.imag)
                 squares += one.real**2 + one.imag**2 + two.real**2 + two.imag**2
         measured[2, b] = cross / squares
     return measured
-
-
-@part()
-def _hann(transform: NDArray[np.complex128], channel: int, k: int) -> complex:
-    """Return a bin under a Hann taper."""
-    return 0.5 * transform[channel, k] - 0.25 * (transform[channel, k - 1] + transform[channel, k + 1])

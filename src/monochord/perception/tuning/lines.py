@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from monochord.core.kernels import kernel, part
 from monochord.core.types import Floats, Indices
 from monochord.core.units import Hertz
+from monochord.dsp.hann import LINES, hann_line
 from monochord.dsp.spectrum import BLUR, FLOOR_WIDTH, MIN_FLOOR, block_floors
-from monochord.perception.spectrum import LINES, Spectrum
+from monochord.perception.spectrum import Spectrum
 
 MIN_SALIENCE = 5.0
 """Smallest height of a line above the noise floor, in nepers of power."""
@@ -30,7 +31,7 @@ BALANCE, BALANCE_STD = 7, 8
 natural logarithm of the ratio of its power at microphone 2 to its power at microphone 1."""
 
 
-def window_lines(spectrum: Spectrum, spacing: Hertz) -> Floats:
+def merged_lines(spectrum: Spectrum, spacing: Hertz) -> Floats:
     """Return the lines (n, 5) of a window, the strongest first; at most 8 from each channel.
 
     The columns are `FREQUENCY` to `BLURRED`. With a single channel, the power at microphone 2 is 0.
@@ -81,12 +82,10 @@ def _merged(
                 continue
             count += row == count
             strength[row] = h
-            value = 0.5 * transform[c, k] - 0.25 * (transform[c, k - 1] + transform[c, k + 1])
-            ratio = (transform[c, k - 1] - transform[c, k + 1]) / value
             lines[row, FREQUENCY] = f
             lines[row, POWER_1] = power[0, k]
             lines[row, POWER_2] = power[1, k] if channels > 1 else 0.0
-            lines[row, GROWTH] = -0.5 * np.pi * spacing * ratio.imag
+            lines[row, GROWTH] = hann_line(transform, c, k, spacing)[1]
             lines[row, BLURRED] = BLUR * spacing * np.exp(-0.5 * salience)
     return lines[:count][np.argsort(-strength[:count], kind="mergesort")]
 
@@ -109,7 +108,7 @@ def lasting_lines(windows: tuple[Floats, ...], spacing: Hertz) -> Floats:
     Parameters
     ----------
     windows
-        Lines of each window, from `window_lines`.
+        Lines of each window, from `merged_lines`.
     spacing
         Bin spacing of a window's spectrum in Hz.
     """

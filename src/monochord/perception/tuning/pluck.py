@@ -6,6 +6,7 @@ import numpy as np
 
 from monochord.core.types import Audio, Floats, StringParams
 from monochord.core.units import Hertz, Seconds
+from monochord.dsp.spectrum import vertex
 from monochord.physics.theory import inharmonicity, open_frequency, stiff_partials
 
 LOWEST: Hertz = 300.0
@@ -116,9 +117,6 @@ def _peaks(power: Floats, spacing: float, f0: float, b: float, top: float) -> tu
         k = low + int(power[low:high].argmax())
         if not low < k < high - 1 or power[k] < MIN_SALIENCE * np.median(power[around]):
             continue
-        y0, y1, y2 = np.log(power[k - 1 : k + 2])
-        bend = y0 - 2.0 * y1 + y2
-        if bend < 0.0:
-            numbers.append(n)
-            peaks.append((k + 0.5 * (y0 - y2) / bend) * spacing)
+        numbers.append(n)
+        peaks.append((k + vertex(*np.log(power[k - 1 : k + 2]))) * spacing)
     return np.array(numbers), np.array(peaks)

@@ -20,7 +20,7 @@ from monochord.perception.tuning.lines import (
     POWER_2,
     PRESENCE,
     lasting_lines,
-    window_lines,
+    merged_lines,
 )
 from monochord.perception.tuning.reading import RANGE, SUSTAINED_DECADES, TuningReading, read_tuning
 from monochord.perception.usable import unusable_reason
@@ -235,7 +235,7 @@ class Tuner:
             if spectrum is None:
                 samples = sound(window.samples, self.channels, self.size)
                 spectrum = spectrum_of(samples, spacing, LOWEST_LINE * self.nominal, HIGHEST_LINE)
-            lines, gain = _levelled(window_lines(spectrum, spacing))
+            lines, gain = _levelled(merged_lines(spectrum, spacing))
             refused, dead = _no_partials_reason(lines)
             same = abs(gain - state.gain) < SAME_GAIN
             if not refused and not same and state.tuning:
