@@ -1,7 +1,7 @@
 """The contact head: whether something touches the string."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 from monochord.perception.heads.base import CONTACT, Head, Task
 
@@ -30,12 +30,4 @@ class Contact(Head):
 
     def task(self) -> Task:
         """Return the task of a probability that is defined in every window."""
-        return Task(
-            label=CONTACT,
-            loss="logistic",
-            touched=False,
-            hidden=self.hidden,
-            weight=self.weight,
-            limit=self.limit,
-            columns=self.columns,
-        )
+        return Task(label=CONTACT, loss="logistic", touched=False, **asdict(self))

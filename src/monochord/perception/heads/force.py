@@ -1,6 +1,6 @@
 """The force head: the normal force of the touch."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Literal
 
 from monochord.core.units import Newtons
@@ -39,14 +39,4 @@ class Force(Head):
 
     def task(self) -> Task:
         """Return the task of a quantity in N."""
-        return Task(
-            label="force",
-            unit="N",
-            loss=self.loss,
-            columns=self.columns,
-            hidden=self.hidden,
-            weight=self.weight,
-            limit=self.limit,
-            blur=self.blur,
-            drop=self.drop,
-        )
+        return Task(label="force", unit="N", **asdict(self))

@@ -1,6 +1,6 @@
 """The position head: where along the string something touches."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Literal
 
 from monochord.core.units import Metres
@@ -43,15 +43,4 @@ class Position(Head):
 
     def task(self) -> Task:
         """Return the task of a quantity in m."""
-        return Task(
-            label=POSITION,
-            unit="m",
-            loss=self.loss,
-            columns=self.columns,
-            hidden=self.hidden,
-            weight=self.weight,
-            limit=self.limit,
-            refines=self.refines,
-            certain=self.certain,
-            drop=self.drop,
-        )
+        return Task(label=POSITION, unit="m", **asdict(self))

@@ -1,6 +1,6 @@
 """The slip head: whether the touching object slides."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 from monochord.perception.heads.base import Head, Task
 
@@ -25,10 +25,4 @@ class Slip(Head):
 
     def task(self) -> Task:
         """Return the task of a probability that is defined during a touch."""
-        return Task(
-            label="slip",
-            loss="logistic",
-            hidden=self.hidden,
-            weight=self.weight,
-            columns=self.columns,
-        )
+        return Task(label="slip", loss="logistic", **asdict(self))
