@@ -82,16 +82,9 @@ class OpenString(NamedTuple):
 def priors(pitch_std: float, elsewhere: float, rise: float, softness: float) -> tuple[Floats, Floats]:
     """Return the log densities of r on `RATIOS`, of the untouched string and of a touched one.
 
-    Parameters
-    ----------
-    pitch_std
-        Standard deviation of the pitch as a share.
-    elsewhere
-        Probability that the string is tuned anywhere within `RANGE` instead.
-    rise
-        Share by which the largest press raises r; a lesser one raises it by the square of the force.
-    softness
-        Share by which a contact of 1 N/m would lower r.
+    `pitch_std` is a share; with the probability `elsewhere` the string is tuned anywhere within `RANGE`
+    instead. The largest press raises r by the share `rise`, a lesser one by the square of the force; a
+    contact of 1 N/m would lower it by the share `softness`.
     """
     pitch = np.exp(-0.5 * ((RATIOS - 1.0) / pitch_std) ** 2) / (np.sqrt(2.0 * np.pi) * pitch_std)
     pitch = (1.0 - elsewhere) * pitch + 0.5 * elsewhere / RANGE * (np.abs(RATIOS - 1.0) < RANGE)

@@ -139,14 +139,7 @@ class Heard(NamedTuple):
 class FarReader:
     """A prepared far-segment form, from a state and a window to the next state and the estimates.
 
-    Parameters
-    ----------
-    finder
-        Finds the series in a window.
-    setup
-        What pressing does on this instrument.
-    length, open_frequency
-        Of the string, in m and in Hz.
+    `setup` is what pressing does on this instrument; length and open frequency are those of its string.
     """
 
     finder: PitchFinder

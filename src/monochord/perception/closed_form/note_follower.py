@@ -61,18 +61,9 @@ NO_NOTES = Notes(*(np.empty(0) for _ in range(5)), none=0.0)
 
 
 def follow(notes: Notes, rows: Floats, elapsed: Seconds, duration: Seconds) -> Notes:
-    """Return the posterior after a window.
+    """Return the posterior after a window of a `duration` that follows the last one by `elapsed`.
 
-    Parameters
-    ----------
-    notes
-        The posterior before it.
-    rows
-        The series in the window; see `monochord.dsp.series.COLUMNS`.
-    elapsed
-        Time since the last window in s; infinite for the first one.
-    duration
-        Length of a window in s.
+    `rows` are its series, see `monochord.dsp.series.COLUMNS`. For the first window `elapsed` is infinite.
     """
     rows = rows[(rows[:, EVIDENCE] > 0.0) & np.isfinite(rows[:, FREQUENCY_STD])][:NOTES]
     log_frequency = np.log(rows[:, FREQUENCY])

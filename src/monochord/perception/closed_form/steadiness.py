@@ -46,18 +46,10 @@ class Steadiness(NamedTuple):
 def compare(
     before: Steadiness, note: int | None, log_frequency: Floats, evidence: Floats, elapsed: Seconds
 ) -> Steadiness:
-    """Return the steadiness after a window.
+    """Return the steadiness after a window that follows the last one by `elapsed`, infinite for the first.
 
-    Parameters
-    ----------
-    before
-        The steadiness before it.
-    note
-        Index of the series that is the followed note; None if the window has none.
-    log_frequency, evidence
-        Of the series in the window, (series,).
-    elapsed
-        Time since the last window in s; infinite for the first one.
+    `log_frequency` and `evidence` (series,) are of the series in the window. `note` is the index of the one
+    that is the followed note; None if the window has none.
     """
     age = before.age + elapsed
     if age < APART - 1e-9:

@@ -44,17 +44,9 @@ CHANNEL_QUANTITIES = 10
 def expected_harmonics(analyser: SpectrumAnalyser, measures: Floats, *, touched: bool) -> Floats:
     """Return the expected harmonics of both segments and of the untouched string, (3, `HARMONICS`) in Hz.
 
-    They are the stiff partials, and in a segment the multiples of its sustained line where a mode is one. An
-    untouched string has no segments: their harmonics are 0.
-
-    Parameters
-    ----------
-    analyser
-        The analyser, for the string.
-    measures
-        The reader's measures of the window.
-    touched
-        Whether something touches the string.
+    They are the stiff partials, and in a segment the multiples of its sustained line where a mode is one.
+    Those of the segments are 0 unless something touches the string. `measures` are the reader's of the
+    window.
     """
     number = np.arange(1.0, HARMONICS + 1.0)
     partials = np.zeros((3, HARMONICS))
@@ -83,14 +75,8 @@ def measure_harmonics(
     Likeness: 2 Re(A B*) / (|A|^2 + |B|^2) of this channel and the next. Offset, growth and likeness are
     scaled down where the line does not stand out of its sidebands.
 
-    Parameters
-    ----------
-    transform, power
-        Transform without a taper and Hann power, (channels, bins).
-    partials
-        Expected frequencies (series, harmonics) in Hz; a harmonic at 0 or too high is left out.
-    spacing
-        Distance of two bins in Hz.
+    The `transform` is without a taper and the `power` under Hann's, (channels, bins). `partials` (series,
+    harmonics) are expected frequencies in Hz; a harmonic at 0 or too high is left out.
     """
     channels = power.shape[0]
     measured = np.zeros((channels, *partials.shape, QUANTITIES))
@@ -186,14 +172,8 @@ def _mean_log(power: Floats) -> float:
 def of_microphones(each: Floats, whole: Floats, place: float) -> tuple[Floats, Floats]:
     """Return the columns of both microphones, of their difference and of their likeness, and the timbre.
 
-    Parameters
-    ----------
-    each
-        Quantities of the harmonics of three series at both microphones, as of `measure_harmonics`.
-    whole
-        Quantities of both channels, as of `measure_channels`.
-    place
-        Position over the string's length, 0 of no touch.
+    `each` is of `measure_harmonics` for three series, and `whole` of `measure_channels`, both of two
+    channels. `place` is the position over the string's length, 0 of no touch.
     """
     octaves = np.array([-log2(side) if place > 0.0 else 0.0 for side in (place, 1.0 - place)])
     difference, likeness = each[0] - each[1], each[0, :, :, LIKENESS]

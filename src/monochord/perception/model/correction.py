@@ -111,12 +111,8 @@ class Correction:
     def given(self, variables: Floats, error: Floats, std: Floats, touch: Indices) -> "Correction":
         """Return the correction conditioned on the errors in some windows.
 
-        Parameters
-        ----------
-        variables, error, std
-            Variables (n, v), errors (n,), and the standard errors (n,) that the head states.
-        touch
-            Number (n,) of the touch in each window.
+        `variables` (n, v), `error` (n,) and the `std` (n,) that the head states are of the windows; `touch`
+        (n,) numbers their touches.
         """
         terms, trust, estimate = self.terms(variables), np.ones(len(error)), self
         inverse = _inverse(self.covariance)
@@ -155,14 +151,7 @@ class Correction:
 
         The weights are the sum of a build's part, with a `share` of the covariance, and an object's part,
         with the rest. Every object gives information on the build's part; its own part does not carry over to
-        the next object.
-
-        Parameters
-        ----------
-        variables, error, std, touch
-            As in `given`.
-        group
-            Number (n,) of the session, with one object, of each window.
+        the next object. `group` (n,) numbers the sessions, each with one object; all else is as in `given`.
         """
         mean, build, own = self.mean, share * self.covariance, (1.0 - share) * self.covariance
         for each in np.unique(group):
@@ -178,12 +167,8 @@ class Correction:
 def physical(offset: float, scale: float, stds: tuple[float, float, float]) -> Correction:
     """Return the prior correction by physics of a head that learned none; its one variable is the estimate.
 
-    Parameters
-    ----------
-    offset, scale
-        Of the head: the quantity is ``offset + scale * estimate``.
-    stds
-        Standard deviations of the quantity's error: constant, by unit of the quantity, and by its square.
+    The head's quantity is ``offset + scale * estimate``. `stds` are the standard deviations of its error:
+    constant, by unit of the quantity, and by its square.
 
     Examples
     --------
@@ -202,15 +187,9 @@ def physical(offset: float, scale: float, stds: tuple[float, float, float]) -> C
 def prior(variables: Floats, error: Floats, std: Floats, group: Indices, touch: Indices) -> Correction:
     """Return the prior correction, for an unknown build and object; it changes no estimate.
 
-    Parameters
-    ----------
-    variables, error, std
-        Variables (n, v), errors (n,) and the standard errors (n,) that the head states, in windows that the
-        model was not trained on.
-    group
-        Number (n,) of each window's session; weights are constant within a session.
-    touch
-        Number (n,) of the touch in each window.
+    `variables` (n, v), `error` (n,) and the `std` (n,) that the head states are of windows that the model was
+    not trained on. `group` (n,) numbers their sessions, within which weights are constant, and `touch` (n,)
+    their touches.
 
     Examples
     --------

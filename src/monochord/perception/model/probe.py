@@ -32,23 +32,10 @@ def probed(extractor: Extractor, channels: int, size: Samples) -> Audio:
 
 
 def refuse_another(name: str, values: Audio, trained: Audio, scale: Audio) -> None:
-    """Refuse a feature whose values for the probe windows differ from those in training.
+    """Refuse a feature whose values (3, columns) for the probe windows differ from those in training.
 
-    The median difference counts, so a single peak that another machine picks differently is tolerated.
-
-    Parameters
-    ----------
-    name
-        Name of the feature.
-    values, trained
-        Values (3, columns) of the feature now and in training.
-    scale
-        Standard deviation (columns,) of each column in training.
-
-    Raises
-    ------
-    InputError
-        If the feature has changed since the training.
+    The median difference counts, over the training's standard deviation `scale` (columns,), so a single peak
+    that another machine picks differently is tolerated.
     """
     difference = float(np.median(np.abs(values - trained) / scale))
     if not difference < MAX_DIFFERENCE:

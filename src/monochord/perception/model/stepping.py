@@ -82,24 +82,10 @@ def read_all(entries: Sequence[Entry]) -> list[WindowReading]:
 def entry_of(
     model: PreparedModel, state: ModelState, window: Window, spectrum: Spectrum | None = None
 ) -> Entry:
-    """Return a window's entry into a model.
+    """Return a window as a model reads it; raises `InputError` for another length or number of channels.
 
-    Parameters
-    ----------
-    model
-        The model.
-    state
-        The state before the window. A window that starts no later than its predecessor begins another
-        stream.
-    window
-        A window of the training's length.
-    spectrum
-        The window's spectrum, as a model on another string has it; None to compute it.
-
-    Raises
-    ------
-    InputError
-        If the window has another length or number of channels.
+    A window that starts no later than its predecessor begins another stream. A given `spectrum`, as a model
+    on another string has it, is not computed again.
     """
     if window.samples.shape != model.shape:
         model.check_size(window.samples.shape[1])

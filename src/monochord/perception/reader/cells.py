@@ -67,16 +67,8 @@ def cells_of(
 ) -> Audio:
     """Return level and prominence of both microphones in each cell, (`CHANNELS`, `CELLS`), from 0 to 1.
 
-    Parameters
-    ----------
-    power, prominence
-        Spectrum of each microphone and what `prominences` makes of it, (2, bins).
-    height
-        Powers (2, lines) of the strongest lines, strongest first.
-    bins_per_pitch
-        Open frequency over the distance of two bins.
-    bending
-        Inharmonicity B of the string.
+    `power` (2, bins) and its `prominence` are those of `prominences`, as is `height`. `bins_per_pitch` is the
+    open frequency over the distance of two bins, and `bending` the string's inharmonicity B.
     """
     cells = np.zeros((CHANNELS, CELLS), np.float32)
     bins, count = power.shape[1], CELLS
@@ -113,14 +105,10 @@ def _between(values: Floats, at: float) -> float:
 
 @kernel()
 def prominences(power: Floats, height: Floats) -> Floats:
-    """Return by how many decades each bin stands out of the floor, a median beside it, (2, bins).
+    """Return by how many decades each bin of `power` stands out of the floor, a median beside it, (2, bins).
 
-    Parameters
-    ----------
-    power
-        Power spectra (2, bins).
-    height
-        Powers (2, lines) of the strongest lines, strongest first; 120 dB below is the least floor.
+    `height` (2, lines) are the powers of the strongest lines, strongest first; 120 dB below is the least
+    floor.
     """
     bins = power.shape[1]
     blocks = bins // FLOOR_BINS

@@ -196,17 +196,9 @@ def memory_inputs(
     """Return the inputs of the memory, unscaled, and the log density (1 + positions,): what a window tells.
 
     Inputs are the logarithms of the probability of no touch, of each two neighbouring positions and of the
-    last one; the kinds' logits below the largest; the measures; the sound between the lines; and the hidden
-    layer of the window's network.
-
-    Parameters
-    ----------
-    hidden, logits, kinds
-        Of the window's network, (hidden,), (1 + positions,) and (kinds,).
-    measures
-        Of `measures.measure`.
-    gaps
-        Of `gaps.measure_gaps`, in any shape.
+    last one; the `kinds` (kinds,) of the window's network below the largest; the `measures`; the sound
+    between the lines, `gaps` in any shape; and the `hidden` layer of the network, whose `logits` are (1 +
+    positions,).
     """
     density = np.exp(logits - logits.max())
     density /= density.sum()

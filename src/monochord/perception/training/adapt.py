@@ -169,23 +169,10 @@ def judge(
     sensing_range: tuple[Metres, Metres] | None = None,
     progress: Progress = lambda *_: None,
 ) -> Adaptation:
-    """Return the errors of a model on known touches, without adapting the model.
+    """Return the errors of a model on all known touches, without adapting the model; it needs no correction.
 
-    Parameters
-    ----------
-    model
-        A model with or without corrections.
-    dataset
-        Labelled windows of one build and one object; all touches count.
-    sensing_range
-        Range of positions in m for the suggested next touch; any position by default.
-    progress
-        Called with the progress.
-
-    Raises
-    ------
-    InputError
-        If no touch has a label, or a label is impossible.
+    Arguments are those of `adapt`; the dataset has one object. Raises `InputError` if no touch has a label,
+    or a label is impossible.
     """
     given, dataset = dataset, with_design_forces(model, dataset)
     rows, touch = stream_of(dataset, np.arange(len(dataset))), touches_of(dataset)
@@ -243,21 +230,11 @@ def _trust(
 
 
 def desensitised(model: Model, odds: Sequence[Floats]) -> tuple[Model, dict[str, float]]:
-    """Return a model that reports no faults of a healthy sensor.
+    """Return a model that reports no faults of a healthy sensor, and the share of faulty windows by reason.
 
     The limit of each fault is raised until at most `MAX_ALARM_SHARE` of the windows exceed it, but by no more
-    than `MAX_ODDS`.
-
-    Parameters
-    ----------
-    model
-        A model, whether it reports faults or not.
-    odds
-        The log odds (faults,) of each window of the sensor.
-
-    Returns
-    -------
-    The model, and the share of windows from which the given model abstains, by reason.
+    than `MAX_ODDS`. `odds` are the log odds (faults,) of each window of the sensor. The shares are of windows
+    from which the given model abstains.
     """
     record = model.definition.faults
     if record is None or not odds:

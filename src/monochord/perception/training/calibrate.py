@@ -45,16 +45,9 @@ def spread_factor(error: Floats, std: Floats, touch: Indices | None = None) -> f
 
     The factor is the quantile of ``|error| / std`` at 68.3 % (m + 1) / m (split conformal prediction for
     finite samples), times Student's t at one sigma with m - 1 degrees of freedom. m is the number of touches,
-    because the windows of one touch have nearly the same error. So few touches give a large factor. A factor
-    below 1 would state less than the residuals of the training; therefore it is raised to the power
-    m / (m + `PRIOR_TOUCHES`).
-
-    Parameters
-    ----------
-    error, std
-        Errors (n,) and stated standard errors (n,) of windows outside the training, in the same unit.
-    touch
-        Number (n,) of the touch in each window; by default every window is independent.
+    because the windows of one touch have nearly the same error; without `touch` (n,) every window is
+    independent. So few touches give a large factor. A factor below 1 would state less than the residuals of
+    the training; therefore it is raised to the power m / (m + `PRIOR_TOUCHES`).
 
     References
     ----------

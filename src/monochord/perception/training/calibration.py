@@ -48,34 +48,15 @@ def calibrated(
     sensing_range: tuple[Metres, Metres] | None = None,
     progress: Progress = lambda *_: None,
 ) -> Adaptation:
-    """Adapt a model to one sensor and object with sessions of known touches, and save the result.
+    """Adapt a model to a sensor and an object with sessions of known touches, and save it; see `adapt`.
 
     Outside the sensing range, the labels of position and force are left out, because the sensor cannot
-    estimate them there.
+    estimate them there. By default it is the range of the sensor that the sessions name, where it overlaps
+    the model's.
 
-    Parameters
-    ----------
-    model
-        A model, its folder, or the name of a bundled model.
-    sessions
-        Files, folders or patterns of sessions with known touches.
-    out
-        Folder of the new model; None to save nothing.
-    touches
-        Number of touches to use, the earliest first; all by default. With 0 the model does not change, and
-        all touches measure its error.
-    objects
-        The objects that will touch the sensor: "same" for the object of these touches, or "others" too; see
-        `adapt`.
-    labels
-        Which labels to use; see `BuildOptions`.
-    force
-        Accept sessions whose streams are not on one clock.
-    sensing_range
-        Sensing range in m; by default the range of the sensor that the sessions name. The result is the
-        overlap with the model's range, or the model's range if the sessions name none.
-    progress
-        Called with the progress.
+    With 0 `touches` the model does not change, and all touches measure its error. `labels` is as in
+    `BuildOptions`; `force` accepts sessions whose streams are not on one clock. Without `out` nothing is
+    saved.
 
     Raises
     ------
@@ -162,10 +143,7 @@ def _range_of(sessions: Sequence[Path]) -> tuple[Metres, Metres] | None:
 def _within(dataset: Dataset, span: tuple[Metres, Metres] | None) -> tuple[Dataset, tuple[Metres, ...]]:
     """Return a dataset without labels outside a range, and the positions of the touches that lose them.
 
-    Raises
-    ------
-    InputError
-        If no touch is left.
+    Raises `InputError` if no touch is left.
     """
     if span is None or "position" not in dataset.labels:
         return dataset, ()

@@ -52,16 +52,8 @@ def regressions(
 ) -> Candidate:
     """Return all heads as ridge regression or extra trees learn them from the examples and their copies.
 
-    Parameters
-    ----------
-    method
-        "ridge" or "extra_trees".
-    definition
-        The model, whose heads may have hidden layers; the result's have none.
-    scaler
-        The arrays ``scaler.*`` of the model.
-    train
-        Examples to learn from.
+    The heads of the definition may have hidden layers; those of the result have none. `scaler` are the arrays
+    ``scaler.*`` of the model.
     """
     heads, weights = dict[str, HeadRecord](), dict[str, Audio]()
     for name, record in definition.heads.items():

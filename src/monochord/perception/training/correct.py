@@ -99,10 +99,7 @@ class LabelledErrors:
 def with_variables(definition: Definition, corrections: Mapping[str, tuple[str, ...]]) -> Definition:
     """Return a definition whose heads have corrections with these variables, but no prior yet.
 
-    Raises
-    ------
-    InputError
-        If a variable names an unknown column.
+    Raises `InputError` if a variable names an unknown column.
     """
     heads = dict(definition.heads)
     for name, variables in corrections.items():

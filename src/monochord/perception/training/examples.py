@@ -114,12 +114,8 @@ def training_data(
 ) -> TrainingData:
     """Return the features and the definition of a model to train; heads have the scale 1.
 
-    `workers` and `cluster` compute the features; see `rows.Rows`.
-
-    Raises
-    ------
-    InputError
-        If a feature, head or sensor is unknown, or refuses an option.
+    `workers` and `cluster` compute the features; see `rows.Rows`. Raises `InputError` if a feature, head or
+    sensor is unknown, or refuses an option.
     """
     manifest, sensor = dataset.manifest, load_sensor(settings.sensor)
     string = sensor.string
@@ -179,11 +175,7 @@ def masks_of(dataset: Dataset, tasks: Mapping[str, Task]) -> dict[str, Flags]:
     """Return the windows (n,) of a dataset that count for each head.
 
     A window counts if it is complete, its label is valid and, for a head that requires a touch, contact is 1.
-
-    Raises
-    ------
-    InputError
-        If the dataset lacks a label, or a label marked valid is not finite.
+    Raises `InputError` if a label is missing, or is marked valid and not finite.
     """
     masks: dict[str, Flags] = {}
     touched = dataset.label(CONTACT) == 1.0
@@ -200,10 +192,7 @@ def masks_of(dataset: Dataset, tasks: Mapping[str, Task]) -> dict[str, Flags]:
 def chosen(dataset: Dataset, rows: Indices, tasks: Mapping[str, Task], part: str) -> Indices:
     """Return the windows of a part that count for any head, in order of session and time.
 
-    Raises
-    ------
-    InputError
-        If no window counts for a head, or all labels of a probability are equal.
+    Raises `InputError` if no window counts for a head, or all labels of a probability are equal.
     """
     masks = masks_of(dataset, tasks)
     if not rows.size:

@@ -39,33 +39,11 @@ def fit(
 ) -> tuple[Checkpoint, dict[str, Audio]]:
     """Train all heads jointly until no head improves on validation.
 
-    The random numbers of an epoch depend on the seed and the epoch only. Each epoch writes a checkpoint to
-    `file`, from which an interrupted run continues to the same weights.
-
-    Parameters
-    ----------
-    setup
-        Network, optimiser and seed.
-    scaler
-        The arrays ``scaler.*`` of the model.
-    train, validation
-        Examples to learn from, and examples that decide when training ends.
-    file
-        The checkpoint file.
-    report
-        Called with each checkpoint.
-
-    Returns
-    -------
-    Checkpoint
-        The state after the last epoch.
-    dict
-        The weights of all heads, each from its best epoch.
-
-    Raises
-    ------
-    InputError
-        If `file` is damaged, or is a checkpoint of a training on other data.
+    Returned are the state after the last epoch, and the weights of each head from its best epoch. The random
+    numbers of an epoch depend on the seed and the epoch only. Each epoch writes a checkpoint to `file`, from
+    which an interrupted run continues to the same weights, and calls `report` with it. `scaler` are the
+    arrays ``scaler.*`` of the model. Raises `InputError` if `file` is damaged, or is a checkpoint of a
+    training on other data.
     """
     torch = torch_library()
     threads = torch.get_num_threads()

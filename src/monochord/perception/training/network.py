@@ -120,16 +120,8 @@ def head_loss(task: Task, output: Any, target: Any, mask: Any) -> Any:
     A head that refines a position learns its error where the position is right within `RIGHT_WITHIN`: a wrong
     one tells nothing of the error of right ones.
 
-    Parameters
-    ----------
-    task
-        Task of the head.
-    output
-        Tensor (..., n, outputs): a logit, or a scaled quantity and the logarithm of its spread.
-    target
-        Tensor (n,): 0 or 1, or the quantity in the same scale.
-    mask
-        Tensor (n,) of 0 and 1: the windows that count.
+    `output` (..., n, outputs) is a logit, or a scaled quantity and the logarithm of its spread; `target` (n,)
+    is 0 or 1, or the quantity in the same scale. `mask` (n,) is 1 for the windows that count, else 0.
 
     References
     ----------

@@ -105,16 +105,9 @@ class Windows:
 
 
 def fit_regression(method: Method, task: Task, windows: Windows) -> Regression:
-    """Return what ridge regression or extra trees learn of a head's task.
+    """Return what a method, "ridge" or "extra_trees", learns of a head's task from windows that count for it.
 
-    Parameters
-    ----------
-    method
-        "ridge" or "extra_trees".
-    task
-        The head's task, of which loss and `refines` give the outputs.
-    windows
-        The windows that count for the head.
+    Loss and `refines` of the task say which outputs there are.
 
     Examples
     --------

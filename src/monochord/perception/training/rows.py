@@ -104,10 +104,7 @@ class Rows:
     ) -> "Rows":
         """Return the feature of a dataset, relative to the tuning of each session's string.
 
-        Raises
-        ------
-        InputError
-            If the feature is unknown, or refuses an option or the signal.
+        Raises `InputError` if the feature is unknown, or refuses an option or the signal.
         """
         feature, size, design = FEATURES.build(name, options), dataset.manifest.window, signal.string
         own = retuned_strings(dataset, design) if design else {}
@@ -140,12 +137,8 @@ class Rows:
         """Return the features (k, columns) float32 of k windows; cached rows are read from disk.
 
         With `out` (k, columns), such as from `scratch.empty`, they are put there, one file in memory at a
-        time.
-
-        Raises
-        ------
-        InputError
-            If the feature gives values that are not finite, or a shape that does not match its columns.
+        time. Raises `InputError` if the feature gives values that are not finite, or a shape that does not
+        match its columns.
         """
         place = self.folder / self._key(rows, noise)
         what = self.name if noise is None else f"{self.name}, with noise {noise.copy}"

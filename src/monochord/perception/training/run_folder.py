@@ -33,10 +33,7 @@ LOSS, ERROR = "training/loss", "validation/{}"
 def claim(out: Path, resolved: Tree) -> None:
     """Create the folder of a run with these settings, or check an existing one.
 
-    Raises
-    ------
-    InputError
-        If the folder holds a run with other settings, or something else.
+    Raises `InputError` if the folder holds a run with other settings, or something else.
     """
     file, text = out / CONFIG, dump_toml(resolved)
     if file.is_file():
@@ -80,20 +77,11 @@ def summary_writer() -> Any:
 
 @contextmanager
 def board(folder: Path | None) -> Generator[Callable[[list[Line]], None]]:
-    """Yield a function that writes a run's history for TensorBoard, epoch by epoch.
+    """Yield a function that writes a run's history for TensorBoard; without a folder it writes nothing.
 
     Each call writes the epochs since the previous call to disk. The first call writes the whole history to a
-    new file that replaces earlier files, so a resumed run shows every epoch once.
-
-    Parameters
-    ----------
-    folder
-        Folder of the events, created with the first epoch. None: write nothing.
-
-    Raises
-    ------
-    InputError
-        If TensorBoard is not installed.
+    new file that replaces earlier files, so a resumed run shows every epoch once. Raises `InputError` if
+    TensorBoard is not installed.
 
     Examples
     --------

@@ -23,10 +23,7 @@ class Scratch(np.ndarray[tuple[int, ...], np.dtype[np.float32]]):
 def empty(folder: Path | None, shape: tuple[int, ...]) -> Audio:
     """Return an array of zeros in a file in `folder`, which vanishes with the array; None: in memory.
 
-    Raises
-    ------
-    OSError
-        If the disk has no room for it: a page that cannot be written would end the process.
+    Raises `OSError` if the disk has no room for it: a page that cannot be written would end the process.
 
     >>> empty(None, (2, 3)).shape
     (2, 3)

@@ -21,22 +21,9 @@ def refuse_impossible(
 ) -> None:
     """Refuse labels that are impossible on the model's string, with `physics.known_touches.why_impossible`.
 
-    Parameters
-    ----------
-    model
-        The model, before it learns from these touches.
-    dataset
-        Labelled windows.
-    touch, numbers
-        Number (n,) of the touch in each window, and numbers of the touches to check.
-    outputs
-        The model's outputs for the windows; None checks the labels alone.
-
-    Raises
-    ------
-    InputError
-        If a label is impossible, the labels contradict the model, or positions are from the string's other
-        end.
+    `touch` (n,) numbers the touch of each window; those in `numbers` are checked. With the model's `outputs`
+    for the windows, before it learns from them, labels that contradict the model are refused as well, and
+    positions from the string's other end.
     """
     string = model.definition.string
     labels = {name: _of_touches(_label(dataset, name), touch, numbers) for name in ("position", "force")}

@@ -65,18 +65,9 @@ def reason_against_a_string(
 ) -> str:
     """Return why lasting lines may not come from a string; empty if they do.
 
-    Parameters
-    ----------
-    lines
-        Lasting lines (n, 9) of untouched windows, the strongest first.
-    frequency, inharmonicity
-        Open frequency f0 in Hz and inharmonicity B of the reading.
-    sample_rate
-        In Hz.
-    windows
-        Number of windows that the lines come from.
-    least_share
-        Smallest share of a partial's power at either microphone; 0 for a single microphone.
+    The `lines` (n, 9) are those of `windows` untouched windows, the strongest first, whose reading has the
+    open `frequency` and the `inharmonicity` B. `least_share` is the smallest share of a partial's power at
+    either microphone; 0 for a single microphone.
 
     Examples
     --------

@@ -32,16 +32,9 @@ natural logarithm of the ratio of its power at microphone 2 to its power at micr
 
 
 def merged_lines(spectrum: Spectrum, spacing: Hertz) -> Floats:
-    """Return the lines (n, 5) of a window, the strongest first; at most 8 from each channel.
+    """Return the lines (n, 5) of a window of 1 or 2 channels, strongest first; at most 8 from each.
 
     The columns are `FREQUENCY` to `BLURRED`. With a single channel, the power at microphone 2 is 0.
-
-    Parameters
-    ----------
-    spectrum
-        Of the window, with 1 or 2 channels.
-    spacing
-        Distance of two bins in Hz.
     """
     _, transform, power, frequency, height = spectrum
     block = max(int(FLOOR_WIDTH / spacing), 8)
@@ -102,15 +95,9 @@ def _floor(floors: Floats, block: int, k: int) -> float:
 def lasting_lines(windows: tuple[Floats, ...], spacing: Hertz) -> Floats:
     """Return the lines (n, 9) that windows have in common, the strongest first.
 
-    Frequency, growth and balance are medians over the windows that contain the line, with standard errors.
-    Powers are means over all windows. The columns are `LAST_FREQUENCY` to `BALANCE_STD`.
-
-    Parameters
-    ----------
-    windows
-        Lines of each window, from `merged_lines`.
-    spacing
-        Bin spacing of a window's spectrum in Hz.
+    Each window is given by its `merged_lines`. Frequency, growth and balance are medians over the windows
+    that contain the line, with standard errors. Powers are means over all windows. The columns are
+    `LAST_FREQUENCY` to `BALANCE_STD`.
     """
     if not windows:
         return np.zeros((0, 9))

@@ -150,21 +150,10 @@ def measured_string(
     length: tuple[Metres, Metres] | None = None,
     linear_density: tuple[KilogramsPerMetre, KilogramsPerMetre] | None = None,
 ) -> StringMeasurement:
-    """Return the string that several takes of it tell.
+    """Return the string that several takes of it tell; raises `InputError` if none of them has a partial.
 
-    Parameters
-    ----------
-    sensor
-        The design.
-    takes
-        From `heard`; those without partials are passed over.
-    length, linear_density
-        Each with its standard error, in m and kg/m, where measured.
-
-    Raises
-    ------
-    InputError
-        If no take has a partial.
+    The `sensor` is the design. `length` in m and `linear_density` in kg/m come with their standard errors
+    where they were measured.
     """
     partials = tuple(each for take in takes for each in take.partials)
     design = sensor.string.length
@@ -195,16 +184,8 @@ def heard(
 ) -> Heard:
     """Return the partials in a take of an untouched string.
 
-    Parameters
-    ----------
-    windows
-        Windows of `size` frames every `hop` frames, touched ones among them.
-    signal
-        Of the source.
-    string
-        The design's string.
-    take
-        Number of the take.
+    Its windows have `size` frames, one every `hop` frames; touched ones may be among them. The `string` is
+    the design's.
     """
     tuner = replace(Tuner.of(replace(signal, string=string), size), keep=KEEP, every=hop / signal.sample_rate)
     state, sound = TunerState(), list[Audio]()

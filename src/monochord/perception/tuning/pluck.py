@@ -54,19 +54,10 @@ def onset(samples: Audio, sample_rate: int, after: Seconds = 0.0) -> int:
 
 
 def pluck_partials(samples: Audio, sample_rate: int, string: StringParams) -> tuple[Floats, Floats]:
-    """Return numbers and frequencies in Hz, (n,) each, of a plucked string's partials.
+    """Return numbers and frequencies in Hz, (partials,) each, of a pluck in samples (channels, n).
 
     The spectrum of all microphones is compared with f_n = n f0 sqrt(1 + B n^2) on a grid of f0 and B; each
-    partial is the peak near where the best has it.
-
-    Parameters
-    ----------
-    samples
-        Sound (channels, n) with the pluck in it.
-    sample_rate
-        In Hz.
-    string
-        The design; the pitch may be off by `SEARCHED`.
+    partial is the peak near where the best has it. The string's pitch may be off its design's by `SEARCHED`.
     """
     first = onset(samples, sample_rate) + round(START * sample_rate)
     size = round(WINDOW * sample_rate)

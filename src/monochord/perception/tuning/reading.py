@@ -86,18 +86,11 @@ class TuningReading(NamedTuple):
 def read_tuning(
     lines: Floats, nominal: Hertz, stiffness: tuple[float, float], least_share: float
 ) -> TuningReading:
-    """Return the best reading of lasting lines.
+    """Return the best reading of lasting lines (n, 9), the strongest first.
 
-    Parameters
-    ----------
-    lines
-        Lasting lines (n, 9), the strongest first.
-    nominal
-        Nominal open frequency in Hz.
-    stiffness
-        Mean and standard deviation of the prior for the inharmonicity B, at the nominal pitch.
-    least_share
-        Smallest share of a partial's power at either microphone; 0 if one microphone is dead or absent.
+    `stiffness` is the mean and standard deviation of the prior for the inharmonicity B, at the nominal pitch.
+    `least_share` is the smallest share of a partial's power at either microphone; 0 if one microphone is dead
+    or absent.
     """
     weight, hum = _weights(lines), _hums(lines)
     alike = _are_alike(lines, least_share)

@@ -34,18 +34,8 @@ def estimate_tension(
     """Return the tension of a session's string in N; None if it cannot be determined.
 
     A recorded tension takes precedence. Otherwise the tension is estimated from the untouched beginning of
-    the sound.
-
-    Parameters
-    ----------
-    samples
-        Sound (channels, n) that begins untouched; touched windows are ignored.
-    sample_rate
-        In Hz.
-    string
-        The string's design; None for a session that does not name its string.
-    recorded
-        The tension in N that the session records; None without one.
+    the sound (channels, n); touched windows are ignored. `string` is the design; None for a session that
+    names none.
     """
     if string is None or recorded is not None:
         return recorded
@@ -97,14 +87,8 @@ def refuse_foreign(string: StringParams, trained: StringParams) -> None:
 def string_of(part: "DatasetSession", design: StringParams, *, measured: bool) -> StringParams:
     """Return a session's string: the design's wire at the session's tuning and length, where they are known.
 
-    Parameters
-    ----------
-    part
-        The session.
-    design
-        The string of the design.
-    measured
-        Whether a length counts that was measured with a ruler but that the session's string does not have.
+    With `measured`, a length counts that was measured with a ruler but that the session's string does not
+    have.
     """
     length = part.length or design.length
     own = with_length(design, length) if part.tension is None else replace(design, tension=part.tension)
