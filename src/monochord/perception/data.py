@@ -160,9 +160,9 @@ class FeatureRows(np.ndarray[tuple[int, ...], np.dtype[np.float32]]):
         part = super().__getitem__(key)
         if isinstance(part, FeatureRows):
             part.columns = ()
-            own = key if isinstance(key, tuple) else (key,)
-            if self.columns and part.ndim == 2 and len(own) <= 2:
-                names = np.array(self.columns)[own[1] if len(own) == 2 else slice(None)].ravel().tolist()
+            keys = key if isinstance(key, tuple) else (key,)
+            if self.columns and part.ndim == 2 and len(keys) <= 2:
+                names = np.array(self.columns)[keys[1] if len(keys) == 2 else slice(None)].ravel().tolist()
                 part.columns = tuple(names) if len(names) == part.shape[1] else ()
         return part
 

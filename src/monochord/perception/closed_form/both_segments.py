@@ -186,14 +186,14 @@ class BothSegments:
         best = every[:, SCORE].max()
         mass = np.exp(every[:, SCORE] - best)
         touched = float(best + np.log(mass.sum()))
-        own = _likeliest_place(every[:, PLACE], mass, SAME_PLACE * model.length)
-        share, others = mass[own], mass[~own].sum()
-        row = _chosen(every[own])
+        near = _likeliest_place(every[:, PLACE], mass, SAME_PLACE * model.length)
+        share, others = mass[near], mass[~near].sum()
+        row = _chosen(every[near])
         length, x = model.length, float(row[PLACE])
         one, two = (lines[int(row[column])] for column in (LINE_1, LINE_2))
         off_1, off_2 = (hypot(DRIVER_STD, line[STD] / line[FREQUENCY]) for line in (one, two))
         modes = int(row[MODE_1]), int(row[MODE_2])
-        std = float(np.sqrt(np.average((every[own, PLACE] - x) ** 2, weights=share)))
+        std = float(np.sqrt(np.average((every[near, PLACE] - x) ** 2, weights=share)))
         if min(modes):
             std = hypot(std, x * (length - x) / length * hypot(off_1, off_2, sqrt(2.0) * MOUNT_STD))
             ratio_std = hypot(x * off_1, (length - x) * off_2) / length

@@ -104,15 +104,15 @@ def _density(ratio: float, string: OpenString) -> float:
 
 
 @part()
-def _of_a_side(own: float) -> float:
+def _of_a_side(share: float) -> float:
     """Return the density of a segment's line over its share of power at its own microphone."""
-    return 0.05 + 0.95 * 8.0 * own**7
+    return 0.05 + 0.95 * 8.0 * share**7
 
 
 @part()
-def _of_the_whole(own: float) -> float:
+def _of_the_whole(share: float) -> float:
     """Return the density of a line of the whole string over its share at microphone 1."""
-    return 0.2 + 0.8 * 140.0 * (own * (1.0 - own)) ** 3
+    return 0.2 + 0.8 * 140.0 * (share * (1.0 - share)) ** 3
 
 
 @part()

@@ -155,8 +155,10 @@ class _Extractor(SpectrumExtractor):
 def _columns() -> list[str]:
     numbers = range(1, HARMONICS + 1)
     series = [f"{name} {n}" for name in SERIES for n in numbers]
-    own = [f"{name} {n} {what}" for name in ("own", "string") for n in numbers for what in HARMONIC_COLUMNS]
-    microphone = [*own, *CHANNEL_COLUMNS]
+    harmonics = [
+        f"{name} {n} {what}" for name in ("own", "string") for n in numbers for what in HARMONIC_COLUMNS
+    ]
+    microphone = [*harmonics, *CHANNEL_COLUMNS]
     difference = [f"{one} level" for one in series] + [f"{one} side" for one in series]
     difference += [f"{one} growth" for one in series[: 2 * HARMONICS]]
     ratio = [f"{one} likeness" for one in series]

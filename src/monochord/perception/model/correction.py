@@ -153,15 +153,15 @@ class Correction:
         with the rest. Every object gives information on the build's part; its own part does not carry over to
         the next object. `group` (n,) numbers the sessions, each with one object; all else is as in `given`.
         """
-        mean, build, own = self.mean, share * self.covariance, (1.0 - share) * self.covariance
+        mean, build, of_object = self.mean, share * self.covariance, (1.0 - share) * self.covariance
         for each in np.unique(group):
             rows = group == each
-            before = replace(self, mean=mean, covariance=build + own)
+            before = replace(self, mean=mean, covariance=build + of_object)
             after = before.given(variables[rows], error[rows], std[rows], touch[rows])
             gain = build @ _inverse(before.covariance)
             mean = mean + gain @ (after.mean - before.mean)
             build = _symmetric(build - gain @ (before.covariance - after.covariance) @ gain.T)
-        return replace(self, mean=mean, covariance=build + own)
+        return replace(self, mean=mean, covariance=build + of_object)
 
 
 def physical(offset: float, scale: float, stds: tuple[float, float, float]) -> Correction:

@@ -131,8 +131,8 @@ class Model(Checked):
         InputError
             If the pitch deviates from the training's by more than a tuning can be estimated.
         """
-        own = self.prepared.tuned(string).string
-        return self if own == self.string else replace(self, string=own)
+        retuned_string = self.prepared.tuned(string).string
+        return self if retuned_string == self.string else replace(self, string=retuned_string)
 
     @checked
     def within(self, sensing_range: Pair[Finite[Metres]]) -> "Model":
@@ -145,11 +145,11 @@ class Model(Checked):
         """
         model = replace(self, sensing_range=sensing_range)
         if model.places is not None and not model.places[0] < model.places[1]:
-            own, trained = (
+            stated, trained = (
                 " to ".join(f"{1e3 * place:g}" for place in each or ())
                 for each in (sensing_range, self.definition.sensing_range)
             )
-            given = f"a sensor with a range of {own} mm for a model"
+            given = f"a sensor with a range of {stated} mm for a model"
             allowed = f"a part of {trained} mm, as it was trained"
             raise InputError(given, allowed, "train a model for the sensor")
         return model
@@ -243,10 +243,10 @@ class Model(Checked):
         (11, np.False_, 'silence')
         """
         samples = checked_sound(sound)
-        blocks, own = [Block(samples=samples, start=0)], self.definition.sample_rate
-        if sample_rate > own:
-            blocks = [*resampled(blocks, sample_rate=sample_rate, new_rate=own)]
-            sample_rate = own
+        blocks, trained_rate = [Block(samples=samples, start=0)], self.definition.sample_rate
+        if sample_rate > trained_rate:
+            blocks = [*resampled(blocks, sample_rate=sample_rate, new_rate=trained_rate)]
+            sample_rate = trained_rate
         size, step = self.definition.window, round(hop * sample_rate)
         if step < 1:
             raise InputError(f"hop {hop:g} s", f"at least one sample, {1.0 / sample_rate:.1g} s")
@@ -367,9 +367,9 @@ class Model(Checked):
         model.check(signal, size)
         string = model.string or model.definition.string
         if string is not None and model.definition.channels == 2:
-            own = Signal(sample_rate=signal.sample_rate, channels=2, string=string)
+            signal_on_string = Signal(sample_rate=signal.sample_rate, channels=2, string=string)
             try:
-                return Followed(model.prepared, own, size)
+                return Followed(model.prepared, signal_on_string, size)
             except InputError:  # windows too short for a pitch
                 pass
         return Fixed(model.prepared)

@@ -134,9 +134,9 @@ class Network:
         return [
             {
                 name: Output(value, log_spread, 1.0 if column is None else float(row[column]))
-                for name, column, (value, log_spread) in zip(self.names, self.certainty, own, strict=True)
+                for name, column, (value, log_spread) in zip(self.names, self.certainty, by_head, strict=True)
             }
-            for own, row in zip(outputs.tolist(), rows, strict=True)
+            for by_head, row in zip(outputs.tolist(), rows, strict=True)
         ]
 
 
@@ -233,8 +233,8 @@ def quantity(output: Output, record: HeadRecord, correction: Correction | None =
 def spread(output: Output, record: HeadRecord) -> float:
     """Return the calibrated standard error of a head without correction, in units of its scale."""
     log_spread = min(max(output.log_spread, -MAX_LOG_SPREAD), MAX_LOG_SPREAD)
-    own = STD_OF_SPREAD.get(record.task.loss, 1.0) * math.exp(log_spread)
-    return record.calibration.factor * own
+    std = STD_OF_SPREAD.get(record.task.loss, 1.0) * math.exp(log_spread)
+    return record.calibration.factor * std
 
 
 def estimates_of(

@@ -39,14 +39,14 @@ class PreparedModel:
         trained = self.definition.string
         if trained is None:
             return self
-        own, known = open_frequency(string), open_frequency(trained)
-        if not abs(own / known - 1.0) <= MAX_RETUNING:
-            given = f"a string tuned to {own:.1f} Hz for a model"
+        pitch, known = open_frequency(string), open_frequency(trained)
+        if not abs(pitch / known - 1.0) <= MAX_RETUNING:
+            given = f"a string tuned to {pitch:.1f} Hz for a model"
             allowed = f"within {100.0 * MAX_RETUNING:.0f} % of {known:.1f} Hz, as it was trained"
             raise InputError(given, allowed, "tune the sensor, or train a model for it")
-        if own == known and string.length == trained.length:
+        if pitch == known and string.length == trained.length:
             return self
-        return replace(self, string=retuned(with_length(trained, string.length), own))
+        return replace(self, string=retuned(with_length(trained, string.length), pitch))
 
     @cached_property
     def length_scale(self) -> float:
@@ -61,11 +61,11 @@ class PreparedModel:
         It is the overlap of sensor and training. A sensor states its range in m, the training in shares of
         the string.
         """
-        own, trained = self.sensing_range, self.definition.sensing_range
-        own = own and (own[0] / self.length_scale, own[1] / self.length_scale)
-        if own is None or trained is None:
-            return own or trained
-        return max(own[0], trained[0]), min(own[1], trained[1])
+        stated, trained = self.sensing_range, self.definition.sensing_range
+        stated = stated and (stated[0] / self.length_scale, stated[1] / self.length_scale)
+        if stated is None or trained is None:
+            return stated or trained
+        return max(stated[0], trained[0]), min(stated[1], trained[1])
 
     def check_size(self, size: Samples) -> None:
         """Raise `InputError` if a window size in frames differs from the training's."""
@@ -79,7 +79,7 @@ class PreparedModel:
     def corrections(self) -> dict[str, Correction]:
         """The corrections, by head; heads without a correction are absent."""
         names = self.definition.heads
-        return {name: own for name in names if (own := self.correction(name))}
+        return {name: correction for name in names if (correction := self.correction(name))}
 
     def correction(self, name: str) -> Correction | None:
         """Return the correction of a head, None if it has none; raises `InputError` for an unknown head."""
@@ -133,8 +133,8 @@ class PreparedModel:
         refuse_another(record.name, values, self.weights["scaler.probe"], self.weights["scaler.scale"])
         if self.string is None:
             return prepared
-        own = at_length_of(self.string, trained.string) if trained.string else self.string
-        return feature.prepare(replace(signal, string=own, design=trained.string), trained.window)
+        reference = at_length_of(self.string, trained.string) if trained.string else self.string
+        return feature.prepare(replace(signal, string=reference, design=trained.string), trained.window)
 
     @cached_property
     def length_and_error(self) -> tuple[float, float]:
@@ -151,8 +151,8 @@ class PreparedModel:
     @cached_property
     def force_scale(self) -> float | None:
         """Forces on the string over those on the training's; None without a string of its own."""
-        own, trained = self.string, self.definition.string
-        return None if own is None or trained is None else force_scale(own, trained)
+        string, trained = self.string, self.definition.string
+        return None if string is None or trained is None else force_scale(string, trained)
 
     @cached_property
     def variables(self) -> dict[str, tuple[Indices, Indices]]:
@@ -189,6 +189,6 @@ def _refuse_other_columns(record: FeatureRecord, columns: tuple[str, ...]) -> No
     if columns == record.columns:
         return
     pairs = zip(columns, record.columns, strict=False)
-    first = next((f", '{trained}' where there is '{own}'" for own, trained in pairs if own != trained), "")
+    first = next((f", '{trained}' where there is '{now}'" for now, trained in pairs if now != trained), "")
     given = f"feature '{record.name}' of {len(columns)} columns"
     raise InputError(given, f"the {len(record.columns)} columns of the training{first}", "train again")

@@ -95,8 +95,8 @@ def entry_of(
     if reason or not isinstance(feature, SpectrumExtractor):
         return Entry(model, state, window, None, reason)
     analyser = feature.analyser
-    own = analyser.analyse(window.samples) if spectrum is None else analyser.relisted(spectrum)
-    return Entry(model, state, window, own, reason)
+    spectrum = analyser.analyse(window.samples) if spectrum is None else analyser.relisted(spectrum)
+    return Entry(model, state, window, spectrum, reason)
 
 
 def _unusable_reason(model: PreparedModel, window: Window) -> Reason:

@@ -165,10 +165,10 @@ def activations(cells: Audio, network: Network) -> tuple[Audio, Floats]:
     both = np.empty((2 * size + BASIS.shape[0], positions), np.float32)
     for segment in range(2):
         for c in range(size):
-            own, comb = both[segment * size + c], combs[c]
+            interpolated, comb = both[segment * size + c], combs[c]
             for p in range(positions):
                 below, above = _BELOW[segment, p], _ABOVE[segment, p]
-                own[p] = comb[below] + above * (comb[below + 1] - comb[below])
+                interpolated[p] = comb[below] + above * (comb[below + 1] - comb[below])
     both[2 * size :] = BASIS
     start = _filled(layer(hidden, network.place_hidden, network.place_bias), both, 1)
     places = _convolved(both, network.place, start, 1, ONE)

@@ -115,20 +115,20 @@ def adapt(
             continue
         correction = ready.corrections.get(name)
         errors = labelled_errors(ready.definition, name, dataset, replayed.outputs)
-        own = touch[errors.rows]
-        numbers = np.unique(own)
+        window_touch = touch[errors.rows]
+        numbers = np.unique(window_touch)
         if len(numbers) < (touches or 0) and correction is not None:
             given_touches = f"{len(numbers)} touches with a label of {name}"
             raise InputError(given_touches, f"{touches} or more", "record more touches")
-        used = np.isin(own, numbers[:touches])
-        errors, own = errors.at(used), own[used]
-        if not own.size:  # no position is certain
+        used = np.isin(window_touch, numbers[:touches])
+        errors, window_touch = errors.at(used), window_touch[used]
+        if not window_touch.size:  # no position is certain
             continue
         if correction is None or record.correction is None:
-            heads[name] = _adaptation(record, errors.error, errors.error, errors.std, own)
+            heads[name] = _adaptation(record, errors.error, errors.error, errors.std, window_touch)
             continue
         group = dataset.session[errors.rows].astype(np.int64) if objects == "others" else None
-        heads[name], known[name] = _corrected(ready, name, correction, errors, own, group)
+        heads[name], known[name] = _corrected(ready, name, correction, errors, window_touch, group)
         spreads[name] = float(np.median(errors.std))
         if heads[name].used:
             prior = {

@@ -94,10 +94,10 @@ def calibrated(
         refuse_impossible(given, dataset, touch, np.unique(touch))  # before any is left out
         span = sensing_range or _range_of(files)
         strings = retuned_strings(dataset, trained.string).values() if trained.string else ()
-        own = next((given.tuned(string) for string in strings), given)
-        own = own.within(span) if span else own
-        scale = own.prepared.length_scale
-        span = own.places and (own.places[0] * scale, own.places[1] * scale)
+        on_sensor = next((given.tuned(string) for string in strings), given)
+        on_sensor = on_sensor.within(span) if span else on_sensor
+        scale = on_sensor.prepared.length_scale
+        span = on_sensor.places and (on_sensor.places[0] * scale, on_sensor.places[1] * scale)
         dataset, outside = _within(dataset, span)
         if touches == 0:
             result = judge(given, dataset, sensing_range=span, progress=progress)

@@ -101,12 +101,12 @@ def choose(
     heads, weights = dict[str, HeadRecord](), dict[str, Audio]()
     choices: dict[str, Choice] = {}
     for name in first.heads:
-        own: dict[Method, float] = {method: of[name] for method, of in errors.items()}
-        best, *others = own
+        head_errors: dict[Method, float] = {method: of[name] for method, of in errors.items()}
+        best, *others = head_errors
         for method in others:
-            if own[method] < (1.0 - MARGIN) * own[best]:
+            if head_errors[method] < (1.0 - MARGIN) * head_errors[best]:
                 best = method
-        choices[name] = Choice(method=best, errors=own, noises=noises)
+        choices[name] = Choice(method=best, errors=head_errors, noises=noises)
         heads[name] = candidates[best].definition.heads[name]
         weights |= {
             key: array for key, array in candidates[best].weights.items() if key.partition(".")[0] == name
@@ -132,9 +132,9 @@ def _outputs(candidate: Candidate, scaler: Mapping[str, Audio], examples: Exampl
     outputs = {name: np.empty((2, *examples.base.shape[:2])) for name in candidate.definition.heads}
     for at, block in examples.blocks():
         for copy, rows in enumerate(np.asarray(block.base)):
-            own = network.outputs(rows)
+            readings = network.outputs(rows)
             for name, values in outputs.items():
-                values[:, copy, at] = np.array([(row[name].value, row[name].certainty) for row in own]).T
+                values[:, copy, at] = np.array([(row[name].value, row[name].certainty) for row in readings]).T
     return outputs
 
 

@@ -92,8 +92,8 @@ class LabelledErrors:
 
     def at(self, used: Flags) -> "LabelledErrors":
         """Return the errors on some of the windows."""
-        own = {field.name: getattr(self, field.name)[used] for field in dataclasses.fields(self)}
-        return LabelledErrors(**own)
+        some = {field.name: getattr(self, field.name)[used] for field in dataclasses.fields(self)}
+        return LabelledErrors(**some)
 
 
 def with_variables(definition: Definition, corrections: Mapping[str, tuple[str, ...]]) -> Definition:
@@ -124,14 +124,14 @@ def counting(definition: Definition, name: str, dataset: Dataset, outputs: Outpu
 def labelled_errors(definition: Definition, name: str, dataset: Dataset, outputs: Outputs) -> LabelledErrors:
     """Return the errors of a head on the windows that count for it."""
     record, rows = definition.heads[name], counting(definition, name, dataset, outputs)
-    own = [outputs[row][name] for row in rows.tolist()]
-    value = np.array([each.value for each in own])
+    head_outputs = [outputs[row][name] for row in rows.tolist()]
+    value = np.array([each.value for each in head_outputs])
     return LabelledErrors(
         rows=rows,
         error=(dataset.label(record.task.label)[rows] - record.offset) / record.scale - value,
-        std=np.array([spread(each, record) for each in own]),
-        variables=np.array([(each.value, *each.variables) for each in own])
-        if own
+        std=np.array([spread(each, record) for each in head_outputs]),
+        variables=np.array([(each.value, *each.variables) for each in head_outputs])
+        if head_outputs
         else np.zeros((0, 1 + len(definition.variables_of(name)))),
     )
 

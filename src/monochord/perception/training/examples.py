@@ -278,8 +278,8 @@ def examples_of(
 
 def inputs_of(definition: Definition, scaler: Mapping[str, Audio], examples: Examples) -> Audio:
     """Return the scaled inputs (copies, n, inputs) of all heads; see `network_inputs`."""
-    own = Scaling.of(scaler)
-    return np.stack([network_inputs(base, own, definition.clip) for base in np.asarray(examples.base)])
+    scaling = Scaling.of(scaler)
+    return np.stack([network_inputs(base, scaling, definition.clip) for base in np.asarray(examples.base)])
 
 
 def targets_of(definition: Definition, name: str, examples: Examples) -> Floats:
@@ -334,10 +334,10 @@ def mean_and_scale(blocks: Iterable[Audio]) -> tuple[Audio, Audio]:
         if not count:
             mean, squares = np.zeros(rows.shape[1]), np.zeros(rows.shape[1])
         if len(rows):
-            own, share = rows.mean(axis=0, dtype=np.float64), len(rows) / (count + len(rows))
+            block_mean, share = rows.mean(axis=0, dtype=np.float64), len(rows) / (count + len(rows))
             squares += len(rows) * rows.var(axis=0, dtype=np.float64)
-            squares += count * share * (own - mean) ** 2
-            mean = mean + share * (own - mean)
+            squares += count * share * (block_mean - mean) ** 2
+            mean = mean + share * (block_mean - mean)
             count += len(rows)
     deviation = np.sqrt(squares / max(count, 1))
     return mean.astype(np.float32), np.where(deviation > MIN_DEVIATION, deviation, 1.0).astype(np.float32)

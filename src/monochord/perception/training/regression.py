@@ -129,9 +129,9 @@ def fit_regression(method: Method, task: Task, windows: Windows) -> Regression:
     right = right if task.refines else np.ones(len(right), bool)
     known = windows.only(right if right.any() else ~right)
     if method == "extra_trees":
-        own, _ = known.drawn(MAX_TREES)
-        result = _trees(own, known.target, task.outputs)
-        estimate = _left_out(own, known.target, known.group) if task.outputs > 1 else known.target
+        inputs, _ = known.drawn(MAX_TREES)
+        result = _trees(inputs, known.target, task.outputs)
+        estimate = _left_out(inputs, known.target, known.group) if task.outputs > 1 else known.target
     else:
         ridge = _Ridge.of(known)
         result = _linear(*ridge.layer, task.outputs)
@@ -193,14 +193,14 @@ class _Ridge:
             if sums.shape[1] != rows.shape[1]:
                 sums = np.zeros((count, rows.shape[1], rows.shape[1]))
             for number in range(count):
-                own = rows[part[numbers] == number]
-                sums[number] += own.T @ own
+                fold_rows = rows[part[numbers] == number]
+                sums[number] += fold_rows.T @ fold_rows
         whole = sums.sum(axis=0)
         paths = [_paths(whole - own) for own in sums] if count > 1 else []
         errors = np.zeros(len(STRENGTHS))
-        for own, (weights, biases) in zip(sums, paths, strict=False):
+        for fold_sum, (weights, biases) in zip(sums, paths, strict=False):
             residual = np.vstack([weights, np.full(len(STRENGTHS), -1.0), biases])
-            errors += np.einsum("is,ij,js->s", residual, own, residual, optimize=True)
+            errors += np.einsum("is,ij,js->s", residual, fold_sum, residual, optimize=True)
         best = int(errors.argmin())
         layers = [(weights[:, best], float(biases[best])) for weights, biases in (*paths, _paths(whole))]
         return cls(layer=layers[-1], others=layers[:-1], part=part)
@@ -210,8 +210,8 @@ class _Ridge:
         estimate = np.full(len(windows.target), windows.target.mean())
         for numbers, inputs in windows.blocks() if self.others else ():
             for number, (weight, bias) in enumerate(self.others):
-                own = self.part[numbers] == number
-                estimate[numbers[own]] = inputs[own].astype(np.float64) @ weight + bias
+                in_fold = self.part[numbers] == number
+                estimate[numbers[in_fold]] = inputs[in_fold].astype(np.float64) @ weight + bias
         return estimate
 
 

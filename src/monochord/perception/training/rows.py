@@ -107,8 +107,8 @@ class Rows:
         Raises `InputError` if the feature is unknown, or refuses an option or the signal.
         """
         feature, size, design = FEATURES.build(name, options), dataset.manifest.window, signal.string
-        own = retuned_strings(dataset, design) if design else {}
-        strings = {number: at_length_of(string, design) for number, string in own.items() if design}
+        retuned = retuned_strings(dataset, design) if design else {}
+        strings = {number: at_length_of(string, design) for number, string in retuned.items() if design}
 
         @lru_cache(MAX_PREPARED)
         def prepare(string: StringParams) -> Extractor:
@@ -193,11 +193,11 @@ class Rows:
             string = self.retuned.get(number)
             extractor = self.extractor if string is None else self.prepare(string)
             assert isinstance(extractor, RecurrentExtractor)
-            own, memory = np.flatnonzero(session == number), extractor.begin()
+            members, memory = np.flatnonzero(session == number), extractor.begin()
             part = dataset.manifest.parts[number]
-            stream = np.arange(part.first, rows[own].max() + 1)
-            stream = stream[dataset.usable[stream] | np.isin(stream, rows[own])]
-            at = dict(zip(rows[own].tolist(), own.tolist(), strict=True))
+            stream = np.arange(part.first, rows[members].max() + 1)
+            stream = stream[dataset.usable[stream] | np.isin(stream, rows[members])]
+            at = dict(zip(rows[members].tolist(), members.tolist(), strict=True))
             for first in range(0, len(stream), BATCH):
                 some = stream[first : first + BATCH]
                 for row, window in zip(some.tolist(), self._windows(some, noise), strict=True):

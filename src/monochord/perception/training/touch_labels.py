@@ -70,9 +70,11 @@ def _refuse_other_end(position: Floats, estimate: Floats, length: Metres) -> Non
     known = np.isfinite(position) & np.isfinite(estimate)
     if not known.any():
         return
-    own, other = (float(np.median(np.abs(estimate - each)[known])) for each in (position, length - position))
-    if own > MAX_ODD_ERROR and other < OTHER_END * own:
-        given = f"positions with an error of {1e3 * own:.0f} mm, or {1e3 * other:.1f} mm from the other end"
+    error, other = (
+        float(np.median(np.abs(estimate - each)[known])) for each in (position, length - position)
+    )
+    if error > MAX_ODD_ERROR and other < OTHER_END * error:
+        given = f"positions with an error of {1e3 * error:.0f} mm, or {1e3 * other:.1f} mm from the other end"
         raise InputError(
             given, "metres from pickup 1", "swap the microphones' cables, or measure from pickup 1"
         )

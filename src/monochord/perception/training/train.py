@@ -273,8 +273,8 @@ def with_design_forces(model: Model, dataset: Dataset) -> Dataset:
     if design is None:
         return dataset
     scales = {"force": force_scales(dataset, design), "position": length_scales(dataset, design)}
-    own = {name: dataset.labels[name] / scale for name, scale in scales.items() if name in dataset.labels}
-    return dataclasses.replace(dataset, labels={**dataset.labels, **own})
+    scaled = {name: dataset.labels[name] / scale for name, scale in scales.items() if name in dataset.labels}
+    return dataclasses.replace(dataset, labels={**dataset.labels, **scaled})
 
 
 def window_of(dataset: Dataset, row: int) -> Window:
@@ -344,14 +344,14 @@ def read_in_turn(
     model.check(Signal(sample_rate=manifest.sample_rate, channels=manifest.channels), manifest.window)
     design = model.definition.string
     strings = retuned_strings(dataset, design) if design is not None else {}
-    own, state, session = model, ModelState(), -1
+    tuned, state, session = model, ModelState(), -1
     every = PackedOutputs()
     odds: dict[int, Floats] = {}
     for done, row in enumerate(map(int, rows), start=1):
         if dataset.session[row] != session:
             state, session = ModelState(), int(dataset.session[row])
-            own = model.tuned(strings[session]) if session in strings else model
-        (reading,) = read_all([entry_of(own.prepared, state, window_of(dataset, row))])
+            tuned = model.tuned(strings[session]) if session in strings else model
+        (reading,) = read_all([entry_of(tuned.prepared, state, window_of(dataset, row))])
         state = reading.state
         if reading.outputs:
             every.append(row, reading.outputs)

@@ -95,7 +95,7 @@ def read_tuning(
     weight, hum = _weights(lines), _hums(lines)
     alike = _are_alike(lines, least_share)
     best = second = -1.0
-    own = rival = 0.0
+    leading = rival = 0.0
     for seed in range(lines.shape[0]):
         if weight[seed] <= 0.0:
             continue
@@ -106,21 +106,21 @@ def read_tuning(
                 continue
             score = _score(lines, weight, alike, hum, f0, stiffness)
             if score > best and off <= RANGE:
-                if abs(f0 / own - 1.0) > SAME_TUNING:
-                    second, rival = best, own
-                best, own = score, f0
-            elif score > second and abs(f0 / own - 1.0) > SAME_TUNING:
+                if abs(f0 / leading - 1.0) > SAME_TUNING:
+                    second, rival = best, leading
+                best, leading = score, f0
+            elif score > second and abs(f0 / leading - 1.0) > SAME_TUNING:
                 second, rival = score, f0
     if best <= -1.0:
         numbers = np.zeros(lines.shape[0])
         return TuningReading(
             0.0, np.inf, stiffness[0], stiffness[1], -1.0, second, rival, 0.0, numbers, False, np.nan, np.nan
         )
-    numbers = _numbers(lines, weight, alike, own, stiffness)
+    numbers = _numbers(lines, weight, alike, leading, stiffness)
     explained = weight[numbers != 0.0].sum() / weight[(numbers != 0.0) | ~hum].sum()
     humming = weight[hum & (numbers == 0.0)].sum() > weight[numbers != 0.0].sum()
     humming = humming and not ((numbers != 0.0) & (~hum)).any()
-    f0, std, bend, bend_std = _fitted(lines, numbers, own, nominal, stiffness)
+    f0, std, bend, bend_std = _fitted(lines, numbers, leading, nominal, stiffness)
     decay, decay_std = _decay(lines, numbers)
     return TuningReading(
         f0, std, bend, bend_std, best, second, rival, explained, numbers, humming, decay, decay_std
@@ -244,8 +244,8 @@ def _fitted(
             if n <= 0.0:
                 continue
             sustained = power[i] > power[0] * 10.0**-SUSTAINED_DECADES
-            own = (SUSTAINED_STD if sustained else FREE_STD) * lines[i, LAST_FREQUENCY]
-            weight = 1.0 / (own**2 + lines[i, LAST_STD] ** 2)
+            model_std = (SUSTAINED_STD if sustained else FREE_STD) * lines[i, LAST_FREQUENCY]
+            weight = 1.0 / (model_std**2 + lines[i, LAST_STD] ** 2)
             expected = _partial(f0, bend, n)
             off, by_f0, by_bend = (
                 lines[i, LAST_FREQUENCY] - expected,

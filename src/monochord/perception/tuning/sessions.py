@@ -91,9 +91,9 @@ def string_of(part: "DatasetSession", design: StringParams, *, measured: bool) -
     have.
     """
     length = part.length or design.length
-    own = with_length(design, length) if part.tension is None else replace(design, tension=part.tension)
-    own = replace(own, length=length)
-    return with_length(own, part.measured_length) if measured and part.measured_length else own
+    string = with_length(design, length) if part.tension is None else replace(design, tension=part.tension)
+    string = replace(string, length=length)
+    return with_length(string, part.measured_length) if measured and part.measured_length else string
 
 
 def retuned_strings(dataset: "Dataset", design: StringParams) -> Mapping[int, StringParams]:
@@ -105,12 +105,12 @@ def retuned_strings(dataset: "Dataset", design: StringParams) -> Mapping[int, St
     """
     strings: dict[int, StringParams] = {}
     for number, part in enumerate(dataset.manifest.parts):
-        own = string_of(part, design, measured=True)
-        off = open_frequency(own) / open_frequency(design) - 1.0
+        string = string_of(part, design, measured=True)
+        off = open_frequency(string) / open_frequency(design) - 1.0
         if part.tuned != "recorded" and LOWEST <= off <= HIGHEST:
-            own = with_length(design, own.length)
-        if own != design:
-            strings[number] = own
+            string = with_length(design, string.length)
+        if string != design:
+            strings[number] = string
     return strings
 
 
@@ -150,9 +150,10 @@ def force_scale(string: StringParams, design: StringParams) -> float:
     >>> longer = with_length(design, 1.01 * design.length)
     >>> round(force_scale(longer, design), 6), round(1.01**3, 6)
     (1.030301, 1.030301)
+    >>> force = 0.5 * force_scale(longer, design)
     >>> rise = geometric_tension(design, 0.08, 0.5) / design.tension - 1.0
-    >>> own = geometric_tension(longer, 0.0808, 0.5 * force_scale(longer, design)) / longer.tension - 1.0
-    >>> round(own / rise, 9)
+    >>> longer_rise = geometric_tension(longer, 0.0808, force) / longer.tension - 1.0
+    >>> round(longer_rise / rise, 9)
     1.0
     """
     return (string.tension / design.tension) ** 1.5
