@@ -80,6 +80,21 @@ def test_a_kernel_is_compiled_again_when_what_it_calls_in_another_file_changes(
         assert compilations(outer) == expected
 
 
+def test_a_kernel_is_compiled_again_when_a_class_that_it_takes_is_renamed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    classes, file = tmp_path / "classes_of_a_kernel.py", tmp_path / "taking.py"
+    monkeypatch.syspath_prepend(tmp_path)
+    for name, expected in (("Factor", 1), ("Factor", 0), ("Multiplier", 1), ("Multiplier", 0)):
+        text = f"from typing import NamedTuple\nclass {name}(NamedTuple):\n    value: float\n"
+        classes.write_text(text, encoding="utf-8")
+        text = MODULE.replace("(x: float)", "(x, by)").replace("2.0 * x", "by.value * x")
+        text = text.replace("twice(1.5)", f"twice(1.5, {name}(2.0))")
+        file.write_text(f"from {classes.stem} import {name}\n{text}", encoding="utf-8")
+        monkeypatch.delitem(sys.modules, classes.stem, raising=False)
+        assert compilations(file) == expected
+
+
 @pytest.mark.parametrize("suffix", ["nbi", "nbc"])
 def test_a_damaged_file_is_replaced(module: Path, suffix: str) -> None:
     assert compilations(module) == 0

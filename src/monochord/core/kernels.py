@@ -186,7 +186,15 @@ class _Files(IndexDataCacheFile):
     """The index and compiled code of a function; damaged files count as missing."""
 
     def _load_index(self) -> Any:
-        return super()._load_index() if _is_whole(Path(self._index_path)) else {}
+        if not _is_whole(Path(self._index_path)):
+            return {}
+        try:
+            return super()._load_index()
+        except (
+            AttributeError,
+            ImportError,
+        ):  # a class of the former version, after an upgrade
+            return {}
 
     def _load_data(self, name: str) -> Any:
         path = Path(self._data_path(name))
