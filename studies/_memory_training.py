@@ -21,8 +21,8 @@ from monochord.perception.reader import (
     COLUMNS,
     KINDS,
     POSITIONS,
-    Network,
     Reader,
+    ReaderNetwork,
 )
 from monochord.perception.training import torch_library
 
@@ -131,7 +131,7 @@ def peaks(density: NDArray[Any]) -> tuple[Floats, Floats]:
     return (own * POSITIONS[near]).sum(axis=1) / np.maximum(mass, 1.0e-12), mass
 
 
-def write_rows(variant: Variant, *, network: Network, folder: Path, seed: int) -> None:
+def write_rows(variant: Variant, *, network: ReaderNetwork, folder: Path, seed: int) -> None:
     """Write the rows of a session into a folder, unless they are there."""
     target = variant.within(folder)
     if target.exists():

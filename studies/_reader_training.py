@@ -19,7 +19,7 @@ from monochord.perception.reader import (
     PARTIALS,
     POSITIONS,
     STRIDE,
-    Network,
+    ReaderNetwork,
     segments,
     spectrum_cells,
 )
@@ -138,8 +138,8 @@ def train_network(
     epochs: int,
     seed: int,
     report: Callable[[int, float], None],
-    start: Network | None = None,
-) -> Network:
+    start: ReaderNetwork | None = None,
+) -> ReaderNetwork:
     """Return the reader's network, trained on examples; `report` is called with each epoch and its loss.
 
     It begins with random weights, or with those of `start`.
@@ -267,7 +267,7 @@ def _arrays(module: Any) -> dict[str, Any]:
     return {NAMES.get(name, name.removesuffix(".weight")): own for name, own in named.items()}
 
 
-def _load(torch: Any, module: Any, network: Network) -> None:
+def _load(torch: Any, module: Any, network: ReaderNetwork) -> None:
     """Give a module the weights of a network; it sees no difference yet where the input is swapped."""
     for name, own in _arrays(module).items():
         array = torch.from_numpy(getattr(network, name).T.copy())
@@ -304,7 +304,7 @@ def _varied(torch: Any, inputs: Any) -> Any:
     return torch.cat((levels, prominences), 1) * kept[:, None]
 
 
-def _exported(module: Any) -> Network:
+def _exported(module: Any) -> ReaderNetwork:
     """Return the network in the package's format, which never swaps its input."""
     arrays = dict[str, Any]()
     for name, own in _arrays(module).items():
@@ -317,4 +317,4 @@ def _exported(module: Any) -> Network:
             array = array.T
         kept = KEPT - len(POSITIONS) if name in {"last", "last_bias"} else None
         arrays[name] = np.ascontiguousarray(array[..., :kept], np.float32).copy()
-    return Network(**arrays)
+    return ReaderNetwork(**arrays)

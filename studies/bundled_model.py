@@ -30,7 +30,7 @@ from monochord.core.types import Audio, Floats
 from monochord.datasets import Split, open_dataset
 from monochord.lab import Assignment, assignments, collect, load_plan, run_all
 from monochord.perception.model import bundled_folder
-from monochord.perception.reader import FILE, Network
+from monochord.perception.reader import FILE, ReaderNetwork
 from studies import _memory_figures
 
 PLANS: Mapping[str, tuple[str, ...]] = {"studies/plans/builds_3.toml": ()}
@@ -198,8 +198,8 @@ def train_reader(
     report("trained the memory")
 
 
-def _network(arrays: Mapping[str, Audio]) -> Network:
-    return Network(*(np.ascontiguousarray(arrays[name], np.float32) for name in Network._fields))
+def _network(arrays: Mapping[str, Audio]) -> ReaderNetwork:
+    return ReaderNetwork(*(np.ascontiguousarray(arrays[name], np.float32) for name in ReaderNetwork._fields))
 
 
 def train_heads(

@@ -110,7 +110,7 @@ WHO_CHECKS = {
     "perception.model.faults": {"step": "Definition.fault_columns"},
     "perception.model.forest": {"forest_sums": "the kernel"},
     "perception.model.network": {"outputs": "the kernel", "network_inputs": "itself"},
-    "perception.tuning.measurement": {"heard": "Tuner"},
+    "perception.tuning.measurement": {"string_take": "Tuner"},
     "perception.tuning.pluck": {"_peaks": "itself"},
     "perception.tuning.lines": {"merged_lines": "spectrum_of", "lasting_lines": "merged_lines"},
     "perception.tuning.tuner": {"_tuning": "merged_lines"},

@@ -9,7 +9,7 @@ from monochord.core.clock import mistaken_rates
 from monochord.core.reasons import Reason
 from monochord.core.types import StringParams
 from monochord.core.units import Seconds
-from monochord.perception.tuning.measurement import StringMeasurement, heard_pluck, measured_string
+from monochord.perception.tuning.measurement import StringMeasurement, measured_string, pluck_take
 from monochord.perception.tuning.pluck import SEARCHED, onset
 from monochord.physics.sensors import retuned
 from monochord.physics.theory import (
@@ -38,7 +38,7 @@ button."""
 
 def measure_pluck(take: Take, sensor: Sensor) -> StringMeasurement | None:
     """Return what a plucked string of about this design does; None where no series of partials is found."""
-    found = heard_pluck(take.samples, take.sample_rate, sensor.string)
+    found = pluck_take(take.samples, take.sample_rate, sensor.string)
     return measured_string(sensor, [found]) if found.partials else None
 
 

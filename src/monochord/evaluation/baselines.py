@@ -35,7 +35,12 @@ from monochord.perception.heads.base import Task
 from monochord.perception.model.definition import CLIP, Method
 from monochord.perception.model.network import MAX_LOGIT, Scaling, network_inputs
 from monochord.perception.training.examples import mean_and_scale, touches_of
-from monochord.perception.training.regression import Regression, Windows, fit_regression, groups_of
+from monochord.perception.training.regression import (
+    FittedRegression,
+    RegressionWindows,
+    fit_regression,
+    groups_of,
+)
 from monochord.perception.tuning.sessions import (
     at_length_of,
     force_scale,
@@ -67,7 +72,7 @@ class Baselines:
 
     feature: Mapping[str, Any]
     scaling: Scaling
-    fitted: Mapping[Method, Mapping[str, Regression]]
+    fitted: Mapping[Method, Mapping[str, FittedRegression]]
     design: StringParams | None = None
 
     def results(
@@ -288,12 +293,12 @@ def _inputs(features: Audio, scaling: Scaling) -> Audio:
 
 def _fitted(
     training: Selection, rows: Indices, inputs: Audio, names: Sequence[Method]
-) -> dict[Method, dict[str, Regression]]:
+) -> dict[Method, dict[str, FittedRegression]]:
     """Return, by baseline, what was learned of each label in the training windows."""
     dataset, design = training.dataset, training.string
     touched = dataset.label("contact")[rows] == 1.0
     group = groups_of(dataset.session[rows].astype(np.int64), touches_of(dataset)[rows])
-    fitted: dict[Method, dict[str, Regression]] = {baseline: {} for baseline in names}
+    fitted: dict[Method, dict[str, FittedRegression]] = {baseline: {} for baseline in names}
     for name in (*PROBABILITIES, *QUANTITIES):
         if name not in dataset.labels:
             continue
@@ -307,13 +312,13 @@ def _fitted(
         task = Task(label=name, loss="logistic" if name in PROBABILITIES else "square")
         for baseline, models in fitted.items():
             models[name] = fit_regression(
-                baseline, task, Windows.of(inputs[counts], label[counts], group[counts])
+                baseline, task, RegressionWindows.of(inputs[counts], label[counts], group[counts])
             )
     return fitted
 
 
 def _columns(
-    models: Mapping[str, Regression], inputs: Audio, scale: Floats, usable: NDArray[np.bool_]
+    models: Mapping[str, FittedRegression], inputs: Audio, scale: Floats, usable: NDArray[np.bool_]
 ) -> dict[str, Any]:
     """Return the columns of `replay.columns` for n windows; unusable windows have no estimate."""
     value = {name: model.first(inputs) for name, model in models.items()}

@@ -17,7 +17,13 @@ from monochord.core.types import Estimate, Floats
 from monochord.core.units import KilogramsPerMetre, Metres, Seconds
 from monochord.live.listen import Listenable, source_of
 from monochord.live.tuning import SECONDS, heard_in, preset_of
-from monochord.perception.tuning.measurement import UNITS, Heard, Partial, StringMeasurement, measured_string
+from monochord.perception.tuning.measurement import (
+    UNITS,
+    Partial,
+    StringMeasurement,
+    StringTake,
+    measured_string,
+)
 from monochord.physics.identification import (
     NAMES,
     StringFit,
@@ -201,7 +207,7 @@ def identify(
     if not recordings:
         raise InputError("no recording", "one or more recordings of the untouched string")
     refuse_other_units(length=length, caliper=caliper, length_error=length_error, caliper_error=caliper_error)
-    takes = list[Heard]()
+    takes = list[StringTake]()
     design, reasons, remedies = sensor_design(sensor) if sensor else "", list[str](), list[str]()
     for number, recording in enumerate(recordings):
         source = source_of(recording, dict(options), seconds=seconds)

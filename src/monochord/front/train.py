@@ -18,7 +18,7 @@ from monochord.figures import FIGURES
 from monochord.perception.data import LabelledData
 from monochord.perception.heads.base import Task
 from monochord.perception.model import Model
-from monochord.perception.training.choice import Choice
+from monochord.perception.training.choice import MethodChoice
 from monochord.perception.training.configs import DEFAULT, config_path
 from monochord.perception.training.settings import TrainingSettings
 from monochord.perception.training.train import HeadScores
@@ -43,7 +43,7 @@ class TrainedModel(Model):
     run: Path
     scores: Mapping[str, HeadScores] = field(repr=False)
     epochs: int
-    choices: Mapping[str, Choice] = field(repr=False)
+    choices: Mapping[str, MethodChoice] = field(repr=False)
     left_out: str = ""
 
     __repr__ = Model.__repr__
@@ -158,7 +158,7 @@ def train(
     )
 
 
-def choice_lines(choices: Mapping[str, Choice], tasks: Mapping[str, Task]) -> list[str]:
+def choice_lines(choices: Mapping[str, MethodChoice], tasks: Mapping[str, Task]) -> list[str]:
     """Return each head's method with its error, and those of the other methods, as lines of text."""
     lines: list[str] = []
     for name, choice in choices.items():

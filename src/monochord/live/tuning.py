@@ -23,10 +23,10 @@ from monochord.perception.tuning import Tuning
 from monochord.perception.tuning.measurement import (
     HOP,
     LENGTH,
-    Heard,
     StringMeasurement,
-    heard,
+    StringTake,
     measured_string,
+    string_take,
 )
 from monochord.physics.sensors import (
     RULER_STD,
@@ -217,7 +217,7 @@ def tuned(
         _refuse_length(length, design)  # before any device is opened
         earlier = sensor_tuning(sensor)
         length = earlier.length if length is None and earlier else length
-    takes = list[Heard]()
+    takes = list[StringTake]()
     for number, (source, name) in enumerate(zip(sources, names, strict=True)):
         with source.open() as stream:
             design = design or preset_of(stream.signal.string)
@@ -252,13 +252,13 @@ def _refuse_length(length: Metres | None, design: str) -> None:
 
 def heard_in(
     stream: Stream, string: StringParams, seconds: Seconds, take: int = 0, window: WindowSettings = WINDOW
-) -> Heard:
+) -> StringTake:
     """Return the partials of an untouched string in the first seconds of a stream."""
     size, hop = window.frames(stream.signal.sample_rate)
     last = seconds * stream.signal.sample_rate - size
     each = windows(stream, size=size, hop=hop, sample_rate=stream.signal.sample_rate)
     begun = takewhile(lambda window: window.start <= last, each)
-    return heard(begun, stream.signal, string, size=size, hop=hop, take=take)
+    return string_take(begun, stream.signal, string, size=size, hop=hop, take=take)
 
 
 def preset_of(string: StringParams | None) -> str:

@@ -19,7 +19,7 @@ from monochord.datasets.manifest import Manifest
 from monochord.datasets.split import SPLIT_FILE, Split
 from monochord.datasets.store import Dataset, open_dataset, window_starts
 from monochord.perception.features import FEATURES
-from monochord.perception.training.rows import Rows
+from monochord.perception.training.rows import DatasetFeature
 from monochord.physics.sensors import as_sensor
 from monochord.physics.twin import Sensor
 
@@ -313,7 +313,9 @@ class LabelledData:
         signal = Signal(
             sample_rate=manifest.sample_rate, channels=manifest.channels, string=as_sensor(sensor).string
         )
-        table = Rows.prepared(self.dataset, signal, feature, options, self.dataset.path / "features")
+        table = DatasetFeature.prepared(
+            self.dataset, signal, feature, options, self.dataset.path / "features"
+        )
         parts = np.full(len(self.dataset), "", dtype="<U10")
         for name, members in self.split.parts.items():
             parts[members] = name

@@ -41,12 +41,12 @@ def unusable_reason(window: Window) -> Reason:
     return Reason.NONE
 
 
-class Hearing:
+class UntouchedStringCheck:
     """Whether a stream's touches may be stated: its untouched string was heard, or may still be to come.
 
     Examples
     --------
-    >>> may_state = Hearing(sample_rate=44100)
+    >>> may_state = UntouchedStringCheck(sample_rate=44100)
     >>> [may_state(round(44100 * at), heard=at == 6.0) for at in (0.0, 2.0, 5.0, 6.0, 7.0)]
     [True, True, False, True, True]
     """

@@ -17,7 +17,7 @@ from monochord.perception.model.faults import (
     fault_reason,
     log_odds,
 )
-from monochord.perception.model.network import Output
+from monochord.perception.model.network import HeadOutput
 from monochord.perception.model.stepping import WindowReading, estimates_in
 from monochord.perception.reader import KINDS
 
@@ -53,10 +53,10 @@ def test_a_reason_is_that_of_the_fault_furthest_above_its_limit() -> None:
     assert fault_reason(odds(hum=3.0, clipping=0.0), limits) is Reason.MOSTLY_CLIPPED
 
 
-def outputs(contact: float, position: float = 0.0, certainty: float = 1.0) -> dict[str, Output]:
-    others = {name: Output(value=0.0, log_spread=-3.0) for name in ("slip", "force")}
-    place = Output(value=position, log_spread=-3.0, certainty=certainty)
-    return {"contact": Output(value=contact), "position": place, **others}
+def outputs(contact: float, position: float = 0.0, certainty: float = 1.0) -> dict[str, HeadOutput]:
+    others = {name: HeadOutput(value=0.0, log_spread=-3.0) for name in ("slip", "force")}
+    place = HeadOutput(value=position, log_spread=-3.0, certainty=certainty)
+    return {"contact": HeadOutput(value=contact), "position": place, **others}
 
 
 @pytest.mark.parametrize(

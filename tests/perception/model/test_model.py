@@ -13,8 +13,8 @@ from monochord.core.types import Audio, Estimates, Signal, Window
 from monochord.perception.model import Definition, Model, ModelState
 from monochord.perception.model.definition import Calibration
 from monochord.perception.model.network import (
-    Network,
-    Output,
+    HeadNetwork,
+    HeadOutput,
     Scaling,
     estimates_of,
     network_inputs,
@@ -25,7 +25,7 @@ from monochord.perception.training.examples import Examples
 from monochord.physics.strings import load_string
 
 Sound = Callable[..., Window]
-CONFIDENT = Output(value=9.0)
+CONFIDENT = HeadOutput(value=9.0)
 
 
 def predict(model: Model, windows: Iterable[Window], state: ModelState | None = None) -> list[Estimates]:
@@ -103,7 +103,7 @@ def row() -> Audio:
 def test_outputs_are_what_torch_computes(drawn: Model) -> None:
     torch = pytest.importorskip("torch")
     definition = drawn.definition
-    (outputs,) = Network.of(definition, drawn.weights).outputs(row())
+    (outputs,) = HeadNetwork.of(definition, drawn.weights).outputs(row())
     inputs = network_inputs(row(), Scaling.of(drawn.weights), definition.clip)
     for name, record in definition.heads.items():
         values = torch.from_numpy(inputs[0, list(definition.columns_of(name))])
@@ -121,7 +121,7 @@ def test_scaling_is_bounded_and_no_number_stays_that(drawn: Model) -> None:
     definition, scaling = drawn.definition, Scaling.of(drawn.weights)
     inputs = network_inputs(np.full((1, 50), 1e30, np.float32), scaling, definition.clip)
     assert np.abs(inputs).max() == definition.clip
-    (outputs,) = Network.of(definition, drawn.weights).outputs(np.full((1, 50), np.nan, np.float32))
+    (outputs,) = HeadNetwork.of(definition, drawn.weights).outputs(np.full((1, 50), np.nan, np.float32))
     assert all(math.isnan(output.value) for output in outputs.values())
     with pytest.raises(InputError, match="49 columns"):
         network_inputs(row()[:, :49], scaling, definition.clip)
@@ -134,7 +134,7 @@ def test_columns_that_are_no_inputs_do_not_matter(drawn: Model) -> None:
     definition = dataclasses.replace(definition, heads=heads)
     weights = dict(drawn.weights)
     weights["force.0.weight"] = weights["force.0.weight"][:, 10:20]
-    network = Network.of(definition, weights)
+    network = HeadNetwork.of(definition, weights)
     base = row()
     before = network.outputs(base)[0]["force"]
     base[:, :10], base[:, 20:] = 0.0, 5.0
@@ -163,13 +163,13 @@ def test_training_sees_what_the_model_sees(drawn: Model) -> None:
     tensors = TrainingTensors(definition, drawn.weights, examples)
     output = next(output for name, output, _, _ in tensors.outputs(heads) if name == "force")
     arrays = {**drawn.weights, **{name: tensor.numpy() for name, tensor in heads.state_dict().items()}}
-    for number, result in enumerate(Network.of(definition, arrays).outputs(examples.base[0])):
+    for number, result in enumerate(HeadNetwork.of(definition, arrays).outputs(examples.base[0])):
         assert result["force"].value == pytest.approx(float(output[number, 0]), rel=1e-4, abs=1e-4)
 
 
-def outputs(contact: float = 9.0, **others: Output) -> dict[str, Output]:
-    usual = {name: Output(value=0.0) for name in ("slip", "position", "force")}
-    return {"contact": Output(value=contact), **usual, **others}
+def outputs(contact: float = 9.0, **others: HeadOutput) -> dict[str, HeadOutput]:
+    usual = {name: HeadOutput(value=0.0) for name in ("slip", "position", "force")}
+    return {"contact": HeadOutput(value=contact), **usual, **others}
 
 
 def calibrated(definition: Definition, name: str, factor: float) -> Definition:
@@ -178,7 +178,7 @@ def calibrated(definition: Definition, name: str, factor: float) -> Definition:
 
 
 def test_quantities_are_in_the_unit_of_their_label(drawn: Model) -> None:
-    position = Output(value=2.0, log_spread=math.log(3.0))
+    position = HeadOutput(value=2.0, log_spread=math.log(3.0))
     estimate = estimates_of(drawn.definition.heads, drawn.definition.gate, outputs(position=position))[
         "position"
     ]
@@ -191,7 +191,9 @@ def test_calibration_scales_the_uncertainty_alone(drawn: Model) -> None:
     before, after = (quantity(CONFIDENT, each.heads["position"]) for each in (drawn.definition, wider))
     assert after == (before[0], pytest.approx(2.5 * before[1]))
     softer = calibrated(drawn.definition, "slip", 4.0)
-    assert probability(Output(value=4.0), softer.heads["slip"]) == pytest.approx(1.0 / (1.0 + math.exp(-1.0)))
+    assert probability(HeadOutput(value=4.0), softer.heads["slip"]) == pytest.approx(
+        1.0 / (1.0 + math.exp(-1.0))
+    )
 
 
 def test_without_contact_the_other_heads_abstain(drawn: Model) -> None:
@@ -214,7 +216,7 @@ def test_contact_that_is_uncertain_is_not_denied(drawn: Model, contact: float) -
 
 
 def test_too_large_an_uncertainty_is_an_abstention(drawn: Model) -> None:
-    position = Output(value=0.0, log_spread=math.log(50.0))
+    position = HeadOutput(value=0.0, log_spread=math.log(50.0))
     estimates = estimates_of(drawn.definition.heads, drawn.definition.gate, outputs(position=position))
     assert estimates["position"].reason is Reason.UNCERTAIN
     assert estimates["contact"].valid
@@ -227,4 +229,4 @@ def test_a_probability_is_bounded_by_the_windows_of_its_calibration(
     drawn: Model, logit: float, windows: int, expected: float
 ) -> None:
     record = dataclasses.replace(drawn.definition.heads["slip"], calibration=Calibration(windows=windows))
-    assert probability(Output(value=logit), record) == pytest.approx(expected)
+    assert probability(HeadOutput(value=logit), record) == pytest.approx(expected)

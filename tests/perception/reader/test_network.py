@@ -16,7 +16,7 @@ from monochord.perception.reader.network import (
     PARTIALS,
     POSITIONS,
     STRIDE,
-    Network,
+    ReaderNetwork,
     activations,
     bundled_network,
 )
@@ -93,14 +93,14 @@ def test_a_silent_microphone_leaves_its_cells_empty() -> None:
     assert np.isfinite(activations(cells, bundled_network())[1]).all()
 
 
-def random_network(seed: int = 0) -> Network:
+def random_network(seed: int = 0) -> ReaderNetwork:
     random, shapes = np.random.default_rng(seed), [array.shape for array in bundled_network()]
-    return Network(*(random.normal(0.0, 0.1, shape).astype(np.float32) for shape in shapes))
+    return ReaderNetwork(*(random.normal(0.0, 0.1, shape).astype(np.float32) for shape in shapes))
 
 
-def plain_outputs(cells: Audio, network: Network) -> tuple[Floats, Floats]:
+def plain_outputs(cells: Audio, network: ReaderNetwork) -> tuple[Floats, Floats]:
     """Return what the last layer sees and the outputs, by sums of products in double precision."""
-    own: Any = Network(*(array.astype(float) for array in network))  # pyright: ignore[reportArgumentType]
+    own: Any = ReaderNetwork(*(array.astype(float) for array in network))  # pyright: ignore[reportArgumentType]
 
     def convolved(values: Floats, weights: Floats, bias: Floats, stride: int) -> Floats:
         taps = len(weights) // len(values)
@@ -155,7 +155,7 @@ def test_what_is_learned_of_one_position_holds_at_all() -> None:
     arrays["place"][0, 0] = arrays["place"][size + 1, 0] = 1.0
     arrays["along"][2 * 24, 0] = arrays["score"][0, 0] = 1.0
     for place in (0.23, 0.4, 0.5, 0.71):
-        _, outputs = activations(seen(touched(place)), Network(**arrays))
+        _, outputs = activations(seen(touched(place)), ReaderNetwork(**arrays))
         assert POSITIONS[outputs[1 : 1 + len(POSITIONS)].argmax()] == pytest.approx(place, abs=0.011)
 
 

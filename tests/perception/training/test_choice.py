@@ -22,10 +22,10 @@ from monochord.metrics import coverage
 from monochord.perception.heads.base import Task
 from monochord.perception.model import ModelState, load
 from monochord.perception.model.definition import Definition, Method
-from monochord.perception.model.network import Network
-from monochord.perception.training.choice import Candidate, choose, head_error, regressions
+from monochord.perception.model.network import HeadNetwork
+from monochord.perception.training.choice import LearnedHeads, choose, head_error, regressions
 from monochord.perception.training.examples import Examples, scaled_heads, scaling
-from monochord.perception.training.regression import Regression, Windows, fit_regression
+from monochord.perception.training.regression import FittedRegression, RegressionWindows, fit_regression
 from monochord.perception.training.settings import METHODS, TrainingSettings
 from monochord.perception.training.train import TrainingResult, train, window_of
 
@@ -53,7 +53,9 @@ def test_a_regression_learns_the_quantity_and_its_spread(
 ) -> None:
     inputs, target, spread = rows
     task = Task(label="force", unit="N", loss="laplace")
-    fitted = fit_regression(method, task, Windows.of(inputs[:1500], target[:1500], np.arange(1500) // 10))
+    fitted = fit_regression(
+        method, task, RegressionWindows.of(inputs[:1500], target[:1500], np.arange(1500) // 10)
+    )
     error = fitted.first(inputs[1500:]) - 0.7 * inputs[1500:, 0]
     assert np.abs(error).mean() < (0.05 if method == "ridge" else 0.25)
     stated = np.exp(inputs[1500:] @ fitted.weight[1] + fitted.bias[1])
@@ -65,7 +67,9 @@ def test_a_regression_learns_the_quantity_and_its_spread(
 def test_a_regression_learns_a_probability(rows: tuple[Audio, Floats, Floats], method: Method) -> None:
     inputs, task = rows[0], Task(label="slip", loss="logistic")
     label = (inputs[:, 0] + inputs[:, 2] > 0.0).astype(np.float64)
-    fitted = fit_regression(method, task, Windows.of(inputs[:1500], label[:1500], np.arange(1500) // 10))
+    fitted = fit_regression(
+        method, task, RegressionWindows.of(inputs[:1500], label[:1500], np.arange(1500) // 10)
+    )
     assert np.mean((fitted.first(inputs[1500:]) > 0.0) == (label[1500:] == 1.0)) > 0.95
     assert fitted.weight.shape == (1, 3)
 
@@ -77,13 +81,13 @@ def test_a_wrong_position_does_not_disturb_what_is_learned_of_right_ones(method:
     wrong = inputs[:, 1] > 1.0  # a wrong pair of lines: 80 mm off, in units of 1 mm
     target = np.where(wrong, 80.0, 0.3 * inputs[:, 0]).astype(np.float64)
     task = Task(label="position", unit="m", loss="laplace", refines="position")
-    fitted = fit_regression(method, task, Windows.of(inputs, target, np.arange(900)))
+    fitted = fit_regression(method, task, RegressionWindows.of(inputs, target, np.arange(900)))
     right = ~wrong & (inputs[:, 1] < 0.7)
     assert np.abs(fitted.first(inputs) - target)[right].mean() < 0.15
     assert fitted.weight.shape == (2, 2)
 
 
-def drawn(count: int, columns: int = 40) -> Windows:
+def drawn(count: int, columns: int = 40) -> RegressionWindows:
     """Windows that are made as they are read, of which a block is in memory."""
     weight = np.random.default_rng(0).normal(size=columns)
 
@@ -98,7 +102,7 @@ def drawn(count: int, columns: int = 40) -> Windows:
 
     target = np.concatenate([block(first) @ weight for first in range(0, count, 1000)])
     target = target + np.random.default_rng(1).laplace(size=count)
-    return Windows(blocks=blocks, target=target, group=np.arange(count) // 50)
+    return RegressionWindows(blocks=blocks, target=target, group=np.arange(count) // 50)
 
 
 def test_ridge_learns_from_all_windows_and_holds_a_block() -> None:
@@ -116,7 +120,7 @@ def test_ridge_learns_from_all_windows_and_holds_a_block() -> None:
     centre = inputs.mean(axis=0)
     best = np.linalg.lstsq(inputs - centre, windows.target - windows.target.mean(), rcond=None)[0]
     np.testing.assert_allclose(fitted.weight[0], best, atol=1e-3)  # no draw is as near
-    whole = fit_regression("ridge", task, Windows.of(inputs, windows.target, windows.group))
+    whole = fit_regression("ridge", task, RegressionWindows.of(inputs, windows.target, windows.group))
     np.testing.assert_allclose(fitted.weight, whole.weight, rtol=1e-4, atol=1e-6)
     np.testing.assert_allclose(fitted.bias, whole.bias, rtol=1e-4, atol=1e-6)
 
@@ -124,12 +128,12 @@ def test_ridge_learns_from_all_windows_and_holds_a_block() -> None:
 @ALONE
 def test_one_window_or_one_group_is_enough(method: Method) -> None:
     task, one = Task(label="force", unit="N", loss="gauss"), np.ones((1, 2), np.float32)
-    alone = fit_regression(method, task, Windows.of(one, np.ones(1), np.zeros(1, np.int64)))
+    alone = fit_regression(method, task, RegressionWindows.of(one, np.ones(1), np.zeros(1, np.int64)))
     assert np.isfinite(alone.first(one)).all()
     rng = np.random.default_rng(0)
     inputs = rng.normal(size=(60, 2)).astype(np.float32)
     target = 2.0 * inputs[:, 0].astype(np.float64)
-    fitted = fit_regression(method, task, Windows.of(inputs, target, np.zeros(60, np.int64)))
+    fitted = fit_regression(method, task, RegressionWindows.of(inputs, target, np.zeros(60, np.int64)))
     assert np.abs(fitted.first(inputs) - 2.0 * inputs[:, 0]).mean() < 0.8
 
 
@@ -190,7 +194,9 @@ def test_what_fits_the_data_is_chosen(drawn_definition: Definition, shape: str, 
     )
     scaler, scaled = scaling(train), scaled_heads(definition, train)
     methods: tuple[Method, ...] = ("ridge", "extra_trees")
-    candidates: dict[Method, Candidate] = {each: regressions(each, scaled, scaler, train) for each in methods}
+    candidates: dict[Method, LearnedHeads] = {
+        each: regressions(each, scaled, scaler, train) for each in methods
+    }
     chosen, choices = choose(candidates, scaler, validation)
     assert choices["force"].method == best == chosen.definition.heads["force"].method
     assert set(chosen.weights) == {
@@ -199,7 +205,7 @@ def test_what_fits_the_data_is_chosen(drawn_definition: Definition, shape: str, 
     # A method that is hardly better is no reason to leave the first one.
     again, same = choose({"network": candidates[best], best: candidates[best]}, scaler, validation)
     assert same["force"].method == "network"
-    assert isinstance(again, Candidate)
+    assert isinstance(again, LearnedHeads)
 
 
 @pytest.fixture
@@ -254,7 +260,7 @@ def test_equal_rows_give_equal_bits_in_any_batch(
     model = learned(lesson, tmp_path / "run", methods=[method]).model
     mean, scale = model.weights["scaler.mean"], model.weights["scaler.scale"]
     rows = (mean + scale * np.random.default_rng(0).normal(size=(7, len(mean)))).astype(np.float32)
-    network = Network.of(model.definition, model.weights)
+    network = HeadNetwork.of(model.definition, model.weights)
     assert network.outputs(rows) == [network.outputs(rows[at : at + 1])[0] for at in range(7)]
 
 
@@ -315,7 +321,7 @@ def test_a_damaged_forest_is_refused_or_ends(lesson: dict[str, Any], tmp_path: P
 
 
 def test_a_linear_layer_is_a_regression_without_trees() -> None:
-    layer = Regression(weight=np.ones((1, 2), np.float32), bias=np.full(1, 0.5, np.float32))
+    layer = FittedRegression(weight=np.ones((1, 2), np.float32), bias=np.full(1, 0.5, np.float32))
     assert layer.first(np.ones((3, 2))).tolist() == [2.5, 2.5, 2.5]
 
 

@@ -24,7 +24,7 @@ from monochord.perception.training.examples import (
     touches_of,
     training_data,
 )
-from monochord.perception.training.scratch import Scratch, empty
+from monochord.perception.training.scratch import FileArray, empty
 from monochord.perception.training.settings import TrainingSettings
 
 pytest.importorskip("torch")
@@ -101,7 +101,7 @@ def test_examples_in_files_are_those_in_memory(
     memory = examples_of(source, part, "train", noises)
     monkeypatch.setattr("monochord.perception.training.examples.BLOCK", 7)
     filed = examples_of(dataclasses.replace(source, scratch=tmp_path), part, "train", noises)
-    assert isinstance(filed.base, Scratch)
+    assert isinstance(filed.base, FileArray)
     assert not list(tmp_path.iterdir())
     for name in ("base", "rows", "touch"):
         np.testing.assert_array_equal(getattr(filed, name), getattr(memory, name))

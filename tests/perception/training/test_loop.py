@@ -12,7 +12,7 @@ import pytest
 from monochord.core.errors import InputError
 from monochord.perception.heads.base import CERTAINTY, Task
 from monochord.perception.model.definition import Definition, FeatureRecord, HeadRecord
-from monochord.perception.model.network import Network
+from monochord.perception.model.network import HeadNetwork
 from monochord.perception.training.checkpoint import Checkpoint
 from monochord.perception.training.examples import Examples
 from monochord.perception.training.loop import TrainingSetup, fit
@@ -210,7 +210,7 @@ def test_a_head_refines_a_position_where_it_is_right(tmp_path: Path) -> None:
     setup = refining()
     train, judged = (misread(examples(seed, 2048, 1)) for seed in (0, 1))
     _, weights = fit(setup, SCALER, train, judged, tmp_path / "a")
-    network = Network.of(setup.definition, {**SCALER, **weights})
+    network = HeadNetwork.of(setup.definition, {**SCALER, **weights})
     mask = judged.masks["force"]
     base = judged.base[0][mask]
     outputs = [output["force"] for output in network.outputs(base)]

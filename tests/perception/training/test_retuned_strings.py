@@ -18,7 +18,7 @@ from monochord.lab.offline import make
 from monochord.perception.model import load
 from monochord.perception.model.network import quantity
 from monochord.perception.training.examples import examples_of, stream_of, training_data
-from monochord.perception.training.rows import Rows
+from monochord.perception.training.rows import DatasetFeature
 from monochord.perception.training.settings import TrainingSettings
 from monochord.perception.training.train import read_in_turn, with_design_forces
 from monochord.perception.tuning.sessions import (
@@ -88,7 +88,7 @@ def test_those_that_are_off_are_relative_to_their_own(dataset: Dataset) -> None:
     assert (scales[dataset.session == 0] == 1.0).all()
     assert scales[dataset.session == 1] == pytest.approx(OWN**3, rel=0.01)
     signal = Signal(sample_rate=44100, channels=2, string=DESIGN)
-    rows = Rows.prepared(dataset, signal, "reading", {}, dataset.path / "features")
+    rows = DatasetFeature.prepared(dataset, signal, "reading", {}, dataset.path / "features")
     numbers = np.flatnonzero((dataset.label("contact") == 1.0) & (dataset.label("settled") == 1.0))
     features, session_of = rows.of(numbers), dataset.session[numbers]
     column = {name: number for number, name in enumerate(rows.extractor.columns)}
@@ -101,7 +101,7 @@ def test_those_that_are_off_are_relative_to_their_own(dataset: Dataset) -> None:
         )
         assert np.median(np.abs(error)) < 1e-3
         assert abs(np.median(mine[:, column["open"]])) < 12.0
-    again = Rows.prepared(dataset, signal, "reading", {}, dataset.path / "features").of(numbers)
+    again = DatasetFeature.prepared(dataset, signal, "reading", {}, dataset.path / "features").of(numbers)
     np.testing.assert_array_equal(features, again)
 
 
@@ -162,7 +162,10 @@ def test_a_measured_length_is_that_of_positions_and_forces(dataset: Dataset) -> 
     np.testing.assert_allclose(1.01**3 * own.label("force"), other.label("force"), rtol=1e-6)
     signal = Signal(sample_rate=44100, channels=2, string=DESIGN)
     rows, few = (
-        [Rows.prepared(each, signal, "reading", {}, dataset.path / "features") for each in (longer, dataset)],
+        [
+            DatasetFeature.prepared(each, signal, "reading", {}, dataset.path / "features")
+            for each in (longer, dataset)
+        ],
         np.flatnonzero(dataset.label("settled") == 1.0)[::7],
     )
     np.testing.assert_allclose(rows[0].of(few), rows[1].of(few), rtol=1e-5)

@@ -14,7 +14,7 @@ from monochord.datasets.augment import Augmentation
 from monochord.datasets.store import Dataset, open_dataset
 from monochord.perception.features import FEATURES
 from monochord.perception.features.base import Extractor
-from monochord.perception.training.rows import Noise, Rows
+from monochord.perception.training.rows import AddedNoise, DatasetFeature
 
 
 class Counting(Extractor):
@@ -37,16 +37,20 @@ def dataset(learnable: Path) -> Dataset:
     return open_dataset(learnable)
 
 
-def rows_of(dataset: Dataset, folder: Path, factor: float = 1.0, **options: Any) -> tuple[Rows, Counting]:
+def rows_of(
+    dataset: Dataset, folder: Path, factor: float = 1.0, **options: Any
+) -> tuple[DatasetFeature, Counting]:
     signal = Signal(sample_rate=dataset.manifest.sample_rate, channels=2)
     inner = FEATURES.build("bands", options).prepare(signal, dataset.manifest.window)
     extractor = Counting(inner, factor)
     about: Any = {"dataset": dataset, "signal": signal, "name": "bands", "options": options}
-    return Rows(**about, extractor=extractor, folder=folder, prepare=lambda _string: extractor), extractor
+    return DatasetFeature(
+        **about, extractor=extractor, folder=folder, prepare=lambda _string: extractor
+    ), extractor
 
 
 SOME = np.arange(40, 140)
-NOISE = Noise(augmentation=Augmentation(), copy=1, seed=1, sample_rate=16000)
+NOISE = AddedNoise(augmentation=Augmentation(), copy=1, seed=1, sample_rate=16000)
 PROBE = 3  # windows of the fingerprint
 
 pytestmark = pytest.mark.usefixtures("made_up_features")

@@ -85,7 +85,7 @@ PARTS = 24
 """Parts of the same probability in which force and stiffness are drawn."""
 
 
-class Reading(NamedTuple):
+class SegmentsReading(NamedTuple):
     """What a window may be of.
 
     `evidence` is the log evidence of the string over lines anywhere, and `strongest` the line of most power,
@@ -170,7 +170,7 @@ class BothSegments:
             pitch_std=pitch_std,
         )
 
-    def read(self, window: Audio) -> Reading | None:
+    def read(self, window: Audio) -> SegmentsReading | None:
         """Return what a window (2, n) is of, None without a clear line."""
         model, spacing = self.model, self.sample_rate / window.shape[1]
         lines = prominent_lines(window, self.sample_rate, LOWEST * model.frequency, HIGHEST)
@@ -180,7 +180,9 @@ class BothSegments:
         distortion = distortion_of(lines, spacing, HIGHEST)
         untouched = untouched_evidence(lines, distortion, model)
         every = explanations_of(lines, distortion, model)
-        reading = Reading(evidence=untouched, strongest=(float(strongest[FREQUENCY]), float(strongest[STD])))
+        reading = SegmentsReading(
+            evidence=untouched, strongest=(float(strongest[FREQUENCY]), float(strongest[STD]))
+        )
         if not len(every):
             return reading
         best = every[:, SCORE].max()
@@ -221,7 +223,7 @@ class BothSegments:
         elsewhere = mass * 0.5 * ELSEWHERE / RANGE / np.exp(self.model.ratio[at])
         return float(ratio[elsewhere.argmax()]) - 1.0 if elsewhere.sum() > 0.5 * mass.sum() else 0.0
 
-    def estimates(self, reading: Reading | None) -> Estimates:
+    def estimates(self, reading: SegmentsReading | None) -> Estimates:
         """Return the estimates that `UNITS` names from what `read` returned of a window."""
         if reading is None or reading.evidence < MIN_EVIDENCE:
             return abstain(Reason.NO_STRUCTURE)
@@ -248,7 +250,7 @@ class BothSegments:
             estimates["force"] = Estimate.abstain("N", Reason.CONSTANT_TENSION)
         return estimates
 
-    def _fundamentals(self, reading: Reading) -> dict[str, tuple[Hertz, Hertz]]:
+    def _fundamentals(self, reading: SegmentsReading) -> dict[str, tuple[Hertz, Hertz]]:
         """Return the fundamentals of the segments that sound, without stiffness; the lower is `frequency`."""
         model, short = self.model, self.model.shortening
         sides = reading.place - short, model.length - reading.place - short
@@ -260,7 +262,7 @@ class BothSegments:
         }
         return found | {"frequency": min(found.values())}
 
-    def _touch(self, reading: Reading) -> dict[str, tuple[float, float]]:
+    def _touch(self, reading: SegmentsReading) -> dict[str, tuple[float, float]]:
         """Return position, force and tension with their errors, the give of contact and mount being unknown.
 
         With F and K drawn from their priors, r = sqrt(T(F) / T0) + w / L - 2 T / (K L); the give moves both

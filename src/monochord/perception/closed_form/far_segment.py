@@ -122,7 +122,7 @@ class FarSegment:
         return frequency, (mean, 0.05 * mean if measured else 2.0e-4)
 
 
-class Heard(NamedTuple):
+class FarState(NamedTuple):
     """State of the far form after a window.
 
     `start` is the first frame of the last usable window, -1 before any; `strongest` is its best series, which
@@ -147,23 +147,24 @@ class FarReader:
     length: Metres
     open_frequency: Hertz
 
-    def step(self, heard: Heard, window: Window) -> tuple[Heard, Estimates]:
+    def step(self, state: FarState, window: Window) -> tuple[FarState, Estimates]:
         """Return the state and the estimates after a window; one no later than the last begins a stream."""
         reason = unusable_reason(window)
-        if window.start <= heard.start:
-            heard = Heard()
+        if window.start <= state.start:
+            state = FarState()
         if reason:
-            return heard._replace(strongest=None), abstain(reason)
+            return state._replace(strongest=None), abstain(reason)
         rate = self.finder.sample_rate
-        elapsed = (window.start - heard.start) / rate if heard.start >= 0 else np.inf
-        rows = self.finder.rows(window.samples.astype(np.float64), heard.notes.guesses)
-        notes = follow(heard.notes, rows, elapsed, self.finder.size / rate)
+        elapsed = (window.start - state.start) / rate if state.start >= 0 else np.inf
+        rows = self.finder.rows(window.samples.astype(np.float64), state.notes.guesses)
+        notes = follow(state.notes, rows, elapsed, self.finder.size / rate)
         inside = self._is_inside(notes)
         log_frequency = np.log(rows[:, FREQUENCY])
         note = _nearest(log_frequency, notes.log_frequency[inside])
-        steadiness = compare(heard.steadiness, note, log_frequency, rows[:, EVIDENCE], elapsed)
+        steadiness = compare(state.steadiness, note, log_frequency, rows[:, EVIDENCE], elapsed)
         strongest = Series(*rows[0].tolist()) if rows.size else None
-        return Heard(window.start, notes, steadiness, strongest), self._estimates(notes, inside, steadiness)
+        state = FarState(window.start, notes, steadiness, strongest)
+        return state, self._estimates(notes, inside, steadiness)
 
     def is_inside(self, frequency: Hertz) -> bool:
         """Return whether a note is in the string's range."""
@@ -239,17 +240,17 @@ class FollowedNote:
 
     def __init__(self, reader: FarReader) -> None:
         self.reader = reader
-        self._heard = Heard()
+        self._state = FarState()
 
     def __call__(self, window: Window) -> Estimates:
         """Return the estimates of a window."""
-        self._heard, estimates = self.reader.step(self._heard, window)
+        self._state, estimates = self.reader.step(self._state, window)
         return estimates
 
     @property
     def strongest(self) -> Series | None:
         """The best series in the last window."""
-        return self._heard.strongest
+        return self._state.strongest
 
 
 def abstain(reason: str) -> Estimates:

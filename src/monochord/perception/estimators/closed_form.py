@@ -22,7 +22,7 @@ from monochord.perception.closed_form.one_note import NO_SIDES, SidesReader
 from monochord.perception.estimators.base import Estimator
 from monochord.perception.tuning import Tuner, TunerState
 from monochord.perception.tuning.tuner import detuned
-from monochord.perception.usable import Hearing, unusable_reason
+from monochord.perception.usable import UntouchedStringCheck, unusable_reason
 from monochord.perception.watching import Condition, Watching
 from monochord.physics.theory import TensionLaw, open_frequency, position_from_far_segment
 
@@ -105,7 +105,7 @@ class ClosedForm(Estimator):
                 known = "an unknown" if signal.string is None else "a known"
                 given = f"two-sided form on {signal.channels} channel(s) of {known} string"
                 raise InputError(given, "two channels of a known string", "name the string with --string")
-            return _Followed(self, signal, size)
+            return _TwoSegmentStream(self, signal, size)
         self._refuse_set(
             BOTH_ONLY, "the far segment alone", "both segments with two microphones and --string"
         )
@@ -114,13 +114,13 @@ class ClosedForm(Estimator):
         if signal.channels != 2:
             return estimate
         if self.sides == "far":
-            return _Far(estimate)
+            return _FarSegmentStream(estimate)
         with suppress(InputError):  # windows too short or a rate too low for two segments
             string = _string_of(far, signal.string)
-            both_sides = _Followed(self, replace(signal, string=string), size, is_known=True)
+            both_sides = _TwoSegmentStream(self, replace(signal, string=string), size, is_known=True)
             reader = SidesReader(sample_rate=signal.sample_rate, size=size)
-            return _Either(estimate, both_sides, reader, knows_density=signal.string is not None)
-        return _Far(estimate)
+            return _EitherStream(estimate, both_sides, reader, knows_density=signal.string is not None)
+        return _FarSegmentStream(estimate)
 
     def _refuse_set(self, names: Sequence[str], form: str, remedy: str) -> None:
         """Refuse options that the selected form does not use."""
@@ -151,7 +151,7 @@ class ClosedForm(Estimator):
         )
 
 
-class _Followed(Watching):
+class _TwoSegmentStream(Watching):
     """The two-sided form on one stream of windows; it follows the tuning of untouched windows.
 
     Where the pitch `is_known`, as one that the user gave, touches are stated before that tuning is measured.
@@ -161,7 +161,7 @@ class _Followed(Watching):
     """
 
     def __init__(self, options: ClosedForm, signal: Signal, size: Samples, *, is_known: bool = False) -> None:
-        self._may_state, self._is_known = Hearing(signal.sample_rate), is_known
+        self._may_state, self._is_known = UntouchedStringCheck(signal.sample_rate), is_known
         self._microphones = Microphones()
         self._tuner, self._state = Tuner.of(signal, size), TunerState()
         self._untuned = self._reader = BothSegments.of(
@@ -206,7 +206,7 @@ class _Followed(Watching):
         return Condition(open_frequency=tuning.open_frequency, deviation=tuning.deviation(self._tuner.string))
 
 
-class _Far:
+class _FarSegmentStream:
     """The far form on two channels: on both, or on one where the other is a copy or carries nothing."""
 
     def __init__(self, far: FollowedNote) -> None:
@@ -222,7 +222,7 @@ class _Far:
         return None if channel is None else replace(window, samples=window.samples[[channel]])
 
 
-class _Either:
+class _EitherStream:
     """The far form or the two-sided form, selected by the windows of a stream.
 
     The far form reads a single microphone.
@@ -233,10 +233,10 @@ class _Either:
     """
 
     def __init__(
-        self, far: FollowedNote, both: _Followed, sides: SidesReader, *, knows_density: bool
+        self, far: FollowedNote, both: _TwoSegmentStream, sides: SidesReader, *, knows_density: bool
     ) -> None:
         self._far, self._both, self._sides = far, both, sides
-        self._one = _Far(far)
+        self._one = _FarSegmentStream(far)
         self._knows_density = knows_density
         self._start, self._lead = -1, 0
 

@@ -55,5 +55,5 @@ def all_at_once(
     streams = [each for each in prepared if isinstance(each, ModelStream)]
     if len(streams) != len(prepared) or len(streams) < 2:
         return Estimator.estimate_all(estimator, prepared, windows)
-    entries = [stream.before(window) for stream, window in zip(streams, windows, strict=True)]
-    return [stream.after(*each) for stream, each in zip(streams, step_all(entries), strict=True)]
+    inputs = [stream.before(window) for stream, window in zip(streams, windows, strict=True)]
+    return [stream.after(*each) for stream, each in zip(streams, step_all(inputs), strict=True)]

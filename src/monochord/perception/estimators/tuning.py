@@ -13,7 +13,7 @@ UNITS = {"frequency": "Hz", "tension": "N", "inharmonicity": "", "decay": "1/s"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Tuning(Estimator):
+class TuningEstimator(Estimator):
     """Pitch, tension, stiffness and losses of the string, from its untouched windows.
 
     The estimates are ``frequency`` f0 = sqrt(T / mu) / (2 L) in Hz, the ``tension`` T in N, the

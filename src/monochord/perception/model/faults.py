@@ -16,7 +16,7 @@ MAX_ODDS = 10.0
 """Largest magnitude of log odds."""
 
 
-class Fault(NamedTuple):
+class ReportedFault(NamedTuple):
     """How a fault is reported.
 
     A fault `of_touch` is detected in touched windows alone. Contact stays reliable where `contact_reliable`
@@ -29,21 +29,23 @@ class Fault(NamedTuple):
     place_reliable: bool = False
 
 
-FAULTS: Mapping[str, Fault] = {
-    "microphone 1 dead": Fault(Reason.MICROPHONE_1_SILENT),
-    "microphone 2 dead": Fault(Reason.MICROPHONE_2_SILENT),
-    "microphones swapped": Fault(Reason.MICROPHONES_SWAPPED, contact_reliable=True),
-    "clipping": Fault(Reason.MOSTLY_CLIPPED),
-    "hum": Fault(Reason.HUM),
-    "second string": Fault(Reason.TWO_STRINGS),
-    "two touches": Fault(Reason.TWO_TOUCHES),
-    "driver dead": Fault(Reason.DRIVER_SILENT, of_touch=True, contact_reliable=True, place_reliable=True),
-    "detuned": Fault(Reason.OUT_OF_TUNE, of_touch=True),
+FAULTS: Mapping[str, ReportedFault] = {
+    "microphone 1 dead": ReportedFault(Reason.MICROPHONE_1_SILENT),
+    "microphone 2 dead": ReportedFault(Reason.MICROPHONE_2_SILENT),
+    "microphones swapped": ReportedFault(Reason.MICROPHONES_SWAPPED, contact_reliable=True),
+    "clipping": ReportedFault(Reason.MOSTLY_CLIPPED),
+    "hum": ReportedFault(Reason.HUM),
+    "second string": ReportedFault(Reason.TWO_STRINGS),
+    "two touches": ReportedFault(Reason.TWO_TOUCHES),
+    "driver dead": ReportedFault(
+        Reason.DRIVER_SILENT, of_touch=True, contact_reliable=True, place_reliable=True
+    ),
+    "detuned": ReportedFault(Reason.OUT_OF_TUNE, of_touch=True),
 }
 """All faults by the names of their kinds of windows."""
 NAMES = tuple(FAULTS)
 _OF_TOUCH = np.array([fault.of_touch for fault in FAULTS.values()])
-OF_REASON: Mapping[str, Fault] = {fault.reason: fault for fault in FAULTS.values()}
+OF_REASON: Mapping[str, ReportedFault] = {fault.reason: fault for fault in FAULTS.values()}
 
 
 def log_odds(kinds: Floats, *, touched: bool) -> Floats:

@@ -31,12 +31,12 @@ from monochord.dsp.resample import resampled
 from monochord.metrics import hit_rate
 from monochord.perception.model.correction import Correction
 from monochord.perception.model.definition import Definition
-from monochord.perception.model.network import Output
+from monochord.perception.model.network import HeadOutput
 from monochord.perception.model.prepared import PreparedModel
 from monochord.perception.model.saving import save
 from monochord.perception.model.state import ModelState
-from monochord.perception.model.stepping import entry_of, read_all, step_all
-from monochord.perception.model.stream import Fixed, Followed, ModelStream
+from monochord.perception.model.stepping import model_input, read_all, step_all
+from monochord.perception.model.stream import FixedPitchStream, FollowedPitchStream, ModelStream
 from monochord.perception.model.summary import brief, facts
 from monochord.perception.model.table import PredictionTable
 from monochord.perception.tuning.sessions import refuse_foreign
@@ -369,10 +369,10 @@ class Model(Checked):
         if string is not None and model.definition.channels == 2:
             signal_on_string = Signal(sample_rate=signal.sample_rate, channels=2, string=string)
             try:
-                return Followed(model.prepared, signal_on_string, size)
+                return FollowedPitchStream(model.prepared, signal_on_string, size)
             except InputError:  # windows too short for a pitch
                 pass
-        return Fixed(model.prepared)
+        return FixedPitchStream(model.prepared)
 
     def __repr__(self) -> str:
         return lines(*brief(self.definition))
@@ -397,15 +397,15 @@ class Model(Checked):
         InputError
             If the window has another length.
         """
-        return step_all([entry_of(self.prepared, state, window)])[0]
+        return step_all([model_input(self.prepared, state, window)])[0]
 
     @checked
-    def outputs(self, state: ModelState, window: Window) -> tuple[ModelState, Mapping[str, Output]]:
+    def outputs(self, state: ModelState, window: Window) -> tuple[ModelState, Mapping[str, HeadOutput]]:
         """Return the state after a window, and the output of each head before calibration and correction.
 
         An unusable window has no outputs, and is not remembered.
         """
-        (reading,) = read_all([entry_of(self.prepared, state, window)])
+        (reading,) = read_all([model_input(self.prepared, state, window)])
         return reading.state, reading.outputs
 
     @staticmethod
@@ -426,7 +426,7 @@ class Model(Checked):
             The window of each stream, of the training's length.
         """
         pairs = zip(streams, windows, strict=True)
-        return step_all([entry_of(model.prepared, state, window) for (model, state), window in pairs])
+        return step_all([model_input(model.prepared, state, window) for (model, state), window in pairs])
 
     @property
     def corrections(self) -> dict[str, Correction]:

@@ -29,7 +29,7 @@ STD_OF_SPREAD: Mapping[Loss, float] = {"gauss": 1.0, "laplace": math.sqrt(2.0)}
 """Standard deviation of an error distribution whose spread is 1."""
 
 
-class Output(NamedTuple):
+class HeadOutput(NamedTuple):
     """Output of a head's last layer: a logit, or a scaled quantity with the logarithm of its spread.
 
     `certainty` is the probability that the position which a head refines is right. `variables` are the values
@@ -77,7 +77,7 @@ class Scaling(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Network:
+class HeadNetwork:
     """The scaling of the inputs and the layers of all heads, in the order of `names`.
 
     `forests` holds the nodes (n, 3) of the trees that add to the first output of a head, by its number.
@@ -92,7 +92,7 @@ class Network:
     certainty: tuple[int | None, ...]
 
     @classmethod
-    def of(cls, definition: Definition, weights: Mapping[str, Audio]) -> "Network":
+    def of(cls, definition: Definition, weights: Mapping[str, Audio]) -> "HeadNetwork":
         """Return the network of a definition with weights of the shapes in `Definition.shapes`."""
         heads = [
             Layers.of(
@@ -121,7 +121,7 @@ class Network:
             ),
         )
 
-    def outputs(self, rows: Audio) -> list[dict[str, Output]]:
+    def outputs(self, rows: Audio) -> list[dict[str, HeadOutput]]:
         """Return the outputs of all heads for features (n, d).
 
         Equal rows give equal bits in any batch.
@@ -133,7 +133,7 @@ class Network:
                 outputs[:, number, 0] += forest_sums(inputs.take(self.heads[number].columns, 1), nodes)
         return [
             {
-                name: Output(value, log_spread, 1.0 if column is None else float(row[column]))
+                name: HeadOutput(value, log_spread, 1.0 if column is None else float(row[column]))
                 for name, column, (value, log_spread) in zip(self.names, self.certainty, by_head, strict=True)
             }
             for by_head, row in zip(outputs.tolist(), rows, strict=True)
@@ -202,14 +202,14 @@ def _outputs(rows: Audio, scaling: Scaling, clip: float, heads: tuple[Layers, ..
     return outputs
 
 
-def probability(output: Output, record: HeadRecord) -> float:
+def probability(output: HeadOutput, record: HeadRecord) -> float:
     """Return the calibrated probability that a head estimates.
 
     After calibration with n windows, the probability stays at least 1 / (n + 2) away from 0 and 1 (rule of
     succession): n windows without an error do not justify more certainty.
 
     >>> from monochord.perception.heads.base import Task
-    >>> round(probability(Output(value=0.0), HeadRecord(task=Task(label="slip", loss="logistic"))), 3)
+    >>> round(probability(HeadOutput(value=0.0), HeadRecord(task=Task(label="slip", loss="logistic"))), 3)
     0.5
     """
     logit = output.value / record.calibration.factor
@@ -217,7 +217,9 @@ def probability(output: Output, record: HeadRecord) -> float:
     return 1.0 / (1.0 + math.exp(-min(max(logit, -bound), bound)))
 
 
-def quantity(output: Output, record: HeadRecord, correction: Correction | None = None) -> tuple[float, float]:
+def quantity(
+    output: HeadOutput, record: HeadRecord, correction: Correction | None = None
+) -> tuple[float, float]:
     """Return a quantity and its calibrated standard error, in the label's unit.
 
     A correction adds the expected error to the quantity, and its uncertainty to the standard error.
@@ -230,7 +232,7 @@ def quantity(output: Output, record: HeadRecord, correction: Correction | None =
     return record.offset + record.scale * value, record.scale * std
 
 
-def spread(output: Output, record: HeadRecord) -> float:
+def spread(output: HeadOutput, record: HeadRecord) -> float:
     """Return the calibrated standard error of a head without correction, in units of its scale."""
     log_spread = min(max(output.log_spread, -MAX_LOG_SPREAD), MAX_LOG_SPREAD)
     std = STD_OF_SPREAD.get(record.task.loss, 1.0) * math.exp(log_spread)
@@ -240,7 +242,7 @@ def spread(output: Output, record: HeadRecord) -> float:
 def estimates_of(
     heads: Mapping[str, HeadRecord],
     gate: str,
-    outputs: Mapping[str, Output],
+    outputs: Mapping[str, HeadOutput],
     corrections: Mapping[str, Correction] = NO_CORRECTIONS,
 ) -> dict[str, Estimate]:
     """Return the estimates of all heads; heads that require a touch abstain without contact.

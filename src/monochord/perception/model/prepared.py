@@ -14,7 +14,7 @@ from monochord.perception.features.base import Extractor
 from monochord.perception.model.correction import Correction
 from monochord.perception.model.definition import Definition, FeatureRecord
 from monochord.perception.model.forest import NO_FOREST
-from monochord.perception.model.network import Network
+from monochord.perception.model.network import HeadNetwork
 from monochord.perception.model.probe import probed, refuse_another
 from monochord.perception.tuning.sessions import at_length_of, force_scale
 from monochord.physics.sensors import retuned, with_length
@@ -117,9 +117,9 @@ class PreparedModel:
         return self.definition.channels, self.definition.window
 
     @cached_property
-    def network(self) -> Network:
+    def network(self) -> HeadNetwork:
         """The network of all heads."""
-        return Network.of(self.definition, self.weights)
+        return HeadNetwork.of(self.definition, self.weights)
 
     @cached_property
     def extractor(self) -> Extractor:

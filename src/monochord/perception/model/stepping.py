@@ -13,7 +13,7 @@ from monochord.core.types import Audio, Estimate, Estimates, Floats, Window
 from monochord.metrics import DECISION
 from monochord.perception.features.base import RecurrentExtractor, SpectrumExtractor
 from monochord.perception.model.faults import OF_REASON, fault_reason, log_odds
-from monochord.perception.model.network import Output, estimates_of, probability, quantity
+from monochord.perception.model.network import HeadOutput, estimates_of, probability, quantity
 from monochord.perception.model.prepared import PreparedModel
 from monochord.perception.model.state import ModelState
 from monochord.perception.spectrum import Spectrum
@@ -26,8 +26,8 @@ UNUSABLE = (Reason.GAP, Reason.SILENCE, Reason.NOT_NUMBERS)
 """Reasons that make a window unusable for a model. Clipped windows are usable: training includes them."""
 
 
-class Entry(NamedTuple):
-    """A window of a stream on its way into a model.
+class ModelInput(NamedTuple):
+    """A window of a stream, and the model that reads it with the state before it.
 
     `state` is the stream's state, of which the window has only changed `start`. `spectrum` is the window's;
     None where the model's feature needs none. `reason` is why the window is unusable; empty if it is usable.
@@ -49,39 +49,37 @@ class WindowReading(NamedTuple):
     """
 
     state: ModelState
-    outputs: Mapping[str, Output]
+    outputs: Mapping[str, HeadOutput]
     reason: str
     odds: Floats | None = None
 
 
-def step_all(entries: Sequence[Entry]) -> list[tuple[ModelState, Estimates]]:
+def step_all(inputs: Sequence[ModelInput]) -> list[tuple[ModelState, Estimates]]:
     """Return the state after one window of each of several streams, and the estimates.
 
     All heads are computed at once. Therefore all models must come from one trained model; each may be tuned
     to another string.
     """
-    readings = zip(entries, read_all(entries), strict=True)
-    return [(reading.state, estimates_in(entry.model, reading)) for entry, reading in readings]
+    readings = zip(inputs, read_all(inputs), strict=True)
+    return [(reading.state, estimates_in(each.model, reading)) for each, reading in readings]
 
 
-def read_all(entries: Sequence[Entry]) -> list[WindowReading]:
+def read_all(inputs: Sequence[ModelInput]) -> list[WindowReading]:
     """Return the reading of each window; see `step_all`."""
-    usable = [entry for entry in entries if not entry.reason]
+    usable = [each for each in inputs if not each.reason]
     if not usable:
-        return [WindowReading(entry.state, {}, entry.reason) for entry in entries]
+        return [WindowReading(each.state, {}, each.reason) for each in inputs]
     states, rows = zip(*map(_row, usable), strict=True)
     outputs = iter(zip(states, usable[0].model.network.outputs(np.stack(rows)), rows, strict=True))
     return [
-        WindowReading(entry.state, {}, entry.reason)
-        if entry.reason
-        else _reading(entry.model, *next(outputs))
-        for entry in entries
+        WindowReading(each.state, {}, each.reason) if each.reason else _reading(each.model, *next(outputs))
+        for each in inputs
     ]
 
 
-def entry_of(
+def model_input(
     model: PreparedModel, state: ModelState, window: Window, spectrum: Spectrum | None = None
-) -> Entry:
+) -> ModelInput:
     """Return a window as a model reads it; raises `InputError` for another length or number of channels.
 
     A window that starts no later than its predecessor begins another stream. A given `spectrum`, as a model
@@ -93,10 +91,10 @@ def entry_of(
     state = (state if window.start > state.start else ModelState())._replace(start=window.start)
     reason, feature = _unusable_reason(model, window), model.extractor
     if reason or not isinstance(feature, SpectrumExtractor):
-        return Entry(model, state, window, None, reason)
+        return ModelInput(model, state, window, None, reason)
     analyser = feature.analyser
     spectrum = analyser.analyse(window.samples) if spectrum is None else analyser.relisted(spectrum)
-    return Entry(model, state, window, spectrum, reason)
+    return ModelInput(model, state, window, spectrum, reason)
 
 
 def _unusable_reason(model: PreparedModel, window: Window) -> Reason:
@@ -109,20 +107,20 @@ def _unusable_reason(model: PreparedModel, window: Window) -> Reason:
     return Reason.SILENCE if power < model.definition.quietest**2 else Reason.NONE
 
 
-def _row(entry: Entry) -> tuple[ModelState, Audio]:
+def _row(window_input: ModelInput) -> tuple[ModelState, Audio]:
     """Return the state after a window, and its features (columns,)."""
-    state, window, feature = entry.state, entry.window, entry.model.extractor
-    if entry.spectrum is None or not isinstance(feature, SpectrumExtractor):
+    state, window, feature = window_input.state, window_input.window, window_input.model.extractor
+    if window_input.spectrum is None or not isinstance(feature, SpectrumExtractor):
         return state, feature(window.samples[np.newaxis])[0]
     if not isinstance(feature, RecurrentExtractor):
-        return state, feature.row(entry.spectrum)
+        return state, feature.row(window_input.spectrum)
     before = feature.begin() if state.memory is None else state.memory
-    memory, row = feature.step(before, entry.spectrum, window.start / window.sample_rate)
+    memory, row = feature.step(before, window_input.spectrum, window.start / window.sample_rate)
     return state._replace(memory=memory), row
 
 
 def _reading(
-    model: PreparedModel, state: ModelState, outputs: dict[str, Output], row: Audio
+    model: PreparedModel, state: ModelState, outputs: dict[str, HeadOutput], row: Audio
 ) -> WindowReading:
     """Return the reading of a usable window: outputs with variables, and the reason to abstain.
 

@@ -13,12 +13,12 @@ from monochord.metrics import DECISION
 from monochord.perception.model.faults import OF_REASON
 from monochord.perception.model.prepared import PreparedModel
 from monochord.perception.model.state import ModelState
-from monochord.perception.model.stepping import Entry, entry_of, step_all
+from monochord.perception.model.stepping import ModelInput, model_input, step_all
 from monochord.perception.spectrum import Spectrum
 from monochord.perception.tuning import Tuner, TunerState, Tuning
 from monochord.perception.tuning.sessions import HIGHEST, LOWEST
 from monochord.perception.tuning.tuner import detuned
-from monochord.perception.usable import Hearing, PitchJumps
+from monochord.perception.usable import PitchJumps, UntouchedStringCheck
 from monochord.perception.watching import Condition, Watching
 from monochord.physics.theory import open_frequency
 
@@ -54,11 +54,11 @@ class ModelStream(ABC):
     def _shared(self) -> tuple[object, ...]:
         """What never changes, which copies share."""
 
-    def before(self, window: Window) -> Entry:
-        """Return the entry of a window into the model that is applied to it."""
-        entry, inputs = self._entry(window), self._microphones(window)
-        self._inputs_reason = "" if entry.reason else inputs.reason
-        return entry
+    def before(self, window: Window) -> ModelInput:
+        """Return a window as input of the model that is applied to it."""
+        window_input, inputs = self._input(window), self._microphones(window)
+        self._inputs_reason = "" if window_input.reason else inputs.reason
+        return window_input
 
     def after(self, state: ModelState, estimates: Estimates) -> Estimates:
         """Store the state after a window, and return the window's estimates."""
@@ -66,15 +66,15 @@ class ModelStream(ABC):
         return _abstaining(estimates, self._inputs_reason) if self._inputs_reason else estimates
 
     @abstractmethod
-    def _entry(self, window: Window) -> Entry:
-        """Return the entry of a window into the model that is applied to it."""
+    def _input(self, window: Window) -> ModelInput:
+        """Return a window as input of the model that is applied to it."""
 
     @abstractmethod
     def _estimates(self, state: ModelState, estimates: Estimates) -> Estimates:
         """Store the state after a window, and return the estimates of two microphones."""
 
 
-class Fixed(ModelStream):
+class FixedPitchStream(ModelStream):
     """A model that does not follow the pitch."""
 
     def __init__(self, model: PreparedModel) -> None:
@@ -85,9 +85,9 @@ class Fixed(ModelStream):
     def _shared(self) -> tuple[object, ...]:
         return (self._model,)
 
-    def _entry(self, window: Window) -> Entry:
-        """Return the window's entry into the model."""
-        return entry_of(self._model, self._state, window)
+    def _input(self, window: Window) -> ModelInput:
+        """Return the window as input of the model."""
+        return model_input(self._model, self._state, window)
 
     def _estimates(self, state: ModelState, estimates: Estimates) -> Estimates:
         """Store the state, and return the estimates unchanged."""
@@ -95,7 +95,7 @@ class Fixed(ModelStream):
         return estimates
 
 
-class Followed(ModelStream, Watching):
+class FollowedPitchStream(ModelStream, Watching):
     """A model that follows the pitch of untouched windows."""
 
     def __init__(self, model: PreparedModel, signal: Signal, size: Samples) -> None:
@@ -104,29 +104,30 @@ class Followed(ModelStream, Watching):
         self._trained, self._string = model, self._tuner.string
         self._model, self._pitch = model, self._tuner.nominal
         self._state, self._tuned = ModelState(), TunerState()
-        self._reason, self._may_state, self._jumps = "", Hearing(signal.sample_rate), PitchJumps()
+        self._may_state, self._jumps = UntouchedStringCheck(signal.sample_rate), PitchJumps()
+        self._reason = ""
         self._gate = model.gate
 
     @property
     def _shared(self) -> tuple[object, ...]:
         return self._model, self._trained, self._tuner
 
-    def _entry(self, window: Window) -> Entry:
-        """Update the pitch from the window, and return its entry into the model for this pitch."""
+    def _input(self, window: Window) -> ModelInput:
+        """Update the pitch from the window, and return it as input of the model for this pitch."""
         if window.start <= self._state.start:
             self._use(self._trained, self._string)
-        entry = entry_of(self._model, self._state, window)
-        if entry.spectrum is not None and self._has_jumped(window, entry.spectrum):
+        window_input = model_input(self._model, self._state, window)
+        if window_input.spectrum is not None and self._has_jumped(window, window_input.spectrum):
             self._may_state.forget()
             self._tuned = TunerState()
             self._use(self._trained, self._string)
-            entry = entry_of(self._model, self._state, window)
-        before, self._tuned = self._tuned.tuning, self._tuner.step(self._tuned, window, entry.spectrum)
+            window_input = model_input(self._model, self._state, window)
+        before, self._tuned = self._tuned.tuning, self._tuner.step(self._tuned, window, window_input.spectrum)
         tuning = self._tuned.tuning
         if tuning is before or tuning is None or LOWEST <= tuning.frequency / self._pitch - 1.0 <= HIGHEST:
-            return entry
+            return window_input
         self._follow(tuning)
-        return entry_of(self._model, self._state, window, entry.spectrum)
+        return model_input(self._model, self._state, window, window_input.spectrum)
 
     def _estimates(self, state: ModelState, estimates: Estimates) -> Estimates:
         """Store the state, and return the estimates; abstentions if the pitch cannot be followed.

@@ -13,10 +13,10 @@ from monochord.perception.reader.network import (
     POSITIONS,
     STRIDE,
     MemoryNetwork,
-    Network,
+    ReaderNetwork,
     segments,
 )
-from monochord.perception.reader.reader import Reader, Reading
+from monochord.perception.reader.reader import Reader, SpectrumReading
 from monochord.perception.spectrum import SpectrumAnalyser
 
 __all__ = [
@@ -33,10 +33,10 @@ __all__ = [
     "STRIDE",
     "Memory",
     "MemoryNetwork",
-    "Network",
     "Reader",
-    "Reading",
+    "ReaderNetwork",
     "SpectrumAnalyser",
+    "SpectrumReading",
     "measure",
     "measure_gaps",
     "no_memory",

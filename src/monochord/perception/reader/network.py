@@ -68,7 +68,7 @@ MAX_INPUT = 6.0
 """Largest magnitude of an input, in standard deviations of the training."""
 
 
-class Network(NamedTuple):
+class ReaderNetwork(NamedTuple):
     """Convolutions, a comb and layers, each but the last two with a ReLU.
 
     Weights are (taps x inputs, outputs), tap by tap. Inputs and outputs of convolutions come by fours.
@@ -102,7 +102,7 @@ class MemoryNetwork(NamedTuple):
     """The layers around the memory: inputs are scaled, enter, change the state, and leave; each is (in, out).
 
     Gates are in the order reset, update, candidate. The last layer's outputs are those of
-    `monochord.perception.reader.network.Network`, then `OUTPUTS`.
+    `monochord.perception.reader.network.ReaderNetwork`, then `OUTPUTS`.
     """
 
     input_mean: Audio
@@ -122,12 +122,12 @@ class MemoryNetwork(NamedTuple):
 
 
 @cache
-def bundled_network() -> Network:
+def bundled_network() -> ReaderNetwork:
     """Return the network of the package."""
     from safetensors.numpy import load  # noqa: PLC0415
 
     arrays = load(FILE.read_bytes())
-    return Network(*(np.ascontiguousarray(arrays[name], np.float32) for name in Network._fields))
+    return ReaderNetwork(*(np.ascontiguousarray(arrays[name], np.float32) for name in ReaderNetwork._fields))
 
 
 def _taps(count: int) -> NDArray[np.int64]:
@@ -148,7 +148,7 @@ _BELOW, _ABOVE = segments()
 
 
 @kernel()
-def activations(cells: Audio, network: Network) -> tuple[Audio, Floats]:
+def activations(cells: Audio, network: ReaderNetwork) -> tuple[Audio, Floats]:
     """Return what the last layer sees, and the outputs (1 + positions + kinds,), for a window's cells.
 
     The former are the hidden layer, and of the features of positions their mean by the density and their

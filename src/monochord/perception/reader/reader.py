@@ -13,7 +13,7 @@ from monochord.perception.reader.network import (
     KINDS,
     POSITIONS,
     MemoryNetwork,
-    Network,
+    ReaderNetwork,
     activations,
     bundled_network,
     memory_inputs,
@@ -24,7 +24,7 @@ RIGHT_WITHIN = 0.025
 """Largest error over the length of a place that counts as right: 5 mm of the design's string."""
 
 
-class Reading(NamedTuple):
+class SpectrumReading(NamedTuple):
     """The reading of a window and those before it.
 
     `measures` are those of `measures.COLUMNS`, `touched` the log odds that something touches, `certainty` the
@@ -47,7 +47,7 @@ class Reader:
     """Reads spectra of an analyser's windows; `network` and `memory` are the package's by default."""
 
     analyser: SpectrumAnalyser
-    network: Network
+    network: ReaderNetwork
     memory: MemoryNetwork
 
     @classmethod
@@ -67,7 +67,7 @@ class Reader:
         told = memory_inputs(hidden, outputs[: -len(KINDS)], outputs[-len(KINDS) :], measures, gaps)
         return *told, gaps
 
-    def read(self, memory: Memory, spectrum: Spectrum, time: Seconds) -> tuple[Memory, Reading]:
+    def read(self, memory: Memory, spectrum: Spectrum, time: Seconds) -> tuple[Memory, SpectrumReading]:
         """Return the memory after a window that starts at a time in s, and the window's reading.
 
         What the window alone tells enters the memory; then that pair of lines is measured which is nearest to
@@ -77,7 +77,7 @@ class Reader:
         memory, both = recall(memory, inputs, density, time, self.memory)
         measures = self._measures(both.logits, spectrum)
         near = touch_near(both.logits, POSITIONS, measures[PLACE], RIGHT_WITHIN)
-        return memory, Reading(measures, *near, both.kinds, gaps, both.outputs, both.summary)
+        return memory, SpectrumReading(measures, *near, both.kinds, gaps, both.outputs, both.summary)
 
     def _measures(self, logits: Floats, spectrum: Spectrum) -> Floats:
         pitch = self.analyser.bin_spacing, self.analyser.nominal, self.analyser.bending

@@ -13,17 +13,17 @@ import numpy as np
 from monochord.core.types import Audio, Floats, Indices
 from monochord.perception.heads.base import RIGHT_WITHIN
 from monochord.perception.model.definition import Definition, HeadRecord, Method
-from monochord.perception.model.network import Network
+from monochord.perception.model.network import HeadNetwork
 from monochord.perception.training.calibrate import temperature
 from monochord.perception.training.examples import Examples, inputs_of, targets_of
-from monochord.perception.training.regression import Windows, fit_regression, groups_of
+from monochord.perception.training.regression import RegressionWindows, fit_regression, groups_of
 
 MARGIN = 0.05
 """Share by which a method's error must be below that of an earlier one to be chosen instead."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Choice:
+class MethodChoice:
     """The chosen method of a head, and each method's mean error on the validation part and its noisy copies.
 
     The error of a quantity is its mean absolute error in the label's unit. Where the head refines a position,
@@ -37,7 +37,7 @@ class Choice:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Candidate:
+class LearnedHeads:
     """What one method learned: a definition, and the weights of all heads."""
 
     definition: Definition
@@ -49,7 +49,7 @@ def regressions(
     definition: Definition,
     scaler: Mapping[str, Audio],
     train: Examples,
-) -> Candidate:
+) -> LearnedHeads:
     """Return all heads as ridge regression or extra trees learn them from the examples and their copies.
 
     The heads of the definition may have hidden layers; those of the result have none. `scaler` are the arrays
@@ -63,10 +63,12 @@ def regressions(
         weights |= {f"{name}.0.weight": learned.weight, f"{name}.0.bias": learned.bias}
         if len(learned.forest):
             weights[f"{name}.forest"] = learned.forest
-    return Candidate(definition=dataclasses.replace(definition, heads=heads), weights=weights)
+    return LearnedHeads(definition=dataclasses.replace(definition, heads=heads), weights=weights)
 
 
-def _windows_of(definition: Definition, name: str, scaler: Mapping[str, Audio], train: Examples) -> Windows:
+def _windows_of(
+    definition: Definition, name: str, scaler: Mapping[str, Audio], train: Examples
+) -> RegressionWindows:
     """Return the windows that count for a head, in all copies."""
     mask, count = train.masks[name], len(train.base)
     place, total = np.cumsum(mask) - 1, int(mask.sum())
@@ -80,15 +82,15 @@ def _windows_of(definition: Definition, name: str, scaler: Mapping[str, Audio], 
 
     target = targets_of(definition, name, train)[:, mask].ravel()
     group = groups_of(train.session, train.touch)[mask]
-    return Windows(blocks=blocks, target=target, group=np.tile(group, count))
+    return RegressionWindows(blocks=blocks, target=target, group=np.tile(group, count))
 
 
 def choose(
-    candidates: Mapping[Method, Candidate],
+    candidates: Mapping[Method, LearnedHeads],
     scaler: Mapping[str, Audio],
     validation: Examples,
     noises: tuple[str, ...] = (),
-) -> tuple[Candidate, dict[str, Choice]]:
+) -> tuple[LearnedHeads, dict[str, MethodChoice]]:
     """Return each head by the method with the smallest error on validation, and the choices.
 
     A method is chosen over an earlier one if its error is smaller by `MARGIN`. `noises` names the noise of
@@ -99,23 +101,23 @@ def choose(
         errors[method] = _errors(candidate, scaler, validation)
     first = next(iter(candidates.values())).definition
     heads, weights = dict[str, HeadRecord](), dict[str, Audio]()
-    choices: dict[str, Choice] = {}
+    choices: dict[str, MethodChoice] = {}
     for name in first.heads:
         head_errors: dict[Method, float] = {method: of[name] for method, of in errors.items()}
         best, *others = head_errors
         for method in others:
             if head_errors[method] < (1.0 - MARGIN) * head_errors[best]:
                 best = method
-        choices[name] = Choice(method=best, errors=head_errors, noises=noises)
+        choices[name] = MethodChoice(method=best, errors=head_errors, noises=noises)
         heads[name] = candidates[best].definition.heads[name]
         weights |= {
             key: array for key, array in candidates[best].weights.items() if key.partition(".")[0] == name
         }
-    return Candidate(definition=dataclasses.replace(first, heads=heads), weights=weights), choices
+    return LearnedHeads(definition=dataclasses.replace(first, heads=heads), weights=weights), choices
 
 
-def _errors(candidate: Candidate, scaler: Mapping[str, Audio], examples: Examples) -> dict[str, float]:
-    """Return the error of each head over all copies of examples; see `Choice`."""
+def _errors(candidate: LearnedHeads, scaler: Mapping[str, Audio], examples: Examples) -> dict[str, float]:
+    """Return the error of each head over all copies of examples; see `MethodChoice`."""
     definition, outputs = candidate.definition, _outputs(candidate, scaler, examples)
     errors: dict[str, float] = {}
     for name, record in definition.heads.items():
@@ -126,9 +128,9 @@ def _errors(candidate: Candidate, scaler: Mapping[str, Audio], examples: Example
     return errors
 
 
-def _outputs(candidate: Candidate, scaler: Mapping[str, Audio], examples: Examples) -> dict[str, Floats]:
+def _outputs(candidate: LearnedHeads, scaler: Mapping[str, Audio], examples: Examples) -> dict[str, Floats]:
     """Return value and certainty (2, copies, n) of each head for all copies of examples."""
-    network = Network.of(candidate.definition, {**scaler, **candidate.weights})
+    network = HeadNetwork.of(candidate.definition, {**scaler, **candidate.weights})
     outputs = {name: np.empty((2, *examples.base.shape[:2])) for name in candidate.definition.heads}
     for at, block in examples.blocks():
         for copy, rows in enumerate(np.asarray(block.base)):
@@ -139,7 +141,7 @@ def _outputs(candidate: Candidate, scaler: Mapping[str, Audio], examples: Exampl
 
 
 def noisy_logits(
-    candidate: Candidate, scaler: Mapping[str, Audio], examples: Examples
+    candidate: LearnedHeads, scaler: Mapping[str, Audio], examples: Examples
 ) -> dict[str, tuple[Floats, Floats, Indices]]:
     """Return labels, logits and sessions (n,) of each probability on all noisy copies of examples."""
     outputs, copies = _outputs(candidate, scaler, examples), len(examples.base) - 1
@@ -154,7 +156,7 @@ def noisy_logits(
 
 
 def head_error(record: HeadRecord, value: Floats, certainty: Floats, target: Floats) -> float:
-    """Return the error of a head's values and certainties for targets (n,) in its scale; see `Choice`."""
+    """Return the error of a head's values and certainties for scaled targets (n,); see `MethodChoice`."""
     if record.task.is_probability:
         bound = np.log(len(value) + 1.0)  # as after calibration
         logit = np.clip(value / temperature(target == 1.0, value), -bound, bound)

@@ -13,7 +13,7 @@ from monochord.datasets.store import Dataset
 from monochord.perception.model.correction import Correction, physical, prior
 from monochord.perception.model.definition import TOUCHES_KEPT, CorrectionRecord, Definition
 from monochord.perception.model.model import Model
-from monochord.perception.model.network import Output, spread
+from monochord.perception.model.network import HeadOutput, spread
 from monochord.perception.training.examples import masks_of
 
 TOOL_OFFSET: Metres = 4e-4
@@ -23,7 +23,7 @@ LENGTH_STD = 0.0058
 FORCE_STDS = (0.05, 0.2, 0.1)
 """Standard deviations of force's error, assumed: constant in N, by N, and by N^2."""
 NONE_KEPT: Audio = np.zeros((TOUCHES_KEPT, 2), np.float32)
-Outputs = Mapping[int, Mapping[str, Output]]
+Outputs = Mapping[int, Mapping[str, HeadOutput]]
 """The outputs of every head for the windows of a dataset, by row."""
 
 
@@ -31,7 +31,7 @@ class PackedOutputs(Outputs):
     """Outputs of windows in rising order of their rows, as numbers without objects around them.
 
     >>> outputs = PackedOutputs()
-    >>> outputs.append(3, {"force": Output(0.5, variables=(2.0,))})
+    >>> outputs.append(3, {"force": HeadOutput(0.5, variables=(2.0,))})
     >>> list(outputs), outputs[3]["force"].variables
     ([3], (2.0,))
     """
@@ -40,7 +40,7 @@ class PackedOutputs(Outputs):
         self._rows, self._values = array("q"), array("d")
         self._sizes: dict[str, int] = {}
 
-    def append(self, row: int, outputs: Mapping[str, Output]) -> None:
+    def append(self, row: int, outputs: Mapping[str, HeadOutput]) -> None:
         """Add a window's outputs, of the same heads as before."""
         self._sizes = {name: 3 + len(output.variables) for name, output in outputs.items()}
         self._rows.append(row)
@@ -53,14 +53,14 @@ class PackedOutputs(Outputs):
     def __iter__(self) -> Iterator[int]:
         return iter(self._rows)
 
-    def __getitem__(self, row: int) -> Mapping[str, Output]:
+    def __getitem__(self, row: int) -> Mapping[str, HeadOutput]:
         number = bisect_left(self._rows, row)
         if number == len(self._rows) or self._rows[number] != row:
             raise KeyError(row)
-        first, outputs = number * sum(self._sizes.values()), dict[str, Output]()
+        first, outputs = number * sum(self._sizes.values()), dict[str, HeadOutput]()
         for name, size in self._sizes.items():
             value, log_spread, certainty, *variables = self._values[first : first + size]
-            outputs[name] = Output(value, log_spread, certainty, tuple(variables))
+            outputs[name] = HeadOutput(value, log_spread, certainty, tuple(variables))
             first += size
         return outputs
 

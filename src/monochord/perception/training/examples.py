@@ -19,7 +19,7 @@ from monochord.perception.heads.base import CONTACT, POSITION, REFINED_SCALE, Ta
 from monochord.perception.model.definition import Definition, FeatureRecord, HeadRecord
 from monochord.perception.model.network import Scaling, network_inputs
 from monochord.perception.model.probe import probed
-from monochord.perception.training.rows import Noise, Rows
+from monochord.perception.training.rows import AddedNoise, DatasetFeature
 from monochord.perception.training.scratch import empty, release
 from monochord.perception.training.settings import TrainingSettings
 from monochord.perception.tuning.sessions import force_scales, length_scales
@@ -42,7 +42,7 @@ class TrainingData:
 
     dataset: Dataset
     definition: Definition
-    feature: Rows
+    feature: DatasetFeature
     scratch: Path | None = None
 
     @property
@@ -114,8 +114,8 @@ def training_data(
 ) -> TrainingData:
     """Return the features and the definition of a model to train; heads have the scale 1.
 
-    `workers` and `cluster` compute the features; see `rows.Rows`. Raises `InputError` if a feature, head or
-    sensor is unknown, or refuses an option.
+    `workers` and `cluster` compute the features; see `rows.DatasetFeature`. Raises `InputError` if a feature,
+    head or sensor is unknown, or refuses an option.
     """
     manifest, sensor = dataset.manifest, load_sensor(settings.sensor)
     string = sensor.string
@@ -123,7 +123,9 @@ def training_data(
     folder = settings.cache or dataset.path / "features"
 
     name, options = settings.feature_named()
-    feature = Rows.prepared(dataset, signal, name, options, folder, workers=workers, cluster=cluster)
+    feature = DatasetFeature.prepared(
+        dataset, signal, name, options, folder, workers=workers, cluster=cluster
+    )
     record = FeatureRecord(name=name, options=options, columns=feature.extractor.columns)
     used = np.unique(dataset.session[np.concatenate([split.train, split.validation])]).tolist()
     definition = Definition(
@@ -262,7 +264,7 @@ def examples_of(
     data: TrainingData,
     part: Indices,
     name: str,
-    noises: tuple[Noise, ...] = (),
+    noises: tuple[AddedNoise, ...] = (),
     progress: Progress = lambda *_: None,
 ) -> Examples:
     """Return the examples of the part `name`: clean windows, then a copy for each of `noises`."""
@@ -357,15 +359,15 @@ def quietest(dataset: Dataset, rows: Indices) -> float:
     return 0.5 * float(np.quantile(levels, 0.001))
 
 
-def noises_of(settings: TrainingSettings, sample_rate: int) -> tuple[Noise, ...]:
+def noises_of(settings: TrainingSettings, sample_rate: int) -> tuple[AddedNoise, ...]:
     """Return the noise of each augmented copy in the settings."""
     if not settings.noise.copies:
         return ()
-    first = Noise(augmentation=settings.noise, copy=1, seed=settings.seed, sample_rate=sample_rate)
+    first = AddedNoise(augmentation=settings.noise, copy=1, seed=settings.seed, sample_rate=sample_rate)
     return tuple(dataclasses.replace(first, copy=copy) for copy in range(1, settings.noise.copies + 1))
 
 
-def each_noise(settings: TrainingSettings, sample_rate: int) -> dict[str, Noise]:
+def each_noise(settings: TrainingSettings, sample_rate: int) -> dict[str, AddedNoise]:
     """Return a noise of each kind alone, by kind; a mixture hides the kind in which a method fails."""
     if not settings.noise.copies:
         return {}

@@ -39,7 +39,7 @@ MIN_ERROR = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Regression:
+class FittedRegression:
     """One linear layer, and the trees that add to its first output.
 
     `weight` (outputs, inputs) and `bias` (outputs,) are float32; `forest` (n, 3) are nodes, see
@@ -57,7 +57,7 @@ class Regression:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Windows:
+class RegressionWindows:
     """Windows to learn from, in memory block by block.
 
     `blocks` returns an iterator over the numbers (m,) of some windows and their scaled inputs (m, k).
@@ -70,7 +70,7 @@ class Windows:
     group: Indices
 
     @classmethod
-    def of(cls, inputs: Audio | Floats, target: Floats, group: Indices) -> "Windows":
+    def of(cls, inputs: Audio | Floats, target: Floats, group: Indices) -> "RegressionWindows":
         """Return windows whose inputs (n, k) are in memory."""
 
         def blocks() -> Iterator[tuple[Indices, Audio | Floats]]:
@@ -80,7 +80,7 @@ class Windows:
 
         return cls(blocks=blocks, target=target.astype(np.float64), group=group)
 
-    def only(self, chosen: Flags) -> "Windows":
+    def only(self, chosen: Flags) -> "RegressionWindows":
         """Return some of the windows."""
         if chosen.all():
             return self
@@ -91,9 +91,9 @@ class Windows:
                 some = chosen[numbers]
                 yield place[numbers[some]], inputs[some]
 
-        return Windows(blocks=blocks, target=self.target[chosen], group=self.group[chosen])
+        return RegressionWindows(blocks=blocks, target=self.target[chosen], group=self.group[chosen])
 
-    def drawn(self, most: int) -> tuple[Floats, "Windows"]:
+    def drawn(self, most: int) -> tuple[Floats, "RegressionWindows"]:
         """Return the inputs (m, k) of at most `most` windows, spread evenly, and these windows in memory."""
         chosen = np.zeros(len(self.target), bool)
         chosen[:: max(1, -(-len(chosen) // most))] = True
@@ -101,10 +101,10 @@ class Windows:
         for numbers, inputs in some.blocks():
             rows = rows if rows.size else np.empty((len(some.target), inputs.shape[1]))
             rows[numbers] = inputs
-        return rows, Windows.of(rows, some.target, some.group)
+        return rows, RegressionWindows.of(rows, some.target, some.group)
 
 
-def fit_regression(method: Method, task: Task, windows: Windows) -> Regression:
+def fit_regression(method: Method, task: Task, windows: RegressionWindows) -> FittedRegression:
     """Return what a method, "ridge" or "extra_trees", learns of a head's task from windows that count for it.
 
     Loss and `refines` of the task say which outputs there are.
@@ -114,7 +114,8 @@ def fit_regression(method: Method, task: Task, windows: Windows) -> Regression:
     >>> rng = np.random.default_rng(0)
     >>> inputs = rng.normal(size=(200, 2)).astype(np.float32)
     >>> task = Task(label="force", unit="N", loss="laplace")
-    >>> learned = fit_regression("ridge", task, Windows.of(inputs, 3.0 * inputs[:, 0], np.arange(200)))
+    >>> windows = RegressionWindows.of(inputs, 3.0 * inputs[:, 0], np.arange(200))
+    >>> learned = fit_regression("ridge", task, windows)
     >>> learned.weight.shape, round(float(learned.weight[0, 0]), 1)
     ((2, 2), 3.0)
     """
@@ -150,15 +151,15 @@ def groups_of(session: Indices, touch: Indices) -> Indices:
     return session if len(np.unique(session)) >= FOLDS else touch
 
 
-def _linear(weight: Floats, bias: float, outputs: int = 1) -> Regression:
+def _linear(weight: Floats, bias: float, outputs: int = 1) -> FittedRegression:
     weights, biases = np.zeros((outputs, len(weight)), np.float32), np.zeros(outputs, np.float32)
     weights[0], biases[0] = weight, bias
-    return Regression(weight=weights, bias=biases)
+    return FittedRegression(weight=weights, bias=biases)
 
 
-def _trees(rows: Floats, target: Floats, outputs: int) -> Regression:
+def _trees(rows: Floats, target: Floats, outputs: int) -> FittedRegression:
     flat = _linear(np.zeros(rows.shape[1]), 0.0, outputs)
-    return Regression(weight=flat.weight, bias=flat.bias, forest=forest_of(rows, target))
+    return FittedRegression(weight=flat.weight, bias=flat.bias, forest=forest_of(rows, target))
 
 
 def _logistic(rows: Floats, target: Floats) -> tuple[Floats, float]:
@@ -184,7 +185,7 @@ class _Ridge:
     part: NDArray[np.int8]
 
     @classmethod
-    def of(cls, windows: Windows) -> "_Ridge":
+    def of(cls, windows: RegressionWindows) -> "_Ridge":
         """Return what is learned of the windows, from the sums of products in each part."""
         part, count = _parts(windows.group)
         sums: Floats = np.zeros((count, 1, 1))
@@ -205,7 +206,7 @@ class _Ridge:
         layers = [(weights[:, best], float(biases[best])) for weights, biases in (*paths, _paths(whole))]
         return cls(layer=layers[-1], others=layers[:-1], part=part)
 
-    def left_out(self, windows: Windows) -> Floats:
+    def left_out(self, windows: RegressionWindows) -> Floats:
         """Return the estimates (n,) of windows by those of the other parts; with one part, the mean."""
         estimate = np.full(len(windows.target), windows.target.mean())
         for numbers, inputs in windows.blocks() if self.others else ():
@@ -249,7 +250,7 @@ def _left_out(rows: Floats, target: Floats, group: Indices) -> Floats:
     return estimate
 
 
-def _log_spread(task: Task, windows: Windows, error: Floats) -> tuple[Floats, float]:
+def _log_spread(task: Task, windows: RegressionWindows, error: Floats) -> tuple[Floats, float]:
     """Return weights and bias of the logarithm of the spread of errors (n,), for the task's distribution."""
     logs = np.log(np.maximum(error, MIN_ERROR))
     weight, bias = _Ridge.of(replace(windows, target=logs)).layer

@@ -46,7 +46,7 @@ SEAL, MAX_HEADER = 32, 1024
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Noise:
+class AddedNoise:
     """Noise or a fault that is added to one copy of the windows."""
 
     augmentation: Augmentation | Fault
@@ -66,7 +66,7 @@ class Noise:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Rows:
+class DatasetFeature:
     """A feature of a dataset, with the name and options of the feature.
 
     `retuned` holds the strings, by session number, of sessions whose string is not tuned as designed, and
@@ -88,7 +88,7 @@ class Rows:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Have another process prepare the feature for itself."""
-        return Rows.prepared, (self.dataset, self.signal, self.name, self.options, self.folder)
+        return DatasetFeature.prepared, (self.dataset, self.signal, self.name, self.options, self.folder)
 
     @classmethod
     def prepared(
@@ -101,7 +101,7 @@ class Rows:
         *,
         workers: int | None = None,
         cluster: str = "",
-    ) -> "Rows":
+    ) -> "DatasetFeature":
         """Return the feature of a dataset, relative to the tuning of each session's string.
 
         Raises `InputError` if the feature is unknown, or refuses an option or the signal.
@@ -130,7 +130,7 @@ class Rows:
     def of(
         self,
         rows: Indices,
-        noise: Noise | None = None,
+        noise: AddedNoise | None = None,
         progress: Progress = lambda *_: None,
         out: Audio | None = None,
     ) -> Audio:
@@ -160,7 +160,7 @@ class Rows:
             release(result)
         return result
 
-    def _chunk(self, file: Path, rows: Indices, noise: Noise | None) -> Audio:
+    def _chunk(self, file: Path, rows: Indices, noise: AddedNoise | None) -> Audio:
         shape = (len(rows), len(self.extractor.columns))
         cached = _cached(file, shape)
         if cached is not None:
@@ -180,12 +180,12 @@ class Rows:
             part.write_bytes(_sealed(result))
         return result
 
-    def _windows(self, rows: Indices, noise: Noise | None) -> Audio:
+    def _windows(self, rows: Indices, noise: AddedNoise | None) -> Audio:
         """Return windows (n, channels, size), with the noise added."""
         windows = self.dataset.batch(rows)
         return windows if noise is None else noise.added(windows, rows)
 
-    def _streamed(self, rows: Indices, noise: Noise | None) -> Audio:
+    def _streamed(self, rows: Indices, noise: AddedNoise | None) -> Audio:
         """Return the features (k, columns) of windows (k,), each after those before it in its session."""
         dataset, result = self.dataset, np.empty((len(rows), len(self.extractor.columns)), np.float32)
         session, rate = dataset.session[rows], dataset.manifest.sample_rate
@@ -220,7 +220,7 @@ class Rows:
             result[chosen] = extractor(windows[chosen])
         return result
 
-    def _key(self, rows: Indices, noise: Noise | None) -> str:
+    def _key(self, rows: Indices, noise: AddedNoise | None) -> str:
         about = {
             "feature": self.name,
             "options": to_tree(self.options),
@@ -235,7 +235,7 @@ class Rows:
         return hashlib.sha256(json.dumps(about, sort_keys=True).encode()).hexdigest()[:32]
 
 
-def _compute(rows: Rows, noise: Noise | None, job: tuple[Path, Indices]) -> None:
+def _compute(rows: DatasetFeature, noise: AddedNoise | None, job: tuple[Path, Indices]) -> None:
     """Put the feature of some windows into its file, in whatever process."""
     file, some = job
     rows._chunk(file, some, noise)  # noqa: SLF001

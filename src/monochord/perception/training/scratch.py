@@ -11,7 +11,7 @@ from monochord.core.files import written
 from monochord.core.types import Audio
 
 
-class Scratch(np.ndarray[tuple[int, ...], np.dtype[np.float32]]):
+class FileArray(np.ndarray[tuple[int, ...], np.dtype[np.float32]]):
     """An array in a file, of which `release` can let the memory go; views share the file."""
 
     pages: mmap.mmap | None = None
@@ -37,7 +37,7 @@ def empty(folder: Path | None, shape: tuple[int, ...]) -> Audio:
             if hasattr(os, "posix_fallocate"):  # as on Linux
                 os.posix_fallocate(file.fileno(), 0, size)
         pages = mmap.mmap(file.fileno(), size)
-    array = np.frombuffer(pages, np.float32).reshape(shape).view(Scratch)
+    array = np.frombuffer(pages, np.float32).reshape(shape).view(FileArray)
     array.pages = pages
     return array
 
@@ -48,5 +48,5 @@ def release(*arrays: Audio) -> None:
     >>> release(np.zeros(3, np.float32))
     """
     for array in arrays:
-        if isinstance(array, Scratch) and array.pages is not None:
+        if isinstance(array, FileArray) and array.pages is not None:
             array.pages.madvise(mmap.MADV_DONTNEED)

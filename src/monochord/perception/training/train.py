@@ -28,15 +28,15 @@ from monochord.perception.model.definition import (
 from monochord.perception.model.faults import FAULTS
 from monochord.perception.model.files import INSIDE_A_RUN
 from monochord.perception.model.model import Model
-from monochord.perception.model.network import Output, probability, quantity
+from monochord.perception.model.network import HeadOutput, probability, quantity
 from monochord.perception.model.state import ModelState
-from monochord.perception.model.stepping import entry_of, read_all
+from monochord.perception.model.stepping import model_input, read_all
 from monochord.perception.training._torch import torch_library
 from monochord.perception.training.calibrate import calibrate_probability, calibrate_quantity
 from monochord.perception.training.checkpoint import Checkpoint
 from monochord.perception.training.choice import (
-    Candidate,
-    Choice,
+    LearnedHeads,
+    MethodChoice,
     choose,
     noisy_logits,
     regressions,
@@ -93,7 +93,7 @@ class TrainingResult:
     model: Model
     scores: dict[str, HeadScores]
     epochs: int
-    choices: dict[str, Choice]
+    choices: dict[str, MethodChoice]
     left_out: str = ""
 
 
@@ -116,7 +116,7 @@ def train(
     progress
         Called with the progress.
     workers, cluster
-        Number of processes that compute the features, or a cluster; see `rows.Rows`.
+        Number of processes that compute the features, or a cluster; see `rows.DatasetFeature`.
 
     Raises
     ------
@@ -162,7 +162,7 @@ def _trained(
     definition, scaler = scaled_heads(data.definition, learned), scaling(learned)
     definition = dataclasses.replace(definition, quietest=quietest(dataset, learned.rows))
     definition = with_variables(definition, settings.corrections)
-    candidates: dict[Method, Candidate] = {}
+    candidates: dict[Method, LearnedHeads] = {}
     state = Checkpoint.none(training_checksum(scaler, learned, judged))
     for number, method in enumerate(methods):
         progress("methods", number, len(methods))
@@ -183,7 +183,7 @@ def _trained(
 
             state, weights = fit(setup, scaler, learned, judged, out / CHECKPOINT, report)
             report(state)  # a kill between a checkpoint and its report would leave out its epoch
-        candidates[method] = Candidate(definition=definition, weights=weights)
+        candidates[method] = LearnedHeads(definition=definition, weights=weights)
     chosen_heads, choices = choose(candidates, scaler, copies, tuple(kinds))
     definition, weights = chosen_heads.definition, chosen_heads.weights
     if settings.faults:
@@ -351,7 +351,7 @@ def read_in_turn(
         if dataset.session[row] != session:
             state, session = ModelState(), int(dataset.session[row])
             tuned = model.tuned(strings[session]) if session in strings else model
-        (reading,) = read_all([entry_of(tuned.prepared, state, window_of(dataset, row))])
+        (reading,) = read_all([model_input(tuned.prepared, state, window_of(dataset, row))])
         state = reading.state
         if reading.outputs:
             every.append(row, reading.outputs)
@@ -372,7 +372,7 @@ def _calibration(
     definition: Definition,
     name: str,
     dataset: Dataset,
-    outputs: Mapping[int, Mapping[str, Output]],
+    outputs: Mapping[int, Mapping[str, HeadOutput]],
     touch: Indices,
     noisy: Mapping[str, tuple[Floats, Floats, Indices]] | None,
 ) -> Calibration:
@@ -392,7 +392,7 @@ def _calibration(
 
 
 def _score(
-    model: Model, name: str, dataset: Dataset, outputs: Mapping[int, Mapping[str, Output]]
+    model: Model, name: str, dataset: Dataset, outputs: Mapping[int, Mapping[str, HeadOutput]]
 ) -> HeadScores:
     definition = model.definition
     record, rows = definition.heads[name], counting(definition, name, dataset, outputs)
@@ -412,7 +412,7 @@ def _quantities(
     definition: Definition,
     name: str,
     rows: Indices,
-    outputs: Mapping[int, Mapping[str, Output]],
+    outputs: Mapping[int, Mapping[str, HeadOutput]],
     correction: Correction | None = None,
 ) -> tuple[Floats, Floats]:
     pairs = [quantity(outputs[row][name], definition.heads[name], correction) for row in rows.tolist()]

@@ -70,7 +70,7 @@ class Partial:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Heard:
+class StringTake:
     """What one take tells: its partials, or none and the `reason`, from `windows` and `channels` (from 1)."""
 
     partials: tuple[Partial, ...] = ()
@@ -145,7 +145,7 @@ UNITS: Mapping[str, str] = dict(zip(NAMES, ("Hz", "1", "m", "kg/m", "N", "N/m", 
 
 def measured_string(
     sensor: Sensor,
-    takes: Sequence[Heard],
+    takes: Sequence[StringTake],
     *,
     length: tuple[Metres, Metres] | None = None,
     linear_density: tuple[KilogramsPerMetre, KilogramsPerMetre] | None = None,
@@ -173,7 +173,7 @@ def measured_string(
     )
 
 
-def heard(
+def string_take(
     windows: Iterable[Window],
     signal: Signal,
     string: StringParams,
@@ -181,7 +181,7 @@ def heard(
     size: Samples,
     hop: Samples,
     take: int = 0,
-) -> Heard:
+) -> StringTake:
     """Return the partials in a take of an untouched string.
 
     Its windows have `size` frames, one every `hop` frames; touched ones may be among them. The `string` is
@@ -192,7 +192,7 @@ def heard(
     for window in windows:
         state = tuner.step(state, window)
         sound.append(window.samples[:, -hop:] if sound else window.samples)
-    found = Heard(windows=len(state.lines), refused=state.refusals, reason=state.reason)
+    found = StringTake(windows=len(state.lines), refused=state.refusals, reason=state.reason)
     reason = tuner.reason_against(state)
     if state.tuning is None or reason:
         return replace(found, reason=reason or state.reason)
@@ -207,7 +207,7 @@ def heard(
     return replace(found, partials=tuple(partials), reason=Reason.NONE, channels=state.tuning.channels)
 
 
-def heard_pluck(samples: Audio, sample_rate: int, string: StringParams) -> Heard:
+def pluck_take(samples: Audio, sample_rate: int, string: StringParams) -> StringTake:
     """Return the partials of a plucked string in one piece of sound (channels, n).
 
     Where the pitch is more than 10 % off the design's, they are those of the pluck's beginning.
@@ -218,11 +218,11 @@ def heard_pluck(samples: Audio, sample_rate: int, string: StringParams) -> Heard
         Window(samples=samples[:, start : start + size], start=start, sample_rate=sample_rate)
         for start in range(0, samples.shape[1] - size + 1, hop)
     )
-    found = heard(parts, signal, string, size=size, hop=hop)
+    found = string_take(parts, signal, string, size=size, hop=hop)
     if found.partials:
         return found
     first = first_partials(*pluck_partials(samples, sample_rate, string))
-    return Heard(partials=tuple(first) if len(first) >= MIN_PARTIALS else (), reason=found.reason)
+    return StringTake(partials=tuple(first) if len(first) >= MIN_PARTIALS else (), reason=found.reason)
 
 
 def first_partials(numbers: Floats, frequencies: Floats, *, take: int = 0) -> list[Partial]:
