@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monochord.core.reasons import Reason
-from monochord.core.types import Audio, Floats, Indices, Progress, Signal, StringParams
-from monochord.core.units import Samples
+from monochord.core.types import Audio, Floats, Progress, StringParams
 from monochord.core.workers import run_all
 from monochord.evaluation.noise import Disturbance
 from monochord.evaluation.replay import (
@@ -30,7 +29,6 @@ from monochord.evaluation.replay import (
 )
 from monochord.evaluation.results import Results, join
 from monochord.perception.features import FEATURES
-from monochord.perception.features.base import Extractor
 from monochord.perception.heads.base import Task
 from monochord.perception.model.definition import CLIP, Method
 from monochord.perception.model.network import MAX_LOGIT, Scaling, network_inputs
@@ -41,25 +39,20 @@ from monochord.perception.training.regression import (
     fit_regression,
     groups_of,
 )
-from monochord.perception.tuning.sessions import (
-    at_length_of,
-    force_scale,
-    force_scales,
-    length_scales,
-    retuned_strings,
-)
+from monochord.perception.tuning.sessions import at_length_of, force_scale, retuned_strings
 
 RIDGE: Method = "ridge"
 BASELINES: tuple[Method, ...] = (RIDGE, "extra_trees")
 PROBABILITIES = ("contact", "slip")
-FORCE = "force"
-QUANTITIES = ("position", FORCE)
+QUANTITIES = ("position", "force")
 MAX_TRAINING_WINDOWS = 20_000
 """Most training windows used, spread evenly."""
 BATCH = 64
 """Number of windows whose features are computed at once."""
 FeatureRows: TypeAlias = tuple[Audio, Floats]
 """Features (k, columns) of windows, and the scales (k, 2) of their positions and forces."""
+Strings: TypeAlias = Mapping[int, StringParams | None]
+"""Strings by session number."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -127,13 +120,18 @@ def _features_in(
     conditions: Sequence[Condition],
     feature: Mapping[str, Any],
     design: StringParams | None,
-    progress: Progress,
+    progress: Progress = lambda *_: None,
+    strings: Strings | None = None,
     *,
     workers: int | None = 1,
     cluster: str = "",
 ) -> Iterator[tuple[int, FeatureRows]]:
-    """Yield each condition's number with its windows' features, as soon as they are computed."""
-    jobs, work = jobs_of(conditions), partial(_features_of_session, tuple(conditions), feature, design)
+    """Yield each condition's number with its windows' features, as soon as they are computed.
+
+    `strings` replace the strings of the selections' sessions.
+    """
+    jobs = jobs_of(conditions)
+    work = partial(_features_of_session, tuple(conditions), feature, design, strings)
     names = [*(f"{name}, baselines" for name in jobs.values()), ""]
     parts: list[dict[int, FeatureRows]] = [{} for _ in conditions]
     progress(names[0], 0, len(jobs))
@@ -152,6 +150,7 @@ def _features_of_session(
     conditions: tuple[Condition, ...],
     feature: Mapping[str, Any],
     design: StringParams | None,
+    strings: Strings | None,
     job: tuple[int, int],
 ) -> FeatureRows:
     """Return the features of the selected windows of one session in one condition."""
@@ -160,10 +159,13 @@ def _features_of_session(
     dataset, size = selection.dataset, selection.dataset.manifest.window
     starts = dataset.start[selection.rows_of(session)]
     signal, scale = selection.signal_of(session), np.ones((len(starts), 2))
+    if strings is not None:
+        signal = replace(signal, string=strings[session])
     if design is not None and signal.string is not None and signal.string != design:
         scale[:] = signal.string.length / design.length, force_scale(signal.string, design)
         signal = replace(signal, string=at_length_of(signal.string, design), design=design)
-    extractor = prepared(feature, signal, size)
+    options = dict(feature)
+    extractor = FEATURES.build(options.pop("name"), options).prepare(signal, size)
     audio = disturbed_audio(dataset, session, noise)
     parts: list[Audio] = []
     for at in range(0, len(starts), BATCH):
@@ -193,52 +195,17 @@ def fit_baselines(
     --------
     ``monochord evaluate`` fits them to the training windows of a model.
     """
-    step = -(-len(training.rows) // MAX_TRAINING_WINDOWS)
-    rows = training.rows[::step]
-    features = training_features(training, rows, feature, workers=workers, cluster=cluster)
-    mean, scale = mean_and_scale([features])
-    own = Scaling(mean, scale)
-    fitted = _fitted(training, rows, _inputs(features, own), names)
-    return Baselines(feature=feature, scaling=own, fitted=fitted, design=training.string)
-
-
-def prepared(feature: Mapping[str, Any], signal: Signal, size: Samples) -> Extractor:
-    """Return a feature, given by name and options, prepared for a signal and windows of `size` frames."""
-    options = dict(feature)
-    return FEATURES.build(options.pop("name"), options).prepare(signal, size)
-
-
-def training_features(
-    training: Selection,
-    rows: Indices,
-    feature: Mapping[str, Any],
-    *,
-    workers: int | None = 1,
-    cluster: str = "",
-) -> Audio:
-    """Return the features (k, columns) of rows in rising order, relative to each session's string."""
-    design = training.string
-    strings = retuned_strings(training.dataset, design) if design is not None else {}
-    chosen = replace(training, rows=rows)
-    number = processes(workers, [Condition(selections=(chosen,))])
-    work = partial(_training_features_of_session, chosen, feature, strings)
-    parts = dict(run_all(chosen.sessions, work, workers=number, cluster=cluster))
-    return np.concatenate([parts[session] for session in chosen.sessions])
-
-
-def _training_features_of_session(
-    training: Selection, feature: Mapping[str, Any], strings: Mapping[int, StringParams], session: int
-) -> Audio:
-    """Return the features (k, columns) of the selected windows of one session."""
-    dataset, signal = training.dataset, training.signal
-    if session in strings:
-        own = at_length_of(strings[session], training.string) if training.string else strings[session]
-        signal = replace(signal, string=own, design=training.string)
-    extractor = prepared(feature, signal, dataset.manifest.window)
-    own = training.rows_of(session)
-    return np.concatenate(
-        [extractor(dataset.batch(own[at : at + BATCH])) for at in range(0, len(own), BATCH)]
+    step, design = -(-len(training.rows) // MAX_TRAINING_WINDOWS), training.string
+    chosen = replace(training, rows=training.rows[::step])
+    retuned = retuned_strings(chosen.dataset, design) if design is not None else {}
+    strings = {session: retuned.get(session, design) for session in chosen.sessions}
+    condition = Condition(selections=(chosen,))
+    ((_, (features, scales)),) = _features_in(
+        [condition], feature, design, strings=strings, workers=workers, cluster=cluster
     )
+    scaling = Scaling(*mean_and_scale([features]))
+    fitted = _fitted(chosen, _inputs(features, scaling), scales, names)
+    return Baselines(feature=feature, scaling=scaling, fitted=fitted, design=design)
 
 
 def baseline_results(
@@ -292,10 +259,10 @@ def _inputs(features: Audio, scaling: Scaling) -> Audio:
 
 
 def _fitted(
-    training: Selection, rows: Indices, inputs: Audio, names: Sequence[Method]
+    training: Selection, inputs: Audio, scales: Floats, names: Sequence[Method]
 ) -> dict[Method, dict[str, FittedRegression]]:
     """Return, by baseline, what was learned of each label in the training windows."""
-    dataset, design = training.dataset, training.string
+    dataset, rows = training.dataset, training.rows
     touched = dataset.label("contact")[rows] == 1.0
     group = groups_of(dataset.session[rows].astype(np.int64), touches_of(dataset)[rows])
     fitted: dict[Method, dict[str, FittedRegression]] = {baseline: {} for baseline in names}
@@ -303,9 +270,8 @@ def _fitted(
         if name not in dataset.labels:
             continue
         label = dataset.label(name)[rows]
-        if name in QUANTITIES and design is not None:
-            scales = force_scales if name == FORCE else length_scales
-            label = label / scales(dataset, design)[rows]
+        if name in QUANTITIES:
+            label = label / scales[:, QUANTITIES.index(name)]
         counts = np.isfinite(label) & (touched | (name == "contact"))
         if np.unique(label[counts]).size < 2:
             continue
