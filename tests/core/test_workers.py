@@ -18,7 +18,7 @@ from tests.waiting import wait_for
 
 from monochord.core import workers
 from monochord.core.errors import DeviceError, InputError
-from monochord.core.workers import Worker, run_all
+from monochord.core.workers import Spread, Worker, run_all
 
 JOBS = """
     import os
@@ -122,6 +122,13 @@ def test_workers_are_other_processes_of_one_thread_and_the_environment_is_restor
     assert dict(os.environ) == before
     assert len({pid for pid, _ in results.values()} - {os.getpid()}) == 2
     assert all(threads == ["1", "1"] for _, threads in results.values())
+
+
+def test_few_jobs_run_here_unless_workers_are_named(job: GetJob) -> None:
+    jobs, here = dict.fromkeys(range(6), "a job"), {os.getpid()}
+    for workers, few, elsewhere in ((None, True, False), (2, True, True), (2, False, True)):
+        results = dict(Spread(workers=workers)(jobs, job("surroundings"), few=few))
+        assert ({pid for pid, _ in results.values()} != here) is elsewhere
 
 
 def test_one_worker_takes_job_after_job_and_starts_again_where_it_died(job: GetJob) -> None:

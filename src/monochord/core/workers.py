@@ -1,6 +1,7 @@
 """Runs independent jobs in this process, in several, or on a dask cluster; a dead worker loses no job.
 
-A `Worker` is one process for the jobs of a program that goes on meanwhile.
+A `Spread` is where jobs run and who hears of their progress, to hand on as one argument. A `Worker` is one
+process for the jobs of a program that goes on meanwhile.
 """
 
 import logging
@@ -11,6 +12,7 @@ from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Generic, TypeVar
@@ -28,6 +30,7 @@ from monochord.core._worker import (
 )
 from monochord.core.cores import available_cores
 from monochord.core.errors import DeviceError, InputError, MissingLibraryError
+from monochord.core.types import Progress
 from monochord.core.units import Seconds
 
 Job = TypeVar("Job")
@@ -95,6 +98,49 @@ def run_all(
     if number <= 1:
         return ((job, work(job)) for job in jobs)
     return _on_this_machine(jobs, work, number)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Spread:
+    """Where independent jobs run, and what is called with their progress.
+
+    Parameters
+    ----------
+    workers, cluster
+        As in `run_all`.
+    progress
+        Called with a job's name, the number of jobs done, and the number of all.
+
+    Examples
+    --------
+    >>> spread = Spread(workers=1, progress=print)
+    >>> dict(spread({3: "three", 1: "one"}, float))
+    three 0 2
+    one 1 2
+     2 2
+    {3: 3.0, 1: 1.0}
+    """
+
+    workers: int | None = None
+    cluster: str = ""
+    progress: Progress = lambda *_: None
+
+    def __call__(
+        self, jobs: Mapping[Job, str], work: Callable[[Job], Result], *, few: bool = False
+    ) -> Generator[tuple[Job, Result]]:
+        """Run jobs, given with their names, as `run_all` does; report progress before each and at the end.
+
+        `few` jobs run in this process, unless workers or a cluster are named.
+        """
+        names, workers = [*jobs.values(), ""], self.workers or (1 if few else None)
+        self.progress(names[0], 0, len(jobs))
+        results = run_all(list(jobs), work, workers=workers, cluster=self.cluster)
+        for done, result in enumerate(results, start=1):
+            self.progress(names[done], done, len(jobs))
+            yield result
+
+
+ALL_CORES, ONE_PROCESS = Spread(), Spread(workers=1)
 
 
 class Worker(Generic[Job, Result]):

@@ -16,15 +16,15 @@ from numpy.typing import NDArray
 
 from monochord.core.reasons import Reason
 from monochord.core.types import Audio, Floats, Progress, StringParams
-from monochord.core.workers import run_all
+from monochord.core.workers import ONE_PROCESS, Spread
 from monochord.evaluation.noise import Disturbance
 from monochord.evaluation.replay import (
     Condition,
     Selection,
     conditions_of,
     disturbed_audio,
+    has_few_windows,
     jobs_of,
-    processes,
     results_of,
 )
 from monochord.evaluation.results import Results, join
@@ -112,7 +112,8 @@ def features_of(
         Called before each session.
     """
     condition = Condition(selections=(selection,), disturbance=noise)
-    ((_, features),) = _features_in([condition], feature, design, progress)
+    spread = Spread(workers=1, progress=progress)
+    ((_, features),) = _features_in([condition], feature, design, spread)
     return features
 
 
@@ -120,24 +121,17 @@ def _features_in(
     conditions: Sequence[Condition],
     feature: Mapping[str, Any],
     design: StringParams | None,
-    progress: Progress = lambda *_: None,
+    spread: Spread,
     strings: Strings | None = None,
-    *,
-    workers: int | None = 1,
-    cluster: str = "",
 ) -> Iterator[tuple[int, FeatureRows]]:
     """Yield each condition's number with its windows' features, as soon as they are computed.
 
     `strings` replace the strings of the selections' sessions.
     """
-    jobs = jobs_of(conditions)
+    jobs = {job: f"{name}, baselines" for job, name in jobs_of(conditions).items()}
     work = partial(_features_of_session, tuple(conditions), feature, design, strings)
-    names = [*(f"{name}, baselines" for name in jobs.values()), ""]
     parts: list[dict[int, FeatureRows]] = [{} for _ in conditions]
-    progress(names[0], 0, len(jobs))
-    spread = run_all(list(jobs), work, workers=processes(workers, conditions), cluster=cluster)
-    for done, ((number, session), part) in enumerate(spread, start=1):
-        progress(names[done], done, len(jobs))
+    for (number, session), part in spread(jobs, work, few=has_few_windows(conditions)):
         parts[number][session] = part
         if len(parts[number]) == len(conditions[number].sessions):
             rows, scales = zip(
@@ -178,13 +172,11 @@ def fit_baselines(
     training: Selection,
     feature: Mapping[str, Any],
     names: Sequence[Method] = BASELINES,
-    *,
-    workers: int | None = 1,
-    cluster: str = "",
+    spread: Spread = ONE_PROCESS,
 ) -> Baselines:
     """Fit the baselines to usable training windows, on a feature given by name and options.
 
-    `workers` and `cluster` compute the features; see `baseline_results`.
+    `spread` computes the features.
 
     Raises
     ------
@@ -200,9 +192,7 @@ def fit_baselines(
     retuned = retuned_strings(chosen.dataset, design) if design is not None else {}
     strings = {session: retuned.get(session, design) for session in chosen.sessions}
     condition = Condition(selections=(chosen,))
-    ((_, (features, scales)),) = _features_in(
-        [condition], feature, design, strings=strings, workers=workers, cluster=cluster
-    )
+    ((_, (features, scales)),) = _features_in([condition], feature, design, spread, strings)
     scaling = Scaling(*mean_and_scale([features]))
     fitted = _fitted(chosen, _inputs(features, scaling), scales, names)
     return Baselines(feature=feature, scaling=scaling, fitted=fitted, design=design)
@@ -213,10 +203,7 @@ def baseline_results(
     training: Selection,
     feature: Mapping[str, Any],
     noises: Sequence[Disturbance] = (),
-    progress: Progress = lambda *_: None,
-    *,
-    workers: int | None = 1,
-    cluster: str = "",
+    spread: Spread = ONE_PROCESS,
 ) -> dict[str, Results]:
     """Return the results of every baseline, as recorded and with each noise.
 
@@ -230,10 +217,8 @@ def baseline_results(
         Name and options of the feature.
     noises
         Noises to add to the evaluated sessions, one pass for each.
-    progress
-        Called for every session.
-    workers, cluster
-        Where features are computed, as in `monochord.evaluation.evaluate.evaluate`.
+    spread
+        Computes the features, and reports the progress of the evaluated sessions.
 
     Raises
     ------
@@ -244,9 +229,9 @@ def baseline_results(
     --------
     ``monochord evaluate`` prints them below the estimator.
     """
-    baselines = fit_baselines(training, feature, workers=workers, cluster=cluster)
+    baselines = fit_baselines(training, feature, spread=replace(spread, progress=lambda *_: None))
     conditions = conditions_of(selection, noises)
-    computed = _features_in(conditions, feature, baselines.design, progress, workers=workers, cluster=cluster)
+    computed = _features_in(conditions, feature, baselines.design, spread)
     parts: dict[int, dict[str, Results]] = {}
     for number, features in computed:
         (chosen,), noise = conditions[number].selections, conditions[number].disturbance

@@ -14,7 +14,7 @@ from typing import TypeAlias
 from monochord.core.errors import InputError
 from monochord.core.files import replacing
 from monochord.core.ownership import scratch_folder
-from monochord.core.types import Progress
+from monochord.core.workers import ALL_CORES, ONE_PROCESS, Spread
 from monochord.dsp.music import loop
 from monochord.evaluation.baselines import baseline_results
 from monochord.evaluation.noise import RECORDED, Disturbance, noise_recordings, noise_suite, parse_noise
@@ -40,13 +40,7 @@ class Evaluation:
     label: str
 
 
-def evaluate(
-    settings: EvaluationSettings,
-    *,
-    progress: Progress = lambda *_: None,
-    workers: int | None = None,
-    cluster: str = "",
-) -> Evaluation:
+def evaluate(settings: EvaluationSettings, spread: Spread = ALL_CORES) -> Evaluation:
     """Evaluate an estimator on sessions that it was not trained on, and return estimates and scores.
 
     They do not depend on the number of processes.
@@ -55,10 +49,8 @@ def evaluate(
     ----------
     settings
         The estimator, the data, and the noises.
-    progress
-        Called for every session.
-    workers, cluster
-        As in `monochord.core.workers.run_all`; by default, small evaluations run in this process.
+    spread
+        Where sessions are replayed; by default, small evaluations run in this process.
 
     Raises
     ------
@@ -71,27 +63,12 @@ def evaluate(
     """
     with ExitStack() as stack:
         candidate = load(settings)
-        data = select(
-            settings,
-            candidate,
-            stack.enter_context(scratch_folder()),
-            progress,
-            workers=workers,
-            cluster=cluster,
-        )
+        data = select(settings, candidate, stack.enter_context(scratch_folder()), spread)
         noises = _noises(settings, data.selection.dataset.manifest.sample_rate)
-        results = replay_conditions(data, candidate, noises, progress, workers=workers, cluster=cluster)
+        results = replay_conditions(data, candidate, noises, spread)
         beside: dict[str, Results] = {}
         if settings.baselines and data.training is not None:
-            beside = baseline_results(
-                data.selection,
-                data.training,
-                candidate.feature,
-                noises,
-                progress,
-                workers=workers,
-                cluster=cluster,
-            )
+            beside = baseline_results(data.selection, data.training, candidate.feature, noises, spread)
         card = score(results, data, beside)
     return Evaluation(results=results, card=card, label=candidate.label)
 
@@ -100,14 +77,11 @@ def replay_conditions(
     data: EvaluationData,
     candidate: Candidate,
     noises: Sequence[Disturbance] = (),
-    progress: Progress = lambda *_: None,
-    *,
-    workers: int | None = 1,
-    cluster: str = "",
+    spread: Spread = ONE_PROCESS,
 ) -> Results:
     """Return the estimates of all windows as recorded, then with each noise.
 
-    Sessions recorded with ambient noise get no added noise. `workers` and `cluster` are as in `evaluate`.
+    Sessions recorded with ambient noise get no added noise.
 
     Raises
     ------
@@ -118,14 +92,8 @@ def replay_conditions(
     --------
     ``examples/evaluate_an_estimator.py`` replays without the other steps.
     """
-    parts = replay_all(
-        conditions_of(data.selection, noises),
-        [candidate.estimator],
-        name=candidate.name,
-        progress=progress,
-        workers=workers,
-        cluster=cluster,
-    )
+    conditions = conditions_of(data.selection, noises)
+    parts = replay_all(conditions, [candidate.estimator], name=candidate.name, spread=spread)
     results = join([part for (part,) in parts])
     return replace(results, notes=data.notes, options={**results.options, **candidate.about})
 

@@ -14,7 +14,7 @@ from monochord.core.errors import InputError
 from monochord.core.reasons import Reason
 from monochord.core.types import Audio, Estimates, Floats, Indices, Progress, Signal, StringParams, Window
 from monochord.core.units import Metres
-from monochord.core.workers import run_all
+from monochord.core.workers import ONE_PROCESS, Spread
 from monochord.datasets.manifest import DatasetSession
 from monochord.datasets.store import Dataset
 from monochord.evaluation.noise import Disturbance
@@ -174,10 +174,9 @@ def jobs_of(conditions: Sequence[Condition]) -> dict[tuple[int, int], str]:
     }
 
 
-def processes(workers: int | None, conditions: Sequence[Condition]) -> int | None:
-    """Return the number of worker processes: as given, or 1 for few windows."""
-    windows = sum(len(each.rows) for condition in conditions for each in condition.selections)
-    return workers or (1 if windows < MANY else None)
+def has_few_windows(conditions: Sequence[Condition]) -> bool:
+    """Return whether starting several processes does not pay off."""
+    return sum(len(each.rows) for condition in conditions for each in condition.selections) < MANY
 
 
 def replay_estimators(
@@ -199,7 +198,8 @@ def replay_estimators(
         If an estimator rejects the signal.
     """
     condition = Condition(selections=tuple(selections), disturbance=disturbance)
-    (results,) = replay_all([condition], estimators, name=name, progress=progress)
+    spread = Spread(workers=1, progress=progress)
+    (results,) = replay_all([condition], estimators, name=name, spread=spread)
     return results
 
 
@@ -208,14 +208,11 @@ def replay_all(
     estimators: Sequence[Estimator],
     *,
     name: str,
-    progress: Progress = lambda *_: None,
-    workers: int | None = 1,
-    cluster: str = "",
+    spread: Spread = ONE_PROCESS,
 ) -> list[list[Results]]:
     """Return the results of several conditions, each as in `replay_estimators`.
 
-    Sessions are replayed in this process, in several, or on a cluster: see `monochord.core.workers.run_all`;
-    None uses this process for few windows. The results are the same to the bit.
+    They are the same to the bit wherever `spread` runs the sessions.
 
     Raises
     ------
@@ -223,12 +220,7 @@ def replay_all(
         If an estimator rejects the signal.
     """
     jobs, work = jobs_of(conditions), partial(_replayed, tuple(conditions), tuple(estimators))
-    names = [*jobs.values(), ""]
-    estimates: dict[tuple[int, int], list[list[Estimates]]] = {}
-    progress(names[0], 0, len(jobs))
-    for job, each in run_all(list(jobs), work, workers=processes(workers, conditions), cluster=cluster):
-        estimates[job] = each
-        progress(names[len(estimates)], len(estimates), len(jobs))
+    estimates = dict(spread(jobs, work, few=has_few_windows(conditions)))
     return [
         [
             results_of(

@@ -14,8 +14,9 @@ import numpy as np
 from monochord.core.config import Tree, load_toml
 from monochord.core.errors import InputError
 from monochord.core.identity import SensorIdentity, calibrated_elsewhere
-from monochord.core.types import Progress, StringParams
+from monochord.core.types import StringParams
 from monochord.core.units import Newtons, Seconds
+from monochord.core.workers import ONE_PROCESS, Spread
 from monochord.datasets.audit import audit
 from monochord.datasets.build import BuildOptions, build_dataset, find_sessions
 from monochord.datasets.split import SPLIT_FILE, Split
@@ -170,14 +171,11 @@ def select(
     settings: EvaluationSettings,
     candidate: Candidate,
     scratch: Path,
-    progress: Progress = lambda *_: None,
-    *,
-    workers: int | None = 1,
-    cluster: str = "",
+    spread: Spread = ONE_PROCESS,
 ) -> EvaluationData:
     """Return the windows to evaluate: a part of a split, or whole sessions as a dataset in `scratch`.
 
-    `workers` and `cluster` read the sessions; see `monochord.datasets.build.build_dataset`.
+    `spread` reads the sessions.
 
     Raises
     ------
@@ -198,9 +196,7 @@ def select(
     if settings.sessions:
         if settings.dataset is not None:
             raise InputError("--sessions with --dataset", "only one of them")
-        files, window, dataset = _dataset_of_sessions(
-            settings.sessions, definition, scratch, progress, workers=workers, cluster=cluster
-        )
+        files, window, dataset = _dataset_of_sessions(settings.sessions, definition, scratch, spread)
         floors, own = _known_of_sessions(files, window)
         rows = np.arange(len(dataset))
         string = string or own
@@ -317,13 +313,7 @@ def refuse_unusable_labels(selection: Selection) -> None:
 
 
 def _dataset_of_sessions(
-    names: Sequence[str],
-    definition: Definition | None,
-    scratch: Path,
-    progress: Progress,
-    *,
-    workers: int | None,
-    cluster: str,
+    names: Sequence[str], definition: Definition | None, scratch: Path, spread: Spread
 ) -> tuple[list[Path], Seconds, Dataset]:
     """Return the session files, the window length, and their dataset."""
     files = find_sessions(names)
@@ -334,7 +324,13 @@ def _dataset_of_sessions(
     options = BuildOptions(window=window, hop=hop, sample_rate=rate)
     listen = tension_estimator(definition.string if definition else None)
     dataset = build_dataset(
-        files, scratch / "dataset", options, progress, listen, workers=workers, cluster=cluster
+        files,
+        scratch / "dataset",
+        options,
+        spread.progress,
+        listen,
+        workers=spread.workers,
+        cluster=spread.cluster,
     )
     return files, window, dataset
 

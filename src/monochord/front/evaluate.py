@@ -13,7 +13,7 @@ from monochord.core.ownership import scratch_folder
 from monochord.core.progress import progress_bar
 from monochord.core.ranges import Count, Seed, checked
 from monochord.core.types import Progress
-from monochord.core.workers import refuse_both
+from monochord.core.workers import Spread, refuse_both
 from monochord.datasets.split import SPLIT_FILE
 from monochord.datasets.store import Dataset
 from monochord.evaluation.evaluate import Evaluation, write
@@ -206,7 +206,7 @@ def evaluate(
             baselines=baselines,
         )
         with progress_bar(progress=progress) as report:
-            outcome = evaluate_settings(read, progress=report, workers=workers, cluster=cluster)
+            outcome = evaluate_settings(read, Spread(workers=workers, cluster=cluster, progress=report))
     return EvaluationReport(evaluation=outcome, part=part)
 
 
