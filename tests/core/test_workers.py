@@ -126,8 +126,8 @@ def test_workers_are_other_processes_of_one_thread_and_the_environment_is_restor
 
 def test_few_jobs_run_here_unless_workers_are_named(job: GetJob) -> None:
     jobs, here = dict.fromkeys(range(6), "a job"), {os.getpid()}
-    for workers, few, elsewhere in ((None, True, False), (2, True, True), (2, False, True)):
-        results = dict(Spread(workers=workers)(jobs, job("surroundings"), few=few))
+    for number, few, elsewhere in ((None, True, False), (2, True, True), (2, False, True)):
+        results = dict(Spread(workers=number)(jobs, job("surroundings"), few=few))
         assert ({pid for pid, _ in results.values()} != here) is elsewhere
 
 
