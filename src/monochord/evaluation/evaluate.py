@@ -1,7 +1,7 @@
-"""Runs a whole evaluation: load an estimator, select windows, replay them, score, write.
+"""Runs a whole evaluation: load an estimator, select windows, replay them, score; `write` keeps the outcome.
 
-`evaluate` calls the five steps in this order. `load` and `select` are in `monochord.evaluation.select`, which
-keeps test and training data apart; the others are here.
+`load` and `select` are in `monochord.evaluation.select`, which keeps test and training data apart, and
+`scorecard` in `monochord.evaluation.scorecard`.
 """
 
 import json
@@ -69,7 +69,9 @@ def evaluate(settings: EvaluationSettings, spread: Spread = ALL_CORES) -> Evalua
         beside: dict[str, Results] = {}
         if settings.baselines and data.training is not None:
             beside = baseline_results(data.selection, data.training, candidate.feature, noises, spread)
-        card = score(results, data, beside)
+        card = scorecard(
+            results, baselines=beside, string=data.selection.string, force_floor=data.force_floor
+        )
     return Evaluation(results=results, card=card, label=candidate.label)
 
 
@@ -96,19 +98,6 @@ def replay_conditions(
     parts = replay_all(conditions, [candidate.estimator], name=candidate.name, spread=spread)
     results = join([part for (part,) in parts])
     return replace(results, notes=data.notes, options={**results.options, **candidate.about})
-
-
-def score(
-    results: Results, data: EvaluationData, baselines: Mapping[str, Results] | None = None
-) -> Scorecard:
-    """Return all scores of the results and of baselines.
-
-    Examples
-    --------
-    ``monochord evaluate --json`` prints them.
-    """
-    string, floor = data.selection.string, data.force_floor
-    return scorecard(results, baselines=baselines, string=string, force_floor=floor)
 
 
 def write(folder: Path, evaluation: Evaluation, draw: Draw = lambda *_: {}) -> None:

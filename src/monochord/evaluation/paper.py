@@ -126,18 +126,16 @@ def paper_rows(card: Scorecard, feature: str, part: str = "test") -> list[PaperR
     --------
     ``monochord evaluate --rows FILE`` keeps them in a file.
     """
-    own = ScoreTable(table=card.table, contact=card.contact, slip=card.slip)
-    names = {feature: own} | {
-        f"{feature}, {name.replace('_', ' ')}": table for name, table in card.baselines.items()
-    }
+    named = {f"{feature}, {name.replace('_', ' ')}": scores for name, scores in card.baselines.items()}
+    tables: Mapping[str, Scorecard | ScoreTable] = {feature: card, **named}
     return [
         {**row, "simulated": card.simulated}
-        for name, table in names.items()
-        for row in _table_rows(table, name, part)
+        for name, scores in tables.items()
+        for row in _table_rows(scores, name, part)
     ]
 
 
-def _table_rows(scores: ScoreTable, feature: str, part: str) -> Iterator[PaperRow]:
+def _table_rows(scores: Scorecard | ScoreTable, feature: str, part: str) -> Iterator[PaperRow]:
     for row in scores.table:
         if row.state != "touched":
             continue

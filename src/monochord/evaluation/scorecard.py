@@ -61,10 +61,7 @@ class ErrorMap:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScoreTable:
-    """Scores of one estimator: `table` of position and force.
-
-    `contact` and `slip` by object and condition.
-    """
+    """Scores of a baseline: `table` of position and force; `contact` and `slip` by object and condition."""
 
     table: tuple[TableRow, ...]
     contact: Mapping[str, Mapping[str, Detection]]
@@ -75,8 +72,8 @@ class ScoreTable:
 class Scorecard:
     """All scores of an evaluation; `simulated` marks simulated sound.
 
-    `table`, `contact` and `slip` are the estimator's `ScoreTable`; `baselines` holds those of simple
-    regressions on the same windows, by name. `slip_by_speed` is by condition and band in m/s. `by` has
+    `table`, `contact` and `slip` are the estimator's, `baselines` those of simple regressions on the same
+    windows, by name. `slip_by_speed` is by condition and band in m/s. `by` has
     position and force by day, build, radius and session in the clean condition. `bounds` and `abstentions`
     (estimate: reason: share) are by condition. `force_floor` is the force sensor's mean absolute error, in N,
     by session.

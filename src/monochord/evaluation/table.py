@@ -93,8 +93,7 @@ class Scores(Sequence[Mapping[str, Any]]):
 
 def score_rows(card: Scorecard) -> Scores:
     """Return the rows of a scorecard and its baselines, over all touched windows."""
-    own = ScoreTable(table=card.table, contact=card.contact, slip=card.slip)
-    tables = {card.estimator: own, **card.baselines}
+    tables: Mapping[str, Scorecard | ScoreTable] = {card.estimator: card, **card.baselines}
     shown = [(row.object, row.condition) for row in card.table if row.state == "touched"]
     return Scores(
         [
@@ -105,7 +104,7 @@ def score_rows(card: Scorecard) -> Scores:
     )
 
 
-def _numbers(scores: ScoreTable, body: str, condition: str) -> dict[str, Any]:
+def _numbers(scores: Scorecard | ScoreTable, body: str, condition: str) -> dict[str, Any]:
     key = (body, condition, "touched")
     row = next((row for row in scores.table if (row.object, row.condition, row.state) == key), None)
     if row is None:
