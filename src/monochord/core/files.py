@@ -59,14 +59,9 @@ def refuse_impossible(path: Path | str, what: str = "path") -> None:
 
 
 def similar_name(path: Path | str, names: Iterable[str] = ()) -> str:
-    """Return ``did you mean 'x'?`` if something with a similar name exists, else an empty string.
+    """Return ``did you mean 'x'?`` if something has a name like that of a missing path, else an empty string.
 
-    Parameters
-    ----------
-    path
-        The requested path, which does not exist.
-    names
-        Further candidates, in addition to files in the same folder with the same suffix.
+    Candidates are files of its suffix in its folder, and `names`.
 
     >>> similar_name("dmeo", ["demo"])
     "did you mean 'demo'?"

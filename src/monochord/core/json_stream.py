@@ -24,10 +24,7 @@ def json_members(path: Path, large: tuple[str, ...], remedy: str = "") -> Iterat
     An entry is a value of a list, or a pair of name and value of an object. All entries must be read before
     the next member. A file that holds something else than an object yields it with an empty name.
 
-    Raises
-    ------
-    InputError
-        If the file is missing, too large or not JSON, ending with `remedy`.
+    `InputError` refuses a file that is missing, too large or not JSON, and ends with `remedy`.
 
     >>> from tempfile import mkdtemp
     >>> file = Path(mkdtemp()) / "a.json"

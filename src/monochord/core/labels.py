@@ -74,27 +74,11 @@ RULES = Rules()
 
 
 def window_labels(track: LabelTrack, begin: Floats, end: Floats, rules: Rules = RULES) -> LabelColumns:
-    """Return the labels of windows, by the rules of this module.
+    """Return the labels of windows, by the rules of this module, each (n,), NaN where not valid.
 
-    Parameters
-    ----------
-    track
-        Labels at times, with a column ``contact`` (0 or 1, NaN where unknown).
-    begin, end
-        Begin and end of the windows (n,), on the clock of `track`, in s.
-    rules
-        The label rules.
-
-    Returns
-    -------
-    LabelColumns
-        ``contact``, ``transition``, ``position``, ``force``, ``force_std``, ``slip`` and the other columns of
-        `track`, each (n,), NaN where not valid.
-
-    Raises
-    ------
-    InputError
-        If `track` has no column ``contact``, or its times go back.
+    `begin` and `end` (n,) are on the clock of `track`, in s; its column ``contact`` is 0 or 1, NaN where
+    unknown. The result has ``contact``, ``transition``, ``position``, ``force``, ``force_std``, ``slip`` and
+    the other columns of `track`. `InputError` refuses a track without ``contact``, or whose times go back.
 
     Examples
     --------
@@ -151,19 +135,8 @@ def one_window_labels(track: LabelTrack, begin: Seconds, end: Seconds, rules: Ru
 
     Without a column ``contact``, the track has no touch labels; its other columns count.
 
-    Parameters
-    ----------
-    track
-        Labels at times. Only those around the window are read, except at the end of the track.
-    begin, end
-        Begin and end of the window, on the clock of `track`, in s.
-    rules
-        The label rules.
-
-    Raises
-    ------
-    InputError
-        If times go back in the labels around the window.
+    `begin` and `end` are on the clock of `track`, in s. Only the labels around the window are read, except at
+    the end of the track; `InputError` refuses times that go back there.
 
     Examples
     --------

@@ -45,13 +45,7 @@ def lines(title: str, facts: Iterable[tuple[str, str]]) -> str:
 
 
 def panels(names: Sequence[str], across: str = "time (s)") -> "tuple[Axes, ...]":
-    """Return the axes of a new pyplot figure, one below the other, each labelled with its name.
-
-    Raises
-    ------
-    MissingLibraryError
-        If matplotlib is not installed; the error says how to install it.
-    """
+    """Return the axes of a new pyplot figure, one below the other, each labelled with its name."""
     try:
         from matplotlib import pyplot as plt  # noqa: PLC0415
     except ImportError as error:

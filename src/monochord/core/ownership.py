@@ -31,10 +31,7 @@ _log = logging.getLogger("monochord")
 def sole_use(folder: Path, *, anywhere: bool = False) -> Generator[None]:
     """Own an existing folder until the context ends; `anywhere` also on a disk without locks, unguarded.
 
-    Raises
-    ------
-    InputError
-        If another run owns it, or its disk does not support locks.
+    `InputError` refuses a folder that another run owns, or whose disk does not support locks.
     """
     with _owned(folder / LOCK, folder, anywhere=anywhere):
         yield

@@ -11,10 +11,7 @@ SILENT_LEVEL = 2.0e-5
 def is_silent(samples: Audio) -> bool:
     """Return whether sound is silence; sound with non-finite samples is not.
 
-    Parameters
-    ----------
-    samples
-        One channel (n,), in full scale.
+    `samples` are one channel (n,), in full scale.
 
     Examples
     --------

@@ -205,29 +205,9 @@ def baseline_results(
     noises: Sequence[Disturbance] = (),
     spread: Spread = ONE_PROCESS,
 ) -> dict[str, Results]:
-    """Return the results of every baseline, as recorded and with each noise.
+    """Return the results of every baseline, as recorded and with each noise, in a pass for each.
 
-    Parameters
-    ----------
-    selection
-        Windows to evaluate.
-    training
-        Usable windows for fitting.
-    feature
-        Name and options of the feature.
-    noises
-        Noises to add to the evaluated sessions, one pass for each.
-    spread
-        Computes the features, and reports the progress of the evaluated sessions.
-
-    Raises
-    ------
-    InputError
-        If the feature rejects the signal.
-
-    Examples
-    --------
-    ``monochord evaluate`` prints them below the estimator.
+    `spread` reports the progress of the evaluated sessions; that of the training windows is silent.
     """
     baselines = fit_baselines(training, feature, spread=replace(spread, progress=lambda *_: None))
     conditions = conditions_of(selection, noises)

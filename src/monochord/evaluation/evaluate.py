@@ -84,15 +84,6 @@ def replay_conditions(
     """Return the estimates of all windows as recorded, then with each noise.
 
     Sessions recorded with ambient noise get no added noise.
-
-    Raises
-    ------
-    InputError
-        If the estimator rejects the signal.
-
-    Examples
-    --------
-    ``examples/evaluate_an_estimator.py`` replays without the other steps.
     """
     conditions = conditions_of(data.selection, noises)
     parts = replay_all(conditions, [candidate.estimator], name=candidate.name, spread=spread)
@@ -135,15 +126,7 @@ def write(folder: Path, evaluation: Evaluation, draw: Draw = lambda *_: {}) -> N
 
 
 def refuse_unwritable(folder: Path) -> None:
-    """Raise `InputError` for a folder that cannot be created, before any computation.
-
-    The trial leaves nothing.
-
-    Raises
-    ------
-    InputError
-        If the folder cannot be created, or is a file.
-    """
+    """Raise `InputError` for a folder that cannot be created, and leave no folder behind."""
     made: list[Path] = []
     try:
         for each in (*reversed(folder.parents), folder):

@@ -55,24 +55,8 @@ def compare_with_bound(
     position and force: for a perfectly known sensor, and for one with tension and ends known as assumed. An
     error far above the first bound is not due to noise; see `BoundComparison` for what the second omits.
 
-    Parameters
-    ----------
-    results
-        Estimates beside the truth.
-    string
-        The sensor's string.
-    name
-        "position" or "force".
-    ratio
-        Signal-to-noise ratio of each partial in dB.
-    law
-        How force raises tension.
-    sample_rate
-        In Hz.
-
-    Examples
-    --------
-    ``monochord evaluate --out FOLDER`` shows it in its report.
+    `ratio` is the signal-to-noise ratio of each partial in dB, `law` how force raises tension, and
+    `sample_rate` in Hz.
     """
     rows = regression_rows(results, "position") & regression_rows(results, "force")
     part = results.where(rows & np.isfinite(results.error_of(name)))
@@ -122,22 +106,11 @@ def _ratio(error: float, bound: float) -> float:
 
 
 def force_floor(session: SessionReader, window: Seconds) -> Newtons | None:
-    """Return the mean absolute error of a window's mean force reading, in N.
+    """Return the mean absolute error of the mean force reading of a window of `window` s, in N.
 
-    Measured in stretches without contact, by the session's labels: 0.8 standard deviations of the windows'
+    Measured in a session's stretches without contact, by its labels: 0.8 standard deviations of the windows'
     means, minus their slow drift. It limits the accuracy of measured labels, so no estimate can score better.
-    None where there are no readings or no such stretch.
-
-    Parameters
-    ----------
-    session
-        A session with a stream ``wrench`` and labels.
-    window
-        Window length in s.
-
-    Examples
-    --------
-    ``monochord evaluate --sessions FILES --out FOLDER`` shows it in its report.
+    None where there is no stream ``wrench``, no reading or no such stretch.
     """
     if "wrench" not in session.streams or "contact" not in session.labels.columns:
         return None

@@ -114,11 +114,6 @@ def noise_kinds(recordings: Mapping[str, Audio] | None = None) -> tuple[str, ...
 def parse_noise(text: str, recordings: Mapping[str, Audio], seed: int = 0) -> Disturbance:
     """Return the noise of a text such as ``white:10``: a kind, and a ratio in dB.
 
-    Raises
-    ------
-    InputError
-        If the kind is unknown, or the ratio is missing or out of range.
-
     Examples
     --------
     >>> parse_noise("white:10", {}).ratio
@@ -155,12 +150,7 @@ def noise_suite(
 def noise_recordings(sample_rate: int, music: Audio | None = None) -> dict[str, Audio]:
     """Return the available recordings (n,) of music and of speech, by kind.
 
-    Parameters
-    ----------
-    sample_rate
-        Sample rate of the result in Hz.
-    music
-        Sound (n,) at 44100 Hz that stands in for music where no recording is available.
+    They are at `sample_rate`; `music`, at 44100 Hz, stands in for music where no recording is available.
 
     Examples
     --------

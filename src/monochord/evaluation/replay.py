@@ -213,11 +213,6 @@ def replay_all(
     """Return the results of several conditions, each as in `replay_estimators`.
 
     They are the same to the bit wherever `spread` runs the sessions.
-
-    Raises
-    ------
-    InputError
-        If an estimator rejects the signal.
     """
     jobs, work = jobs_of(conditions), partial(_replayed, tuple(conditions), tuple(estimators))
     estimates = dict(spread(jobs, work, few=has_few_windows(conditions)))

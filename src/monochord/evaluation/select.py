@@ -249,16 +249,9 @@ def _calibrated_elsewhere(definition: Definition | None, selection: Selection) -
 
 
 def audited(dataset: Dataset, split: Split, *, learned: bool = True) -> tuple[str, ...]:
-    """Return the notes of a split's audit.
-
-    Raises `InputError` if the split leaks or belongs to another dataset.
+    """Return the notes of a split's audit; `InputError` refuses one that leaks or is of another dataset.
 
     For an estimator that learned nothing from the dataset, sounds are not compared.
-
-    Raises
-    ------
-    InputError
-        If the split leaks; the error names the leak.
     """
     report = audit(dataset, split, duplicates=learned)
     if learned or any(leak.kind == "other dataset" for leak in report.leaks):
@@ -290,13 +283,7 @@ def refuse_trained_on(selection: Selection, definition: Definition, split: Split
 
 
 def refuse_unusable_labels(selection: Selection) -> None:
-    """Raise `InputError` for a selection without labels, or with non-finite labels.
-
-    Raises
-    ------
-    InputError
-        If no label is known, or a valid label is not finite.
-    """
+    """Raise `InputError` for a selection without known labels, or with a valid label that is not finite."""
     dataset, rows, known = selection.dataset, selection.rows, 0
     for name in LABELS:
         if name not in dataset.manifest.columns:

@@ -310,10 +310,7 @@ def design(**wishes: Any) -> StringDesign:
 def design_string(wishes: Wishes) -> StringDesign:
     """Return the design of one string: the gauge, tension and whole length of the wishes, without a sweep.
 
-    Raises
-    ------
-    InputError
-        If gauge or tension is missing, or the wire breaks.
+    `InputError` refuses a missing gauge or tension, and a wire that breaks.
 
     Examples
     --------

@@ -220,25 +220,11 @@ def recording_job(
     notes: str | None = None,
     **about: Any,
 ) -> RecordingJob:
-    """Return a recording job, ready to start.
+    """Return a recording job, ready to start, of plain values that the other arguments override.
 
-    Parameters
-    ----------
-    path
-        The session's file.
-    tree
-        Settings as plain values, overridden by the other arguments.
-    instruments
-        As for `record`.
-    settings
-        Overrides; an instrument's options start with its name.
-    seconds, notes, about
-        As for `record`; None keeps the tree's values.
-
-    Raises
-    ------
-    InputError
-        If a name, option or sensor is unknown, or the path does not end in .mcap.
+    `settings` are overrides in which an instrument's options start with its name; `instruments`, `seconds`,
+    `notes` and `about` are as for `record`, and None keeps the tree's values. `InputError` refuses an unknown
+    name, option or sensor, and a path that does not end in .mcap.
     """
     tables = _instruments(table(tree, "instruments"), instruments)
     given = {key: value for key, value in {**about, "note": notes}.items() if value is not None}

@@ -38,11 +38,8 @@ ENDLESS = 2**63 - 1  # frames, as libsndfile puts it, of a flac stream that does
 def open_audio(path: Path, *, allow_truncated: bool, max_channels: int = MAX_CHANNELS) -> soundfile.SoundFile:
     """Open a complete file with at most `max_channels` channels and a rate in the allowed range.
 
-    Raises
-    ------
-    InputError
-        If the file is missing, empty, of a format that libsndfile does not read, truncated (unless allowed),
-        or has too many channels.
+    `InputError` refuses a file that is missing, empty, of a format that libsndfile does not read, truncated
+    (unless allowed), or of too many channels.
     """
     if path.is_dir():
         raise InputError(f"folder {path}", "a sound file", "name one of its files")

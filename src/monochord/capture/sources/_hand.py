@@ -49,12 +49,7 @@ TUNINGS: Mapping[str, float] = {"-3 %": -0.03, "-1 %": -0.01, "as built": 0.0, "
 class Hand(Controls):
     """A person's requests to a simulated string; only the newest request counts.
 
-    Parameters
-    ----------
-    positions
-        Range of touch positions, in m.
-    materials
-        Materials to choose from; the first is the default.
+    Touches are within the range `positions`, in m, of one of the `materials`, by default the first.
     """
 
     def __init__(self, positions: tuple[Metres, Metres], materials: Sequence[str]) -> None:

@@ -207,14 +207,7 @@ def _choose_ports(client: JackClient, parts: list[str], channels: int) -> list[s
     """Return the full names of the first `channels` output ports that match `parts`.
 
     A part is a full name, or a regular expression that matches part of one; no parts means the physical
-    ports.
-
-    Raises
-    ------
-    InputError
-        If an expression is invalid.
-    DeviceError
-        If fewer ports match than there are channels.
+    ports. `DeviceError` says that fewer ports match than there are channels.
     """
     if parts:
         outputs = client.outputs()

@@ -115,16 +115,10 @@ class Timeline:
         self._frame_time = None
 
     def place(self, period: Period, adc_time: Seconds | None, now: Seconds) -> Block:
-        """Return the period as a block.
+        """Return the samples of one callback as a block.
 
-        Parameters
-        ----------
-        period
-            Samples of one callback; its `frame_time` counts modulo 2^32.
-        adc_time
-            Monotonic time of the period's first frame at the converter, None where unknown.
-        now
-            Current monotonic time, used as the last frame's time where `adc_time` is unknown.
+        `adc_time` is the monotonic time of the period's first frame at the converter; where it is None, the
+        current monotonic time `now` counts as the last frame's. The period's `frame_time` counts modulo 2^32.
         """
         frames = period.samples.shape[1]
         began = now - frames / self._rate if adc_time is None else adc_time

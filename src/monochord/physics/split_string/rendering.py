@@ -207,23 +207,10 @@ def _on_grid(
 
 
 def step_grid(setup: SplitString, seconds: Seconds, kernel: Kernel, tones: list[Floats]) -> Iterator[Floats]:
-    """Yield the velocities A (2, n) in m/s at every time step, one driver interval at a time.
+    """Yield the velocities A (2, steps) in m/s at every time step, one driver interval at a time.
 
-    Parameters
-    ----------
-    setup
-        The setup.
-    seconds
-        Duration in s; the last interval may be incomplete.
-    kernel
-        `leapfrog` of `grid` (NumPy) or of `kernels` (compiled).
-    tones
-        Receives the drivers' frequencies (2,) of each interval.
-
-    Yields
-    ------
-    array (2, steps)
-        Velocities on the grid of time steps.
+    The last interval may be incomplete. `kernel` is `leapfrog` of `grid` (NumPy) or of `kernels` (compiled);
+    `tones` receives the drivers' frequencies (2,) of each interval.
     """
     grids = [lay_out(setup, segment) for segment in split(setup)]
     dt = time_step(setup)

@@ -106,22 +106,10 @@ def gaussian_modes(width: Metres, length: Metres) -> int:
 
 
 def pluck_amplitudes(pluck: PluckShape, segment: Segment, count: int) -> Floats:
-    """Return the modal amplitudes in m of a plucked segment.
+    """Return the modal amplitudes (count,) in m of a plucked segment, of mode 1 upward.
 
     a_n = 2 h sin(n pi p) / (n^2 pi^2 p (1 - p)) exp(-(n pi w / L)^2 / 2): a triangle with its tip at p L,
     rounded by a Gaussian of width w; y(x) = sum of a_n sin(n pi x / L).
-
-    Parameters
-    ----------
-    pluck, segment
-        The pluck's shape, and the segment.
-    count
-        Number of modes.
-
-    Returns
-    -------
-    array (count,)
-        Amplitudes in m, of mode 1 upward.
     """
     n = np.arange(1, count + 1)
     triangle = 2.0 * pluck.height * np.sin(n * pi * pluck.place)

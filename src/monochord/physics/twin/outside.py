@@ -78,10 +78,7 @@ def untouched_power(sensor: Sensor, *, sample_rate: int = 44100) -> float:
     Both drivers are on, and the string was plucked at a fifth of its length; after a second the power is
     measured over half a second. Other histories end in other modes, of other levels.
 
-    Raises
-    ------
-    InputError
-        If the sound decays, so that there is no level to refer to.
+    `InputError` refuses a sound that decays, so that there is no level to refer to.
 
     Examples
     --------

@@ -182,14 +182,7 @@ def sensor_of(
 def plausible_build(sensor: Sensor, seed: int, effects: Effects = ALL) -> Sensor:
     """Return a sensor with the effects that it has as built.
 
-    Parameters
-    ----------
-    sensor
-        Built to its tolerances, see `monochord.physics.twin.variation.build`.
-    seed
-        Random seed, 0 or more.
-    effects
-        Which effects it has.
+    `sensor` is built to its tolerances, see `monochord.physics.twin.variation.build`.
 
     Examples
     --------
@@ -210,15 +203,6 @@ def plausible_build(sensor: Sensor, seed: int, effects: Effects = ALL) -> Sensor
 
 def plausible_day(sensor: Sensor, seed: int, effects: Effects = ALL) -> Sensor:
     """Return the same sensor on another day: its `changes`, by a wider range of temperatures, and its tuning.
-
-    Parameters
-    ----------
-    sensor
-        As built.
-    seed
-        Random seed, 0 or more.
-    effects
-        Which effects the day has.
 
     Examples
     --------
