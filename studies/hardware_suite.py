@@ -26,7 +26,7 @@ from monochord.core.units import Metres
 from monochord.evaluation import (
     CLEAN,
     Baselines,
-    Candidate,
+    EvaluatedEstimator,
     EvaluationData,
     EvaluationSettings,
     Results,
@@ -274,7 +274,7 @@ class _Rivals:
     def of(
         cls,
         settings: EvaluationSettings,
-        candidate: Candidate,
+        candidate: EvaluatedEstimator,
         data: EvaluationData,
         name: str,
     ) -> "_Rivals":

@@ -30,7 +30,7 @@ from monochord.evaluation import (
     EVERYTHING,
     RIDGE,
     Baselines,
-    Candidate,
+    EvaluatedEstimator,
     EvaluationSettings,
     Results,
     Selection,
@@ -115,7 +115,7 @@ class _Rivals:
 
     name: str
     model: Model
-    candidate: Candidate
+    candidate: EvaluatedEstimator
     ridge: Baselines | None
 
 

@@ -6,7 +6,7 @@ import pytest
 import soundfile
 
 from monochord.bringup import STEPS, Virtual
-from monochord.capture.jack.machine import Check
+from monochord.capture.jack.machine import MachineCheck
 from monochord.cli import doctor as command
 from monochord.cli import run
 from monochord.physics.sensors import load_sensor
@@ -39,8 +39,8 @@ def test_it_tells_where_the_recordings_are(
 def test_it_fails_only_for_what_is_required(
     monkeypatch: pytest.MonkeyPatch, *, required: bool, status: int
 ) -> None:
-    def lacking() -> list[Check]:
-        return [Check(name="x", state="missing", detail="none", remedy="get one", required=required)]
+    def lacking() -> list[MachineCheck]:
+        return [MachineCheck(name="x", state="missing", detail="none", remedy="get one", required=required)]
 
     monkeypatch.setattr(command, "checks", lacking)
     assert run(["doctor"]) == status

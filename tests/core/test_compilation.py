@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from numba.core.errors import TypingError
 
-from monochord.core.compilation import Bar
+from monochord.core.compilation import CompilationBar
 from monochord.core.kernels import kernel
 
 
@@ -22,7 +22,7 @@ class Terminal(io.StringIO):
 
 
 def shown_on(file: io.StringIO) -> str:
-    bar = Bar(file)
+    bar = CompilationBar(file)
     bar.start()
     bar.start()  # a function that another one calls
     bar.stop()

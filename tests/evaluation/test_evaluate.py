@@ -30,7 +30,7 @@ from monochord.evaluation.results import Results, read_results
 from monochord.evaluation.scorecard import scorecard
 from monochord.evaluation.scores import detection, regression
 from monochord.evaluation.select import (
-    Candidate,
+    EvaluatedEstimator,
     EvaluationData,
     EvaluationSettings,
     audited,
@@ -45,7 +45,7 @@ from monochord.physics.sensors import load_sensor
 
 Oracle = Callable[..., Results]
 STRING = load_sensor("prototype").string
-CLOSED_FORM = Candidate(estimator=ClosedForm(tension_law="geometric"), name="closed_form")
+CLOSED_FORM = EvaluatedEstimator(estimator=ClosedForm(tension_law="geometric"), name="closed_form")
 DEMO = load_model("demo").definition
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from monochord.core.errors import InputError
 from monochord.core.types import Floats, StringParams
-from monochord.physics.known_touches import Estimated, in_newtons, why_impossible
+from monochord.physics.known_touches import TouchEstimates, in_newtons, why_impossible
 from monochord.physics.strings import load_string, string_names
 from monochord.physics.theory import breaking_force, geometric_tension
 
@@ -16,9 +16,9 @@ FORCES = np.linspace(0.4, 1.6, 10)
 
 def read(
     position_error: float | Floats = 0.0, force: Floats = FORCES, position_std: float = 3e-4
-) -> Estimated:
+) -> TouchEstimates:
     """Return what a model makes of these touches that is off by so much."""
-    return Estimated(PLACES + position_error, np.full(10, position_std), force)
+    return TouchEstimates(PLACES + position_error, np.full(10, position_std), force)
 
 
 @pytest.mark.parametrize("name", [name for name in string_names() if load_string(name).string.core_diameter])
@@ -67,7 +67,7 @@ def test_single_touches_that_a_model_misreads_are_none_either() -> None:
     error, force = np.zeros(10), FORCES.copy()
     error[:4], force[:4] = 0.05, 10.0 * FORCES[:4]
     assert why_impossible(PLACES, FORCES, STRING, read(error, force)) is None
-    two = Estimated(*(each[:2] for each in read(error, force)))
+    two = TouchEstimates(*(each[:2] for each in read(error, force)))
     assert why_impossible(PLACES[:2], FORCES[:2], STRING, two) is None
 
 

@@ -19,7 +19,7 @@ from monochord.benchmarks._process import resident
 from monochord.benchmarks.base import Benchmark, Row, row
 from monochord.capture.instruments import INSTRUMENTS
 from monochord.capture.instruments.base import Instrument
-from monochord.capture.recording import Progress, RecordingJob, RecordingSummary, record
+from monochord.capture.recording import RecordingJob, RecordingState, RecordingSummary, record
 from monochord.capture.recording.view import viewed
 from monochord.capture.sources import SOURCES
 from monochord.core.screen import console_of
@@ -86,7 +86,7 @@ class Recording(Benchmark):
         console = console_of(_Nowhere(), shown)
         with viewed(path, console) as view:
 
-            def show(now: Progress, notices: Sequence[Event]) -> None:
+            def show(now: RecordingState, notices: Sequence[Event]) -> None:
                 meter.look(now)
                 view.show(now, notices)
 
@@ -104,7 +104,7 @@ class _Meter:
         self._begin: tuple[Seconds, Seconds, float] | None = None
         self._now = (0.0, 0.0, 0.0)
 
-    def look(self, now: Progress) -> None:
+    def look(self, now: RecordingState) -> None:
         self._now = (now.elapsed, time.process_time(), resident())
         if self._begin is None and now.elapsed >= self._settled:
             self._begin = self._now

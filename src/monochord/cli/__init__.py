@@ -72,8 +72,8 @@ class _Commands(click.Group):
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
         names = [name for name in self.list_commands(ctx) if name.startswith(incomplete)]
-        own = [] if names else click.Command.shell_complete(self, ctx, incomplete)
-        return [CompletionItem(name, help=_summary(name)) for name in names] + own
+        options = [] if names else click.Command.shell_complete(self, ctx, incomplete)
+        return [CompletionItem(name, help=_summary(name)) for name in names] + options
 
     def invoke(self, ctx: click.Context) -> Any:
         try:

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from monochord.capture.jack.machine import MISSING, OK, Check, checks
+from monochord.capture.jack.machine import MISSING, OK, MachineCheck, checks
 from monochord.cli._bring_up import PAUSE, bring_up_sensor
 from monochord.cli._compile import compile_kernels
 from monochord.cli._options import (
@@ -98,11 +98,11 @@ def doctor(*, compiles: bool, as_json: bool, **options: Any) -> int:
     return int(not _usable(results))
 
 
-def _usable(results: list[Check]) -> bool:
+def _usable(results: list[MachineCheck]) -> bool:
     return not any(check.required and check.state == MISSING for check in results)
 
 
-def _verdict(results: list[Check]) -> str:
+def _verdict(results: list[MachineCheck]) -> str:
     """Return the overall result."""
     if not _usable(results):
         return "Monochord does not work here until the missing parts are installed."
@@ -111,9 +111,11 @@ def _verdict(results: list[Check]) -> str:
     return "Everything is ready, live sound included."
 
 
-def _recordings() -> Check:
+def _recordings() -> MachineCheck:
     name, folder = "real recordings", recordings.folder()
     if folder is None:
         detail = "none; evaluate --noise and studies read them, from the folder MONOCHORD_REALSTRINGS"
-        return Check(name=name, state=OK, detail=detail)
-    return Check(name=name, state=OK, detail=f"{len(recordings.takes())} sounds of strings in {folder}")
+        return MachineCheck(name=name, state=OK, detail=detail)
+    return MachineCheck(
+        name=name, state=OK, detail=f"{len(recordings.takes())} sounds of strings in {folder}"
+    )

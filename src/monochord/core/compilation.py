@@ -20,7 +20,7 @@ BAR_WIDTH = 24
 REDRAW_PERIOD: Seconds = 0.5
 
 
-class Bar:
+class CompilationBar:
     """A progress bar during compilation: ``compiling, once, about 40 s [##......] 4 s``.
 
     It shows the time spent out of the usual time, and is erased when a compilation ends. It is not drawn in a
@@ -33,7 +33,7 @@ class Bar:
 
     Examples
     --------
-    >>> bar = Bar()
+    >>> bar = CompilationBar()
     >>> bar.start()
     >>> bar.stop()
     """

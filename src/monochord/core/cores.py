@@ -34,8 +34,8 @@ def _quotas() -> Iterator[float]:
             if controllers and "cpu" not in controllers.split(","):
                 continue
             mount = GROUPS / controllers
-            own = mount / path.lstrip("/")
-            for group in (own, *own.parents):
+            current = mount / path.lstrip("/")
+            for group in (current, *current.parents):
                 if not group.is_relative_to(mount):
                     break
                 with suppress(OSError, ValueError, ZeroDivisionError):

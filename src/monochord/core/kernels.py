@@ -28,7 +28,7 @@ from numba.core.registry import CPUDispatcher
 from numba.core.sigutils import normalize_signature
 from numba.core.targetconfig import ConfigStack
 
-from monochord.core.compilation import Bar
+from monochord.core.compilation import CompilationBar
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -226,7 +226,7 @@ class _Shown(event.Listener):
     """
 
     def __init__(self) -> None:
-        self._bar = Bar()
+        self._bar = CompilationBar()
 
     def on_start(self, event: Any) -> None:  # noqa: ARG002
         """Record that a compilation starts, possibly nested in another."""

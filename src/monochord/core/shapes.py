@@ -119,7 +119,7 @@ def batch(windows: ArrayLike, channels: int = ANY, size: int = ANY) -> NDArray[n
     array = _sound(windows, np.float32)
     expected = f"(n, {'channels' if channels == ANY else channels}, {'frames' if size == ANY else size})"
     pairs = zip(array.shape[1:], (channels, size), strict=False)
-    if array.ndim != 3 or not all(own > 0 if wanted == ANY else own == wanted for own, wanted in pairs):
+    if array.ndim != 3 or not all(size > 0 if wanted == ANY else size == wanted for size, wanted in pairs):
         raise InputError(f"windows of shape {array.shape}", expected)
     return array
 

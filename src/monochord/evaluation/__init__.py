@@ -29,7 +29,7 @@ from monochord.evaluation.scores import (
     score_of,
 )
 from monochord.evaluation.select import (
-    Candidate,
+    EvaluatedEstimator,
     EvaluationData,
     EvaluationSettings,
     load,
@@ -48,8 +48,8 @@ __all__ = [
     "RIDGE",
     "SCALE",
     "Baselines",
-    "Candidate",
     "Detection",
+    "EvaluatedEstimator",
     "Evaluation",
     "EvaluationData",
     "EvaluationSettings",

@@ -22,7 +22,7 @@ from monochord.evaluation.replay import conditions_of, replay_all
 from monochord.evaluation.report import page
 from monochord.evaluation.results import Results, join, write_csv, write_results
 from monochord.evaluation.scorecard import Scorecard, scorecard
-from monochord.evaluation.select import Candidate, EvaluationData, EvaluationSettings, load, select
+from monochord.evaluation.select import EvaluatedEstimator, EvaluationData, EvaluationSettings, load, select
 
 RESULTS, TABLE, SCORES, PAGE = "results.npz", "results.csv", "scores.json", "report.html"
 """Files written by an evaluation."""
@@ -77,7 +77,7 @@ def evaluate(settings: EvaluationSettings, spread: Spread = ALL_CORES) -> Evalua
 
 def replay_conditions(
     data: EvaluationData,
-    candidate: Candidate,
+    candidate: EvaluatedEstimator,
     noises: Sequence[Disturbance] = (),
     spread: Spread = ONE_PROCESS,
 ) -> Results:

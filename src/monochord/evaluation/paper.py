@@ -232,8 +232,8 @@ def _errors(rows: Sequence[PaperRow], quantity: str, condition: str) -> Iterator
         ]
         yield _line([SENSOR_OF_THE_PAPER, *cells])
     for feature in dict.fromkeys(row["feature"] for row in chosen):
-        own = {row["object"]: row for row in chosen if row["feature"] == feature}
-        yield _line([feature, *(_cell(own.get(body), quantity) for body in bodies)])
+        by_object = {row["object"]: row for row in chosen if row["feature"] == feature}
+        yield _line([feature, *(_cell(by_object.get(body), quantity) for body in bodies)])
     yield ""
     yield f"Mean absolute error, share {share}, Pearson's r."
 
@@ -251,8 +251,8 @@ def _detections(rows: Sequence[PaperRow], column: str, conditions: Sequence[str]
     for feature in dict.fromkeys(row["feature"] for row in rows):
         cells: list[str] = []
         for condition in conditions:
-            own = [row for row in rows if (row["feature"], row["condition"]) == (feature, condition)]
-            overall = [row for row in own if row["object"] == EVERYTHING] or own
+            of_feature = [row for row in rows if (row["feature"], row["condition"]) == (feature, condition)]
+            overall = [row for row in of_feature if row["object"] == EVERYTHING] or of_feature
             value = overall[0][column] if overall else None
             cells.append(
                 BLANK if value is None else f"{value:.3f}" if column == "slip_auc" else f"{value:.1%}"

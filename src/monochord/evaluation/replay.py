@@ -73,11 +73,11 @@ class Selection:
         part = self.dataset.manifest.parts[session]
         if self.string is None or not (self.tuned or part.tuned == RECORDED):
             return self.signal
-        own = string_of(part, self.string, measured=self.tuned)
+        string = string_of(part, self.string, measured=self.tuned)
         if self.length_std is not None and part.measured_length is None:
-            own = with_length(own, self.string.length)
-        is_measured = part.measured_length == own.length
-        return replace(self.signal, string=own, length_std=RULER_STD if is_measured else self.length_std)
+            string = with_length(string, self.string.length)
+        is_measured = part.measured_length == string.length
+        return replace(self.signal, string=string, length_std=RULER_STD if is_measured else self.length_std)
 
     @property
     def sessions(self) -> list[int]:
@@ -245,10 +245,10 @@ def _replayed(
     audio = disturbed_audio(dataset, session, disturbance)
     estimates: list[list[Estimates]] = [[] for _ in selections]
     for row, window in _windows(dataset, session, audio, max(set().union(*wanted))):
-        for rows, estimate, own in zip(wanted, prepared, estimates, strict=True):
+        for rows, estimate, kept in zip(wanted, prepared, estimates, strict=True):
             each = estimate(window)
             if row in rows:
-                own.append(each)
+                kept.append(each)
     return estimates
 
 

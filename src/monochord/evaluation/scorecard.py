@@ -143,7 +143,7 @@ def scorecard(
     conditions = conditions_of(results)
     groups = _by_condition(results)
     clean = results.where(groups[conditions[0]])
-    own = _score_table(results, STATES, draws)
+    scores = _score_table(results, STATES, draws)
     return Scorecard(
         estimator=results.estimator,
         simulated=results.simulated,
@@ -151,9 +151,9 @@ def scorecard(
         hop=results.hop,
         windows=len(results),
         sessions=len(np.unique(results.of_trials("session"))),
-        table=own.table,
-        contact=own.contact,
-        slip=own.slip,
+        table=scores.table,
+        contact=scores.contact,
+        slip=scores.slip,
         baselines={name: _score_table(each, STATES[:1], draws) for name, each in (baselines or {}).items()},
         slip_by_speed={name: by_speed(results.where(rows), draws=draws) for name, rows in groups.items()},
         by=_by_session_field(clean),

@@ -88,7 +88,7 @@ class EvaluationSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Candidate:
+class EvaluatedEstimator:
     """The evaluated estimator; for a model, with its definition and training settings."""
 
     estimator: Estimator
@@ -142,7 +142,7 @@ class EvaluationData:
     notes: tuple[str, ...] = ()
 
 
-def load(settings: EvaluationSettings) -> Candidate:
+def load(settings: EvaluationSettings) -> EvaluatedEstimator:
     """Return the estimator to evaluate.
 
     Raises
@@ -157,9 +157,9 @@ def load(settings: EvaluationSettings) -> Candidate:
     """
     if settings.model is None:
         name = settings.estimator.replace("-", "_")
-        return Candidate(estimator=ESTIMATORS.build(name, settings.options), name=name)
+        return EvaluatedEstimator(estimator=ESTIMATORS.build(name, settings.options), name=name)
     file = Path(settings.model) / CONFIG
-    return Candidate(
+    return EvaluatedEstimator(
         estimator=ESTIMATORS.build("model", {"path": settings.model, **settings.options}),
         name="model",
         definition=load_model(settings.model).definition,
@@ -169,7 +169,7 @@ def load(settings: EvaluationSettings) -> Candidate:
 
 def select(
     settings: EvaluationSettings,
-    candidate: Candidate,
+    candidate: EvaluatedEstimator,
     scratch: Path,
     spread: Spread = ONE_PROCESS,
 ) -> EvaluationData:
@@ -197,9 +197,9 @@ def select(
         if settings.dataset is not None:
             raise InputError("--sessions with --dataset", "only one of them")
         files, window, dataset = _dataset_of_sessions(settings.sessions, definition, scratch, spread)
-        floors, own = _known_of_sessions(files, window)
+        floors, stated = _known_of_sessions(files, window)
         rows = np.arange(len(dataset))
-        string = string or own
+        string = string or stated
         notes: tuple[str, ...] = ()
     else:
         folder = settings.dataset or (Path(config["dataset"]) if config.get("dataset") else None)
@@ -335,7 +335,7 @@ def _known_of_sessions(
     return known, first if is_one else None
 
 
-def training_of(candidate: Candidate, string: StringParams | None) -> Selection | None:
+def training_of(candidate: EvaluatedEstimator, string: StringParams | None) -> Selection | None:
     """Return a model's training windows, for baselines; None where they are unavailable.
 
     Examples

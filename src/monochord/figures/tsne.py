@@ -184,16 +184,16 @@ def _labels(dataset: Dataset, rows: Indices) -> dict[str, Floats]:
 
 def _neighbour_scores(places: Floats, label: Floats, task: str) -> dict[str, float] | None:
     labelled = finite_rows(label)
-    own, at = label[labelled], places[labelled]
-    if len(own) <= NEIGHBOURS or own.min() == own.max():
+    values, at = label[labelled], places[labelled]
+    if len(values) <= NEIGHBOURS or values.min() == values.max():
         return None
     distances = np.sum((at[:, None] - at) ** 2, axis=2)
     np.fill_diagonal(distances, np.inf)
-    theirs = own[np.argpartition(distances, NEIGHBOURS, axis=1)[:, :NEIGHBOURS]]
+    theirs = values[np.argpartition(distances, NEIGHBOURS, axis=1)[:, :NEIGHBOURS]]
     if task in ("position", "force"):
-        return {"r": pearson_r(own, theirs.mean(axis=1))}
-    share = float(own.mean())
-    return {"alike": float(np.mean(theirs == own[:, None])), "by_chance": share**2 + (1.0 - share) ** 2}
+        return {"r": pearson_r(values, theirs.mean(axis=1))}
+    share = float(values.mean())
+    return {"alike": float(np.mean(theirs == values[:, None])), "by_chance": share**2 + (1.0 - share) ** 2}
 
 
 def _draw(axes: Axes, places: Floats, label: Floats, task: str) -> PathCollection:

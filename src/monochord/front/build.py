@@ -166,9 +166,9 @@ def built(
     overview = _overview(files)
     _refuse_split(split or _default_split(len(files)), overview, held_out)
     rate = min(overview.rates, default=None)
-    for name, own in zip(overview.names, overview.rates, strict=True):
-        if own != rate:
-            note(f"resampled: session {name}, {own} to {rate} Hz, the lowest rate of all")
+    for name, session_rate in zip(overview.names, overview.rates, strict=True):
+        if session_rate != rate:
+            note(f"resampled: session {name}, {session_rate} to {rate} Hz, the lowest rate of all")
     options = BuildOptions(
         window=window,
         hop=hop,

@@ -23,8 +23,8 @@ from monochord.physics.design import (
     NO_MODEL,
     WIRES,
     Ambiguity,
-    Candidate,
-    Curves,
+    StringCandidate,
+    StringCurves,
     Wishes,
     ambiguity,
     bounds_at,
@@ -66,9 +66,9 @@ class StringDesign:
     """
 
     wishes: Wishes
-    chosen: Candidate
-    candidates: tuple[Candidate, ...]
-    compared: tuple[Candidate, ...]
+    chosen: StringCandidate
+    candidates: tuple[StringCandidate, ...]
+    compared: tuple[StringCandidate, ...]
 
     def __repr__(self) -> str:
         chosen, string = self.chosen, self.chosen.string
@@ -102,7 +102,7 @@ class StringDesign:
         return bounds_at(self.wishes, self.chosen.string, contact)
 
     @cached_property
-    def curves(self) -> Curves:
+    def curves(self) -> StringCurves:
         """Lines, their slopes and bounds along the range."""
         return curves(self.wishes, self.chosen.string)
 
@@ -112,13 +112,13 @@ class StringDesign:
         return ambiguity(self.wishes, self.chosen.string)
 
     @property
-    def pareto(self) -> tuple[Candidate, ...]:
+    def pareto(self) -> tuple[StringCandidate, ...]:
         """Strings that hold and do not squeal, and that no other beats in settling and force, by settling."""
         able = sorted(
             (each for each in self.candidates if not _unsafe(each)),
             key=lambda each: (each.settling, each.force_std),
         )
-        front, best = list[Candidate](), np.inf
+        front, best = list[StringCandidate](), np.inf
         for each in able:
             if each.force_std < best:
                 front.append(each)
@@ -214,7 +214,7 @@ class StringDesign:
             for name in ("core_diameter", "tension", "length")
             for line in (*(_row(each, self.chosen) for each in self.varied(name)), "")
         ]
-        own, usual = self.ambiguity, f"{self.wishes.usual:g} N"
+        ambiguous, usual = self.ambiguity.fundamental.mean(), f"{self.wishes.usual:g} N"
         frames = ", ".join(
             f"{name} {drift:+.2f} ({force:+.2f} N)" for name, (drift, force) in self.frames.items()
         )
@@ -231,10 +231,10 @@ class StringDesign:
             f"Standard error of {usual} in the middle, by mount: {mounts}.",
             f"Drift in cents a kelvin, and what it reads as, by frame: {frames}.",
             f"A held touch is followed up to {self.chosen.bandwidth:.1f} Hz.",
-            f"Places where the pair of fundamentals fits another place too: {own.fundamental.mean():.0%}.",
+            f"Places where the pair of fundamentals fits another place too: {ambiguous:.0%}.",
         ]
 
-    def varied(self, name: str) -> list[Candidate]:
+    def varied(self, name: str) -> list[StringCandidate]:
         """Return the strings of the sweep that differ from the recommended one in one quantity at most."""
         others = {"core_diameter", "tension", "length"} - {name}
         return [
@@ -245,7 +245,7 @@ class StringDesign:
 
     def tree(self) -> dict[str, Any]:
         """Return the design as plain values, in SI units."""
-        own, c = self.ambiguity, self.curves
+        ambiguous, c = self.ambiguity, self.curves
         return {
             "wishes": asdict(self.wishes),
             "recommended": _tree(self.chosen),
@@ -258,8 +258,8 @@ class StringDesign:
             "mounts": self.mounts,
             "curves": {name: value.tolist() for name, value in _arrays(c).items()},
             "ambiguity": {
-                "share": own.share,
-                **{name: value.tolist() for name, value in _arrays(own).items()},
+                "share": ambiguous.share,
+                **{name: value.tolist() for name, value in _arrays(ambiguous).items()},
             },
         }
 
@@ -332,7 +332,7 @@ def _model_of(name: str) -> Model | None:
     return None if name == NO_MODEL else load_model(name)
 
 
-def _marked(candidates: list[Candidate], model: Model | None) -> list[Candidate]:
+def _marked(candidates: list[StringCandidate], model: Model | None) -> list[StringCandidate]:
     """Return strings with whether a model takes each, built up to `BUILT_LENGTH` longer or shorter, too."""
     if model is None:
         return candidates
@@ -348,11 +348,11 @@ def _marked(candidates: list[Candidate], model: Model | None) -> list[Candidate]
     ]
 
 
-def _unsafe(one: Candidate) -> bool:
+def _unsafe(one: StringCandidate) -> bool:
     return any(word.startswith(("stress", "clearance", "lines", "open")) for word in one.lacks)
 
 
-def _at(one: Candidate, wishes: Wishes) -> str:
+def _at(one: StringCandidate, wishes: Wishes) -> str:
     """Return what a tension gives and what it costs, as a sentence."""
     costs = [f"settles in {1e3 * one.settling:.0f} ms"]
     if one.clearance > wishes.gap:
@@ -366,7 +366,7 @@ def _at(one: Candidate, wishes: Wishes) -> str:
     )
 
 
-def _row(one: Candidate, chosen: Candidate) -> str:
+def _row(one: StringCandidate, chosen: StringCandidate) -> str:
     string, mark = one.string, "*" if one.string == chosen.string else " "
     cells = (
         f"{mark}{1e3 * string.core_diameter:6.3f}",
@@ -379,23 +379,23 @@ def _row(one: Candidate, chosen: Candidate) -> str:
     return " ".join(cells).rstrip()
 
 
-def _along(own: Curves, force: float) -> list[str]:
+def _along(curves: StringCurves, force: float) -> list[str]:
     """Return lines, slopes and bounds along the range, as a table."""
-    usual = int(np.argmin(np.abs(own.forces - force)))
+    usual = int(np.argmin(np.abs(curves.forces - force)))
     rows = ["   x, mm  f1, Hz  f2, Hz  df1/dx, Hz/mm  df2/dx  df1/dF, Hz/N  df2/dF  std x, mm  std F, N"]
-    for i in range(0, own.positions.size, 4):
-        (one, one_force), (two, two_force) = own.slopes[i]
+    for i in range(0, curves.positions.size, 4):
+        (one, one_force), (two, two_force) = curves.slopes[i]
         rows.append(
-            f"{1e3 * own.positions[i]:8.1f} {own.lines[i, 0]:7.0f} {own.lines[i, 1]:7.0f} {1e-3 * one:14.2f} "
-            f"{1e-3 * two:7.2f} {one_force:13.2f} {two_force:7.2f} "
-            f"{1e3 * own.position_std[usual, i]:10.3f} {own.force_std[usual, i]:9.3f}"
+            f"{1e3 * curves.positions[i]:8.1f} {curves.lines[i, 0]:7.0f} {curves.lines[i, 1]:7.0f} "
+            f"{1e-3 * one:14.2f} {1e-3 * two:7.2f} {one_force:13.2f} {two_force:7.2f} "
+            f"{1e3 * curves.position_std[usual, i]:10.3f} {curves.force_std[usual, i]:9.3f}"
         )
     return rows
 
 
-def _tree(one: Candidate) -> dict[str, Any]:
+def _tree(one: StringCandidate) -> dict[str, Any]:
     return {**asdict(one), "clearance": one.clearance}
 
 
-def _arrays(of: Curves | Ambiguity) -> dict[str, np.ndarray]:
+def _arrays(of: StringCurves | Ambiguity) -> dict[str, np.ndarray]:
     return {name: getattr(of, name) for name in type(of).__dataclass_fields__}

@@ -77,20 +77,24 @@ def _tensions(axes: Axes, design: StringDesign) -> None:
 
 def _forces(axes: Axes, design: StringDesign) -> None:
     style.dress(axes, "C", "force along the range", "position (mm)", "force, standard error (N)")
-    own = design.curves
-    for force, std, colour in zip(own.forces, own.force_std, COLOURS, strict=False):
-        axes.plot(1e3 * own.positions, std, color=colour, lw=1.0, label=f"{force:g} N")
+    curves = design.curves
+    for force, std, colour in zip(curves.forces, curves.force_std, COLOURS, strict=False):
+        axes.plot(1e3 * curves.positions, std, color=colour, lw=1.0, label=f"{force:g} N")
     axes.set_yscale("log")
 
 
 def _positions(axes: Axes, design: StringDesign) -> None:
     style.dress(axes, "D", "lines along the range, 1 N", "position (mm)", "fundamental (kHz)")
-    own = design.curves
+    curves = design.curves
     for side, colour in enumerate(style.SEGMENTS):
         axes.plot(
-            1e3 * own.positions, 1e-3 * own.lines[:, side], color=colour, lw=1.2, label=f"$f_{side + 1}$"
+            1e3 * curves.positions,
+            1e-3 * curves.lines[:, side],
+            color=colour,
+            lw=1.2,
+            label=f"$f_{side + 1}$",
         )
-    worst = 1e3 * own.position_std.max()
+    worst = 1e3 * curves.position_std.max()
     axes.text(
         0.5, 0.93, f"position to {worst:.2g} mm", transform=axes.transAxes, ha="center", fontsize=style.TICK
     )
@@ -101,9 +105,13 @@ def _doubles(axes: Axes, design: StringDesign) -> None:
     string = design.chosen.string
     for tension, colour in zip(sorted({*COMPARED, string.tension}), COLOURS, strict=False):
         other = string_of(design.wishes, string.core_diameter, tension, string.length)
-        own = ambiguity(design.wishes, other)
+        ambiguous = ambiguity(design.wishes, other)
         axes.plot(
-            1e3 * own.positions, 100.0 * own.pairs / MAX_MODE**2, lw=0.8, color=colour, label=f"{tension:g} N"
+            1e3 * ambiguous.positions,
+            100.0 * ambiguous.pairs / MAX_MODE**2,
+            lw=0.8,
+            color=colour,
+            label=f"{tension:g} N",
         )
     axes.set_ylim(0.0, 100.0)
 

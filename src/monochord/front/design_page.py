@@ -67,17 +67,17 @@ def about() -> dict[str, Any]:
 def one_string(wishes: Wishes) -> dict[str, Any]:
     """Return what one string does, for the gauge, tension and length of the wishes."""
     made = design_string(wishes)
-    tree, own = made.tree(), made.ambiguity
+    tree, ambiguous = made.tree(), made.ambiguity
     return {
         **_summary(made),
         "curves": tree["curves"],
         "frames": tree["frames"],
         "mounts": tree["mounts"],
         "ambiguity": {
-            "positions": own.positions,
-            "share": own.share,
-            "shares": own.pairs / MAX_MODE**2,
-            "fundamental": own.fundamental.mean(),
+            "positions": ambiguous.positions,
+            "share": ambiguous.share,
+            "shares": ambiguous.pairs / MAX_MODE**2,
+            "fundamental": ambiguous.fundamental.mean(),
         },
     }
 

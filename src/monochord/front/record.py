@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from monochord.capture.instruments import INSTRUMENTS
-from monochord.capture.recording import Progress, RecordingJob, RecordingSettings, RecordingSummary
+from monochord.capture.recording import RecordingJob, RecordingSettings, RecordingState, RecordingSummary
 from monochord.capture.recording import record as run
 from monochord.capture.recording.settings import kind_of
 from monochord.capture.recording.streams import free_name
@@ -42,7 +42,7 @@ class Recording:
     def __init__(self, job: RecordingJob) -> None:
         self.path = job.path
         self.summary: RecordingSummary | None = None
-        self._progress: Progress | None = None
+        self._progress: RecordingState | None = None
         self._error: BaseException | None = None
         self._job, self._stop, self._begun = job, Interruption(), threading.Event()
         self._thread = threading.Thread(target=self._run, name="record")
@@ -99,7 +99,7 @@ class Recording:
         finally:
             self._begun.set()
 
-    def _show(self, now: Progress, notices: Sequence[Event]) -> None:  # noqa: ARG002
+    def _show(self, now: RecordingState, notices: Sequence[Event]) -> None:  # noqa: ARG002
         self._progress = now
         self._begun.set()
 

@@ -164,12 +164,12 @@ def choice_lines(choices: Mapping[str, MethodChoice], tasks: Mapping[str, Task])
     for name, choice in choices.items():
         unit = "log loss" if tasks[name].is_probability else SHOWN.get(tasks[name].unit, tasks[name].unit)
         factor = 1e3 if unit == "mm" else 1.0
-        own, *others = (
+        reached, *others = (
             f"{method.replace('_', ' ')} {factor * choice.errors[method]:.3g}"
             for method in sorted(choice.errors, key=lambda method: method != choice.method)
         )
         beside = f" ({', '.join(others)})" if others else ""
-        lines.append(f"  {name:<10} {own} {unit}{beside}")
+        lines.append(f"  {name:<10} {reached} {unit}{beside}")
     return lines
 
 

@@ -18,7 +18,7 @@ from monochord.capture.jack.arena import Arena
 from monochord.capture.jack.atomics import store
 from monochord.capture.jack.client import JackClient
 from monochord.capture.sources import SOURCES
-from monochord.capture.sources.base import Controls, Setting, Source, Stream
+from monochord.capture.sources.base import Controls, ControlSetting, Source, Stream
 from monochord.core.closing import Closing
 from monochord.core.errors import DeviceError, MonochordError
 from monochord.core.types import Audio, Block, Contact, Signal, StreamHealth, Truth
@@ -87,7 +87,7 @@ class TwinReady:
     ports: tuple[str, ...]
     positions: tuple[Metres, Metres]
     forces: tuple[Newtons, Newtons]
-    settings: tuple[Setting, ...]
+    settings: tuple[ControlSetting, ...]
 
 
 def play(options: dict[str, Any], server: str, pipe: Connection) -> None:
@@ -159,7 +159,7 @@ class _RemoteControls(Controls):
         return self._ready.forces
 
     @property
-    def settings(self) -> tuple[Setting, ...]:
+    def settings(self) -> tuple[ControlSetting, ...]:
         return self.newest
 
     def touch(self, contact: Contact) -> None:

@@ -21,7 +21,7 @@ import numpy as np
 
 from monochord.capture.instruments import INSTRUMENTS
 from monochord.capture.instruments.base import Connection, Instrument
-from monochord.capture.recording import Progress, RecordingJob, RecordingSummary, record
+from monochord.capture.recording import RecordingJob, RecordingState, RecordingSummary, record
 from monochord.capture.sources import SOURCES
 from monochord.core.errors import DeviceError
 from monochord.core.ownership import scratch_folder
@@ -47,10 +47,10 @@ SENSOR_SILENCE: Seconds = 2.0
 UNITS = {"position": "m", "force": "N", "slip_across": "m/s", "slip_along": "m/s"}
 
 
-Show = Callable[[Progress, Sequence[Event]], None]
+Show = Callable[[RecordingState, Sequence[Event]], None]
 
 
-def _ignore(_now: Progress, _notices: Sequence[Event]) -> None:
+def _ignore(_now: RecordingState, _notices: Sequence[Event]) -> None:
     """Show nothing."""
 
 
@@ -91,7 +91,7 @@ def perform(
             finished=lambda now: labels.over(now - max(delay.values()) - TAIL),
         )
 
-        def shown(now: Progress, notices: Sequence[Event]) -> None:
+        def shown(now: RecordingState, notices: Sequence[Event]) -> None:
             if labels.begin is None:
                 begin = time.monotonic() + LEAD
                 for device in devices.values():

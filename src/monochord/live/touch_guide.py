@@ -16,7 +16,7 @@ import numpy as np
 from monochord.core.types import Signal
 from monochord.core.units import Metres, Newtons, Seconds
 from monochord.live.update import Update
-from monochord.physics.known_touches import Estimated, beside_nodes, why_impossible
+from monochord.physics.known_touches import TouchEstimates, beside_nodes, why_impossible
 
 UNTOUCHED: Seconds = 2.0
 """Duration of untouched sound before the first touch, in s: features are relative to it."""
@@ -351,7 +351,7 @@ class TouchGuide:
     def _doubt(self) -> None:
         """Set why `calibrate` would refuse the labels so far, as a sentence; empty where it would not."""
         columns = np.array([(*touch.row[2:4], *touch.estimated) for touch in self._touches]).reshape(-1, 5).T
-        wrong = why_impossible(columns[0], columns[1], self._string, Estimated(*columns[2:]))
+        wrong = why_impossible(columns[0], columns[1], self._string, TouchEstimates(*columns[2:]))
         self.doubt = _sentence(f"check the labels, {wrong.given}: {wrong.remedy}") if wrong else ""
 
     def _why_not(self, position: Metres, force: Newtons) -> str:

@@ -169,7 +169,7 @@ class Wishes(Checked):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Candidate:
+class StringCandidate:
     """A string with what it does; worst over the range, and of a press of 1 N, where not said otherwise.
 
     `position_std` in m and `force_std` in N are bounds; `force_std_most` is that of the largest press.
@@ -262,7 +262,7 @@ def bounds_at(wishes: Wishes, string: StringParams, contact: Contact) -> tuple[M
     )
 
 
-def candidate(wishes: Wishes, gauge: Metres, tension: Newtons, length: Metres) -> Candidate:
+def candidate(wishes: Wishes, gauge: Metres, tension: Newtons, length: Metres) -> StringCandidate:
     """Return what one string does, and which wishes it does not meet.
 
     Examples
@@ -288,7 +288,7 @@ def candidate(wishes: Wishes, gauge: Metres, tension: Newtons, length: Metres) -
     rate = float(decay_rates(string, sensor_losses(), np.array([lines[0]]))[0])
     per_kelvin = 0.5 * stretch_stiffness(string) / tension * (FRAMES[wishes.frame] - wire.expansion)
     area = pi * gauge**2 / 4.0
-    made = Candidate(
+    made = StringCandidate(
         string=string,
         range=ends,
         frequency=first,
@@ -310,7 +310,7 @@ def candidate(wishes: Wishes, gauge: Metres, tension: Newtons, length: Metres) -
     return replace(made, lacks=_lacks(wishes, made))
 
 
-def _lacks(wishes: Wishes, one: Candidate) -> tuple[str, ...]:
+def _lacks(wishes: Wishes, one: StringCandidate) -> tuple[str, ...]:
     lacks = list[str]()
     if one.force_std > wishes.force_resolution:
         lacks.append(f"force {one.force_std:.2g} N (wanted {wishes.force_resolution:g} N)")
@@ -352,10 +352,10 @@ def coils(length: Metres, range_: Metres) -> tuple[tuple[Metres, Metres], tuple[
     [15, 28, 278, 289]
     """
     base = base_sensor()
-    room, own = 0.5 * (length - range_), base.range[0]
+    room, margin = 0.5 * (length - range_), base.range[0]
     near, far = ((each.sense, each.drive) for each in base.drivers)
-    sense, drive = (room * place / own for place in near)
-    beyond = [length - room * (base.string.length - place) / own for place in far]
+    sense, drive = (room * place / margin for place in near)
+    beyond = [length - room * (base.string.length - place) / margin for place in far]
     return (sense, drive), (beyond[0], beyond[1])
 
 
@@ -382,7 +382,7 @@ def _sag(wishes: Wishes, string: StringParams, ends: tuple[Metres, Metres]) -> M
     )
 
 
-def sweep(wishes: Wishes, *, trained: Metres | None = None) -> list[Candidate]:
+def sweep(wishes: Wishes, *, trained: Metres | None = None) -> list[StringCandidate]:
     """Return every string of the sweep: gauges, tensions and lengths, less those that would break.
 
     A given gauge or tension is not varied. Lengths are the whole, two shorter ones that hold the range, and
@@ -402,7 +402,7 @@ def sweep(wishes: Wishes, *, trained: Metres | None = None) -> list[Candidate]:
     ]
 
 
-def recommended(wishes: Wishes, candidates: list[Candidate]) -> Candidate:
+def recommended(wishes: Wishes, candidates: list[StringCandidate]) -> StringCandidate:
     """Return the string to build: of those that meet every wish the fastest, else the one that lacks least.
 
     Among the fastest, within 5 %, the one with the smaller force bound; among those that lack as little, too.
@@ -490,7 +490,7 @@ def _lines(string: StringParams, x: Floats, force: Newtons) -> tuple[Floats, Flo
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Curves:
+class StringCurves:
     """Along the range, (n,): lines in Hz, their slopes in Hz/m and Hz/N (n, 2, 2), and bounds in m and N.
 
     `forces` (k,) are the presses of the bounds (k, n).
@@ -504,7 +504,7 @@ class Curves:
     force_std: Floats
 
 
-def curves(wishes: Wishes, string: StringParams, count: int = 21) -> Curves:
+def curves(wishes: Wishes, string: StringParams, count: int = 21) -> StringCurves:
     """Return lines, slopes and bounds along the range, under the least, a usual and the largest press."""
     ends = 0.5 * (string.length - wishes.range), 0.5 * (string.length + wishes.range)
     x = np.linspace(*ends, count)
@@ -519,7 +519,7 @@ def curves(wishes: Wishes, string: StringParams, count: int = 21) -> Curves:
     slopes = [
         frequency_sensitivities(string, Contact(position=p, force=usual), "geometric") for p in x.tolist()
     ]
-    return Curves(
+    return StringCurves(
         positions=x,
         forces=forces,
         lines=np.array(_lines(string, x, usual)).T,
@@ -529,7 +529,7 @@ def curves(wishes: Wishes, string: StringParams, count: int = 21) -> Curves:
     )
 
 
-def sensor_from(wishes: Wishes, chosen: Candidate) -> Sensor:
+def sensor_from(wishes: Wishes, chosen: StringCandidate) -> Sensor:
     """Return a sensor of a string: the prototype's drivers and pickups in proportion to length and pitch."""
     base, string = base_sensor(), chosen.string
     scale = chosen.frequency / open_frequency(base.string)

@@ -80,7 +80,7 @@ def beside_nodes(position: Metres, length: Metres) -> Metres:
     return position if abs(off) >= clear else position - off + (clear if off > -1e-9 else -clear)
 
 
-class Impossible(NamedTuple):
+class ImpossibleLabels(NamedTuple):
     """An impossible label: which touch (None for all), what was given, what is possible, what to do."""
 
     touch: int | None
@@ -89,7 +89,7 @@ class Impossible(NamedTuple):
     remedy: str
 
 
-class Estimated(NamedTuple):
+class TouchEstimates(NamedTuple):
     """A model's estimates of touches (n,) before it learned from them; NaN where it abstained.
 
     `position_std` is the stated standard error.
@@ -101,8 +101,11 @@ class Estimated(NamedTuple):
 
 
 def why_impossible(
-    position: Floats, force: Floats, string: StringParams | None = None, estimated: Estimated | None = None
-) -> Impossible | None:
+    position: Floats,
+    force: Floats,
+    string: StringParams | None = None,
+    estimated: TouchEstimates | None = None,
+) -> ImpossibleLabels | None:
     """Return the first problem that makes labels of touches impossible; None where they are possible.
 
     - **On the string**: 0 <= x <= L. Without a string up to `MAX_POSITION`.
@@ -136,7 +139,7 @@ def why_impossible(
     )
 
 
-def _off_the_string(position: Floats, force: Floats, string: StringParams | None) -> Impossible | None:
+def _off_the_string(position: Floats, force: Floats, string: StringParams | None) -> ImpossibleLabels | None:
     longest = string.length if string else MAX_POSITION
     wrong = np.flatnonzero((position < 0.0) | (position > longest) | np.isinf(position))
     if not wrong.size:
@@ -148,10 +151,10 @@ def _off_the_string(position: Floats, force: Floats, string: StringParams | None
     else:
         millimetres = 1.0 < np.nanmedian(position) < 1e3 * longest
         remedy = "give metres from pickup 1" + ("; are these millimetres?" if millimetres else "")
-    return Impossible(int(wrong[0]), f"position {position[wrong[0]]:g}", allowed, remedy)
+    return ImpossibleLabels(int(wrong[0]), f"position {position[wrong[0]]:g}", allowed, remedy)
 
 
-def _not_borne(position: Floats, force: Floats, string: StringParams | None) -> Impossible | None:
+def _not_borne(position: Floats, force: Floats, string: StringParams | None) -> ImpossibleLabels | None:
     most = np.full(force.shape, MAX_FORCE)
     if string is not None and string.core_diameter > 0.0:
         place = np.where(np.isfinite(position), position, 0.5 * string.length)
@@ -162,10 +165,10 @@ def _not_borne(position: Floats, force: Floats, string: StringParams | None) -> 
     first = int(wrong[0])
     unit, sign = "give newtons; are these grams or millinewtons?", "a touch presses; give how hard"
     allowed = f"above 0 and up to {most[first]:.0f} N"
-    return Impossible(first, f"force {force[first]:g}", allowed, sign if force[first] <= 0.0 else unit)
+    return ImpossibleLabels(first, f"force {force[first]:g}", allowed, sign if force[first] <= 0.0 else unit)
 
 
-def _contradicted(position: Floats, force: Floats, estimated: Estimated) -> Impossible | None:
+def _contradicted(position: Floats, force: Floats, estimated: TouchEstimates) -> ImpossibleLabels | None:
     error = np.abs(position - estimated.position)
     known = np.isfinite(error)
     if known.sum() >= MIN_TOUCHES:
@@ -174,7 +177,7 @@ def _contradicted(position: Floats, force: Floats, estimated: Estimated) -> Impo
         if off > max(MAX_POSITION_ERROR, MAX_DEVIATIONS * stated, spread):
             given = f"positions {1e3 * off:.0f} mm from the model's, stated error {1e3 * stated:.1f} mm"
             remedy = "check that each position is in its touch's row, in metres from pickup 1"
-            return Impossible(None, given, "positions of these touches", remedy)
+            return ImpossibleLabels(None, given, "positions of these touches", remedy)
     ratio = force / np.maximum(estimated.force, 1e-2)
     known = np.isfinite(ratio)
     if known.sum() < MIN_TOUCHES:
@@ -184,4 +187,4 @@ def _contradicted(position: Floats, force: Floats, estimated: Estimated) -> Impo
         return None
     unit = min(UNITS, key=lambda name: abs(np.log(UNITS[name] / typical)))
     given = f"forces {typical:.2g} times the model's"
-    return Impossible(None, given, "newtons", f"are these {unit}? Give newtons: 1 kg weighs 9.81 N")
+    return ImpossibleLabels(None, given, "newtons", f"are these {unit}? Give newtons: 1 kg weighs 9.81 N")

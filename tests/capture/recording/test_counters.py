@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tests.sessions.made import plain_readings
 
-from monochord.capture.recording import Progress, record
+from monochord.capture.recording import RecordingState, record
 from monochord.capture.recording import counters as counters_module
 from monochord.capture.recording.counters import (
     PEAK_HOLD,
@@ -16,7 +16,7 @@ from monochord.capture.recording.counters import (
     RecordingCounters,
     TimingCheck,
 )  # fmt: skip
-from monochord.capture.recording.pumps import Polled, Pumps
+from monochord.capture.recording.pumps import InstrumentReadings, Pumps
 from monochord.capture.sources.base import Source
 from monochord.core.types import Block, Feed, InstrumentHealth, Readings
 
@@ -146,7 +146,9 @@ def test_the_counters_add_up_blocks_and_readings(make_job: Any, force: Any, tmp_
         pumps = Pumps(stream, {"net_ft": sensor}, capacity=1000)
         counters.add(block(0, 64))
         counters.add(block(100, 64, dropped=36))
-        counters.add(Polled(name="net_ft", readings=plain_readings("wrench", np.zeros(5), np.ones((5, 6)))))
+        counters.add(
+            InstrumentReadings(name="net_ft", readings=plain_readings("wrench", np.zeros(5), np.ones((5, 6))))
+        )
         now = counters.look(size=1000, pumps=pumps)
         assert (now.frames, now.dropped, now.gaps) == (128, 36, 1)
         assert counters.audio_end == 164 / RATE
@@ -176,7 +178,7 @@ def test_audio_that_is_late_is_silent_unless_its_blocks_are_long(
 
 
 def test_each_state_continues_the_one_before(make_job: Any, force: Any) -> None:
-    looks: list[Progress] = []
+    looks: list[RecordingState] = []
     job = make_job(seconds=0.5, instruments={"net_ft": force()[1]})
     summary = record(job, lambda now, _notices: looks.append(now))
     assert len(looks) > 2

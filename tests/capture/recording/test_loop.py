@@ -16,7 +16,7 @@ import soundfile
 from tests.ports import free_ports
 
 from monochord.capture.instruments import INSTRUMENTS
-from monochord.capture.recording import About, RecordingJob, RecordingSummary, record
+from monochord.capture.recording import RecordingJob, RecordingSubject, RecordingSummary, record
 from monochord.capture.recording.streams import NamedInstrument
 from monochord.capture.sources.base import Source, Stream
 from monochord.core.clock import clock_offsets
@@ -74,7 +74,7 @@ def test_a_kill_leaves_all_that_had_been_written(make_job: Any, tmp_path: Path) 
 
 def test_audio_and_force_are_on_one_clock(make_job: Any, force: Any, sound: Path) -> None:
     device, instrument = force(rate=7000.0)
-    job = make_job(instruments={"net_ft": instrument}, seconds=1.2, about=About(object="plastic"))
+    job = make_job(instruments={"net_ft": instrument}, seconds=1.2, about=RecordingSubject(object="plastic"))
     begin = time.monotonic()
     device.begin_at(begin)
     summary, session = recorded(job)

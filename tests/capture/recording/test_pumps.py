@@ -8,7 +8,7 @@ from tests.sessions.made import plain_readings
 from tests.waiting import wait_for
 
 from monochord.capture.instruments.base import Connection
-from monochord.capture.recording.pumps import BoundedQueue, Polled, pumping
+from monochord.capture.recording.pumps import BoundedQueue, InstrumentReadings, pumping
 from monochord.capture.sources.base import Stream
 from monochord.core.types import Block, Feed, InstrumentHealth, Readings, Signal
 
@@ -64,7 +64,7 @@ def test_a_source_that_waits_blocks_no_instrument() -> None:
         batches = pumps.queue.take()
         assert not pumps.source_ended
     assert [type(batch) for batch in batches].count(Block) == 1
-    assert sum(isinstance(batch, Polled) and batch.name == "ticks" for batch in batches) > 30
+    assert sum(isinstance(batch, InstrumentReadings) and batch.name == "ticks" for batch in batches) > 30
 
 
 def test_an_instrument_that_fails_ends_alone_and_is_reported() -> None:
@@ -75,7 +75,7 @@ def test_an_instrument_that_fails_ends_alone_and_is_reported() -> None:
         assert len(pumps.queue.take()) > 3
         assert list(pumps.failures) == ["broken"]
         assert not pumps.ended
-    assert sum(isinstance(batch, Polled) and batch.name == "broken" for batch in before) == 2
+    assert sum(isinstance(batch, InstrumentReadings) and batch.name == "broken" for batch in before) == 2
 
 
 def test_after_stop_all_threads_end_and_their_data_remain() -> None:
@@ -84,7 +84,7 @@ def test_after_stop_all_threads_end_and_their_data_remain() -> None:
         wait_for(lambda: ticks.polls > 3)
         pumps.stop()
         wait_for(lambda: pumps.ended)
-        assert sum(isinstance(batch, Polled) for batch in pumps.queue.take()) == ticks.polls
+        assert sum(isinstance(batch, InstrumentReadings) for batch in pumps.queue.take()) == ticks.polls
 
 
 def test_live_data_wait_for_space_and_the_time_is_counted() -> None:

@@ -3,7 +3,7 @@ from typing import Any
 
 import pytest
 
-from monochord.capture.recording import About, DiskLimits, RecordingSettings
+from monochord.capture.recording import DiskLimits, RecordingSettings, RecordingSubject
 from monochord.core.errors import InputError
 from monochord.core.types import Feed, Signal, StringParams
 
@@ -48,7 +48,9 @@ def test_what_cannot_be_is_refused(change: dict[str, Any], given: str) -> None:
 
 def test_a_session_tells_what_it_is_of() -> None:
     feed = Feed(stream="pose", columns=("x",), units=("m",))
-    about = About(object="plastic", material="pla", radius=0.004, sensor="prototype", note="first", day=2)
+    about = RecordingSubject(
+        object="plastic", material="pla", radius=0.004, sensor="prototype", note="first", day=2
+    )
     description = about.describe("take", SIGNAL, (feed,))
     assert (description.name, description.object, description.material) == ("take", "plastic", "pla")
     assert (description.radius, description.notes, description.day) == (0.004, "first", 2)
@@ -61,9 +63,9 @@ def test_a_session_tells_what_it_is_of() -> None:
 def test_a_source_that_knows_its_string_is_a_simulation() -> None:
     string = StringParams(length=0.2, linear_density=1e-3, tension=50.0)
     signal = Signal(sample_rate=44100, channels=2, string=string)
-    assert About().describe("take", signal, ()).simulated
-    assert About().describe("take", signal, ()).string == string
-    assert About(simulated=True).describe("take", SIGNAL, ()).simulated
+    assert RecordingSubject().describe("take", signal, ()).simulated
+    assert RecordingSubject().describe("take", signal, ()).string == string
+    assert RecordingSubject(simulated=True).describe("take", SIGNAL, ()).simulated
 
 
 def test_the_disk_may_fill_as_far_as_one_says() -> None:

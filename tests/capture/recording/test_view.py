@@ -9,14 +9,14 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from monochord.capture.recording.counters import FeedNow, Level, Progress
-from monochord.capture.recording.disk import Space
+from monochord.capture.recording.counters import FeedState, Level, RecordingState
+from monochord.capture.recording.disk import DiskSpace
 from monochord.capture.recording.view import draw, plain_line, viewed
 from monochord.core.types import WRENCH, Feed, InstrumentHealth, StreamHealth
 from monochord.sessions import Event
 
 WRENCHES = Feed(stream="wrench", columns=WRENCH, units=("N",) * 3 + ("N m",) * 3, rate=7000.0)
-NOW = Progress(
+NOW = RecordingState(
     time=1000.0,
     elapsed=75.0,
     frames=3307500,
@@ -26,7 +26,7 @@ NOW = Progress(
     health=StreamHealth(xruns=3),
     levels=(Level(rms=0.1, peak=0.3, peak_hold=0.5), Level(rms=1e-5, peak=1e-4, peak_hold=1e-4)),
     feeds=(
-        FeedNow(
+        FeedState(
             name="net_ft",
             feed=WRENCHES,
             health=InstrumentHealth(missing=2),
@@ -35,12 +35,12 @@ NOW = Progress(
             values=dict.fromkeys(WRENCH, 1.234),
         ),
     ),
-    space=Space(free=74.2e9, size=61.5e6, left=90_000.0),
+    space=DiskSpace(free=74.2e9, size=61.5e6, left=90_000.0),
 )
 TAKE = Path("take.mcap")
 
 
-def text(now: Progress, columns: int = 100) -> str:
+def text(now: RecordingState, columns: int = 100) -> str:
     return "\n".join(line.plain for line in draw(TAKE, now, ["1:02  net_ft: silent for 0.5 s"], columns))
 
 

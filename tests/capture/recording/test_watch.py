@@ -3,14 +3,14 @@ from typing import Any
 
 import pytest
 
-from monochord.capture.recording.counters import FeedNow, Level, Progress
-from monochord.capture.recording.disk import Space
-from monochord.capture.recording.watch import Watch
+from monochord.capture.recording.counters import FeedState, Level, RecordingState
+from monochord.capture.recording.disk import DiskSpace
+from monochord.capture.recording.watch import RecordingWatch
 from monochord.core.types import Feed, InstrumentHealth, StreamHealth
 from monochord.sessions import Event
 
-SPACE = Space(free=1e12, size=1e6, left=1e6)
-START = Progress(
+SPACE = DiskSpace(free=1e12, size=1e6, left=1e6)
+START = RecordingState(
     time=100.0,
     elapsed=0.0,
     frames=0,
@@ -22,7 +22,7 @@ START = Progress(
     feeds=(),
     space=SPACE,
 )
-FEED = FeedNow(
+FEED = FeedState(
     name="net_ft",
     feed=Feed(stream="wrench", columns=("fz",), units=("N",)),
     health=InstrumentHealth(),
@@ -30,7 +30,7 @@ FEED = FeedNow(
 )
 
 
-def at(time: float, **more: Any) -> Progress:
+def at(time: float, **more: Any) -> RecordingState:
     return replace(START, time=100.0 + time, elapsed=time, **more)
 
 
@@ -39,12 +39,12 @@ def kinds(notices: list[Event]) -> list[str]:
 
 
 def test_a_quiet_recording_has_no_events() -> None:
-    watch = Watch(600.0)
+    watch = RecordingWatch(600.0)
     assert not [notice for k in range(100) for notice in watch.look(at(0.1 * k, feeds=(FEED,)))]
 
 
 def test_a_gap_is_reported_with_its_frames() -> None:
-    watch = Watch(600.0)
+    watch = RecordingWatch(600.0)
     watch.look(at(0.0))
     (notice,) = watch.look(at(0.1, gaps=1, dropped=44100))
     assert (notice.kind, notice.time) == ("gap", 100.1)
@@ -52,7 +52,7 @@ def test_a_gap_is_reported_with_its_frames() -> None:
 
 
 def test_a_microphone_that_picks_up_nothing_is_reported_until_it_does() -> None:
-    watch = Watch(600.0)
+    watch = RecordingWatch(600.0)
 
     def look(time: float, *quiet: float) -> list[Event]:
         return watch.look(at(time, levels=tuple(Level(quiet=each) for each in quiet)))
@@ -68,7 +68,7 @@ def test_a_microphone_that_picks_up_nothing_is_reported_until_it_does() -> None:
 
 
 def test_events_of_one_kind_are_a_second_apart_and_none_is_forgotten() -> None:
-    watch = Watch(600.0)
+    watch = RecordingWatch(600.0)
     looks = [watch.look(at(0.1 * k, gaps=k, dropped=64 * k)) for k in range(1, 26)]
     looks.append(watch.look(at(2.51, gaps=26, dropped=64 * 26), last=True))
     reported = [notice for look in looks for notice in look]
@@ -90,12 +90,12 @@ def test_events_of_one_kind_are_a_second_apart_and_none_is_forgotten() -> None:
         ("fault", {"feeds": (replace(FEED, faulty=4, status=0x80010000),)}),
         ("uncounted", {"time_shift": 0.012}),
         ("clock_doubt", {"implausible_age": -1.0}),
-        ("disk_low", {"space": Space(free=1e8, size=1e6, left=599.0)}),
+        ("disk_low", {"space": DiskSpace(free=1e8, size=1e6, left=599.0)}),
         ("disk_slow", {"blocked": 0.3}),
     ],
 )
 def test_what_gets_worse_is_reported_once(kind: str, worse: dict[str, Any]) -> None:
-    watch = Watch(600.0)
+    watch = RecordingWatch(600.0)
     watch.look(at(1.9, feeds=(FEED,)))
     (notice,) = watch.look(at(2.0, **{"feeds": (FEED,), **worse}))
     assert notice.kind == kind
@@ -103,17 +103,17 @@ def test_what_gets_worse_is_reported_once(kind: str, worse: dict[str, Any]) -> N
 
 
 def test_a_fault_has_the_status_word() -> None:
-    (notice,) = Watch(600.0).look(at(1.0, feeds=(replace(FEED, faulty=4, status=0x80010000),)))
+    (notice,) = RecordingWatch(600.0).look(at(1.0, feeds=(replace(FEED, faulty=4, status=0x80010000),)))
     assert notice.data["status"] == 0x80010000
 
 
 @pytest.mark.parametrize("stream", ["audio", "net_ft"])
 def test_silence_is_reported_when_it_begins_and_when_it_ends(stream: str) -> None:
-    def silent(time: float, span: float) -> Progress:
+    def silent(time: float, span: float) -> RecordingState:
         feed = replace(FEED, silent=span if stream == "net_ft" else 0.0)
         return at(time, feeds=(feed,), silent=span if stream == "audio" else 0.0)
 
-    watch = Watch(600.0)
+    watch = RecordingWatch(600.0)
     assert kinds(watch.look(silent(1.0, 0.0))) == []
     (first,) = watch.look(silent(1.6, 0.6))
     assert (first.kind, first.data) == ("silent", {"stream": stream, "seconds": 0.6})
@@ -124,7 +124,7 @@ def test_silence_is_reported_when_it_begins_and_when_it_ends(stream: str) -> Non
 
 
 def test_a_disk_with_space_again_may_warn_again() -> None:
-    watch = Watch(600.0)
+    watch = RecordingWatch(600.0)
     looks = [
         watch.look(at(t, space=replace(SPACE, left=left))) for t, left in ((2, 1), (3, 1), (4, 1e6), (5, 1))
     ]
@@ -133,7 +133,7 @@ def test_a_disk_with_space_again_may_warn_again() -> None:
 
 @pytest.mark.parametrize("step", [-3600.0, 0.06])
 def test_a_clock_that_was_set_is_reported_with_its_step(step: float) -> None:
-    watch = Watch(600.0)
+    watch = RecordingWatch(600.0)
     assert not watch.clocks(1.0, {"realtime": 1e9, "monotonic_raw": 0.1})
     assert not watch.clocks(2.0, {"realtime": 1e9 + 0.04, "monotonic_raw": 0.1})
     (notice,) = watch.clocks(3.0, {"realtime": 1e9 + 0.04 + step, "monotonic_raw": 0.1})

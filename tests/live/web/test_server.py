@@ -19,7 +19,7 @@ from tests.waiting import wait_for
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
-from monochord.capture.sources.base import Controls, Setting
+from monochord.capture.sources.base import Controls, ControlSetting
 from monochord.core.errors import DeviceError, InputError
 from monochord.core.reasons import Reason
 from monochord.core.types import Contact, Estimate, Prediction, Signal, StreamHealth, StringParams, Window
@@ -83,8 +83,8 @@ class Keep(Controls):
         return 0.0, 2.0
 
     @property
-    def settings(self) -> tuple[Setting, ...]:
-        return (Setting(name="noise", choices=("none", "10 dB"), value="none"),)
+    def settings(self) -> tuple[ControlSetting, ...]:
+        return (ControlSetting(name="noise", choices=("none", "10 dB"), value="none"),)
 
     def touch(self, contact: Contact) -> None:
         self.asked.append((contact.position, contact.force))

@@ -91,10 +91,10 @@ class Participant(Closing):
         # Its Tracing/Verbosity "none" still writes a line to stderr for each malformed packet.
         load_cyclonedds().dds_set_log_mask(0)
         try:
-            with _configured(interface) as own:
+            with _configured(interface) as configured:
                 others = _sockets()
                 self._participant: Any = DomainParticipant(self.domain)
-                if own and interface:
+                if configured and interface:
                     _keep_to(interface, self.domain, _sockets() - others)
         except (DDSException, OSError) as error:
             question = (

@@ -15,7 +15,7 @@ LATE = 1e9
 """A sender's clock that goes back by more than this, in ns, means that the sender restarted."""
 
 
-class Collected:
+class ReadingsCollector:
     """Collects readings as they arrive and returns them as arrays; `feed` describes them.
 
     Where the sender counts its readings, gaps are counted and late readings are left out. Where it does not,

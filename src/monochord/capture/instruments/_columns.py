@@ -65,7 +65,7 @@ _Found: TypeAlias = dict[tuple[str, ...], dict[str, int]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Turn:
+class RotationColumns:
     """The columns of a rotation in order, by index, and its meaning; see `ROTATIONS`."""
 
     columns: tuple[int, ...]
@@ -78,7 +78,7 @@ class PoseColumns:
 
     count: int
     place: tuple[int, ...]
-    turn: Turn | None = None
+    turn: RotationColumns | None = None
     unread: tuple[str, ...] = ()
 
 
@@ -109,7 +109,7 @@ def pose_columns(names: Sequence[str], rotation: str, what: str, expected: str) 
         raise InputError(f"{what} without {', '.join(lacking)}", expected)
     place, turn = tuple(index[name] for name in PLACE), None
     if len(wanted) > len(PLACE):
-        turn = Turn(columns=tuple(index[name] for name in TURN), rotation="xyzw")
+        turn = RotationColumns(columns=tuple(index[name] for name in TURN), rotation="xyzw")
     elif rotation != NONE:
         turn = _chosen(names, _groups(names), rotation, what)
     used = {*place, *(turn.columns if turn else ())}
@@ -127,7 +127,9 @@ def rotation_names(names: Iterable[str]) -> list[str]:
     return [names[at] for group in _groups(names) for at in group.columns]
 
 
-def _chosen(names: Sequence[str], groups: Sequence[_Group], rotation: str, what: str) -> Turn | None:
+def _chosen(
+    names: Sequence[str], groups: Sequence[_Group], rotation: str, what: str
+) -> RotationColumns | None:
     """Return the only rotation of a table, read as `rotation` says; refuse all that is ambiguous."""
     if not groups:
         if rotation:
@@ -148,7 +150,7 @@ def _chosen(names: Sequence[str], groups: Sequence[_Group], rotation: str, what:
     columns = group.columns
     if group.by_axis and rotation == "moving_zyx":  # each angle belongs to the axis in its name
         columns = columns[::-1]
-    return Turn(columns=columns, rotation=rotation)
+    return RotationColumns(columns=columns, rotation=rotation)
 
 
 def _groups(names: Sequence[str]) -> list[_Group]:

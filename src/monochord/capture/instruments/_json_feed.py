@@ -7,7 +7,7 @@ from typing import Generic, TypeAlias, TypeVar
 import msgspec
 
 from monochord.capture.instruments._arrivals import Arrivals
-from monochord.capture.instruments._collected import NANOSECONDS, NONE, Collected
+from monochord.capture.instruments._collected import NANOSECONDS, NONE, ReadingsCollector
 from monochord.capture.instruments._datagrams import Receiver
 from monochord.capture.instruments.base import Connection
 from monochord.core.types import Feed, InstrumentHealth, Readings
@@ -38,7 +38,7 @@ class JsonConnection(Connection, Generic[T]):
             read,
         )
         self._arrivals = Arrivals()
-        self._collected = Collected(feed)
+        self._collected = ReadingsCollector(feed)
 
     @property
     def feed(self) -> Feed:

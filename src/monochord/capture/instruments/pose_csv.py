@@ -14,7 +14,7 @@ from typing import IO, Annotated, Literal, NamedTuple
 
 from msgspec import Meta
 
-from monochord.capture.instruments._collected import NANOSECONDS, NONE, Collected
+from monochord.capture.instruments._collected import NANOSECONDS, NONE, ReadingsCollector
 from monochord.capture.instruments._columns import PoseColumns, pose_columns
 from monochord.capture.instruments._pose import UPRIGHT, pose_feed, quaternion_of, unit_pose
 from monochord.capture.instruments.base import Connection, Instrument
@@ -100,7 +100,7 @@ class PoseCsv(Instrument):
 class _PoseCsvConnection(Connection):
     def __init__(self, options: PoseCsv, feed: Feed) -> None:
         self._options, self._path = options, Path(options.path)
-        self._collected = Collected(feed)
+        self._collected = ReadingsCollector(feed)
         self._file: IO[bytes] | None = None
         self._rest = b""
         self._too_long = False

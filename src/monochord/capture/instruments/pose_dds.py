@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
-from monochord.capture.instruments._collected import Collected
+from monochord.capture.instruments._collected import ReadingsCollector
 from monochord.capture.instruments._pose import pose_feed, unit_pose
 from monochord.capture.instruments.base import Connection, Instrument
 from monochord.core.errors import InputError
@@ -72,7 +72,7 @@ class PoseDds(Instrument):
 class _PoseDdsConnection(Connection):
     def __init__(self, options: PoseDds, feed: Feed) -> None:
         self._options = options
-        self._collected = Collected(feed)
+        self._collected = ReadingsCollector(feed)
         self.reader: TopicReader | None = None
         self._pending: deque[tuple[tuple[float, ...] | None, int, Seconds]] = deque(maxlen=MAX_PENDING)
         self._lost = 0

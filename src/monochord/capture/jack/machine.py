@@ -22,7 +22,7 @@ PRIORITY = 70  # of JACK's audio threads, at least
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Check:
+class MachineCheck:
     """The result of one check: `state` is ok, warn or missing; `remedy` says how to fix anything but ok."""
 
     name: str
@@ -32,16 +32,16 @@ class Check:
     required: bool = False
 
 
-def checks() -> Iterator[Check]:
+def checks() -> Iterator[MachineCheck]:
     """Run all checks in sequence; takes a second or two."""
     for look in (python, compile_cache, sound_files, jack, port_audio, priority, memory, governor):
         yield look()
 
 
-def python() -> Check:
+def python() -> MachineCheck:
     """Check the Python version: 3.11 or later."""
     version, recent = sys.version.split()[0], sys.version_info >= (3, 11)
-    return Check(
+    return MachineCheck(
         name="Python",
         state=OK if recent else MISSING,
         detail=f"version {version}; 3.11 or later is needed",
@@ -50,11 +50,11 @@ def python() -> Check:
     )
 
 
-def compile_cache() -> Check:
+def compile_cache() -> MachineCheck:
     """Check whether compiled kernels can be cached, so that only the first start is slow."""
     folder = Path(os.environ.get("NUMBA_CACHE_DIR") or Path(__file__).parents[2])
     writable = os.access(folder, os.W_OK) or (not folder.exists() and os.access(folder.parent, os.W_OK))
-    return Check(
+    return MachineCheck(
         name="compile cache",
         state=OK if writable else WARN,
         detail=f"compiled kernels {'are kept' if writable else 'cannot be kept'} in {folder}",
@@ -62,29 +62,29 @@ def compile_cache() -> Check:
     )
 
 
-def sound_files() -> Check:
+def sound_files() -> MachineCheck:
     """Check for libsndfile, which reads audio files."""
     try:
         import soundfile  # noqa: F401, PLC0415  # pyright: ignore[reportUnusedImport]
     except OSError:
         remedy = "pip install --force-reinstall soundfile, or apt install libsndfile1"
         detail = "libsndfile, which reads them, is not installed"
-        return Check(name="sound files", state=MISSING, detail=detail, remedy=remedy, required=True)
-    return Check(name="sound files", state=OK, detail="WAV and FLAC can be read", required=True)
+        return MachineCheck(name="sound files", state=MISSING, detail=detail, remedy=remedy, required=True)
+    return MachineCheck(name="sound files", state=OK, detail="WAV and FLAC can be read", required=True)
 
 
-def jack() -> Check:
+def jack() -> MachineCheck:
     """Check for JACK and a running server."""
     try:
         jack_library()
     except DeviceError:
         remedy = f"for live sound {START_JACK}"
-        return Check(name="JACK", state=MISSING, detail="not installed", remedy=remedy)
+        return MachineCheck(name="JACK", state=MISSING, detail="not installed", remedy=remedy)
     try:
         client = JackClient("monochord-doctor")
     except DeviceError:
         detail = "installed, but no server runs"
-        return Check(name="JACK", state=WARN, detail=detail, remedy=f"for live sound: {no_server()}")
+        return MachineCheck(name="JACK", state=WARN, detail=detail, remedy=f"for live sound: {no_server()}")
     try:
         rate, period, urgent = client.sample_rate, client.period, client.realtime
     finally:
@@ -93,26 +93,28 @@ def jack() -> Check:
     server = f"{name} runs at {rate} Hz, with periods of {1e3 * period / rate:.1f} ms"
     if not urgent:
         remedy = "start it with -R, or it loses frames under load"
-        return Check(name="JACK", state=WARN, detail=f"{server}, not in real time", remedy=remedy)
-    return Check(name="JACK", state=OK, detail=f"{server}, in real time")
+        return MachineCheck(name="JACK", state=WARN, detail=f"{server}, not in real time", remedy=remedy)
+    return MachineCheck(name="JACK", state=OK, detail=f"{server}, in real time")
 
 
-def port_audio() -> Check:
+def port_audio() -> MachineCheck:
     """Check for PortAudio and its sound cards."""
     try:
         import sounddevice  # noqa: PLC0415
     except OSError:
         remedy = "for sound cards without JACK: apt install libportaudio2"
         detail = "PortAudio, which opens them, is not installed"
-        return Check(name="sound cards", state=MISSING, detail=detail, remedy=remedy)
+        return MachineCheck(name="sound cards", state=MISSING, detail=detail, remedy=remedy)
     inputs = [card["name"] for card in sounddevice.query_devices() if card["max_input_channels"] > 0]
     if not inputs:
         remedy = "for live sound connect a sound card with two inputs"
-        return Check(name="sound cards", state=WARN, detail="none with an input is connected", remedy=remedy)
-    return Check(name="sound cards", state=OK, detail=f"these have inputs: {', '.join(inputs)}")
+        return MachineCheck(
+            name="sound cards", state=WARN, detail="none with an input is connected", remedy=remedy
+        )
+    return MachineCheck(name="sound cards", state=OK, detail=f"these have inputs: {', '.join(inputs)}")
 
 
-def priority() -> Check:
+def priority() -> MachineCheck:
     """Check whether a thread may run with real-time priority, like JACK's threads."""
     granted: list[bool] = []
 
@@ -126,7 +128,7 @@ def priority() -> Check:
     thread = threading.Thread(target=ask)  # the priority ends with it
     thread.start()
     thread.join()
-    return Check(
+    return MachineCheck(
         name="real-time priority",
         state=OK if granted else WARN,
         detail=f"live threads {'may' if granted else 'may not'} have it",
@@ -134,14 +136,14 @@ def priority() -> Check:
     )
 
 
-def memory() -> Check:
+def memory() -> MachineCheck:
     """Check whether memory may be locked against swapping, as JACK's clients do."""
     libc = ctypes.CDLL(None)
     with mmap.mmap(-1, LOCKED_MEMORY) as block:
         view = ctypes.c_char.from_buffer(block)
         refused = libc.mlock(ctypes.byref(view), ctypes.c_size_t(LOCKED_MEMORY))
         del view  # or the memory could not be given back
-    return Check(
+    return MachineCheck(
         name="locked memory",
         state=WARN if refused else OK,
         detail=f"live threads {'may not' if refused else 'may'} keep their memory from being swapped out",
@@ -149,13 +151,13 @@ def memory() -> Check:
     )
 
 
-def governor() -> Check:
+def governor() -> MachineCheck:
     """Check whether the processor keeps its clock rate when idle."""
     try:
         governor = GOVERNOR.read_text(encoding="ascii").strip()
     except OSError:
-        return Check(name="processor pace", state=OK, detail="this machine does not report it")
+        return MachineCheck(name="processor pace", state=OK, detail="this machine does not report it")
     slow = governor not in {"performance", "schedutil"}
     remedy = "for steady latency: cpupower frequency-set -g performance" if slow else ""
     detail = f"the governor '{governor}' {'slows an idle processor down' if slow else 'keeps it steady'}"
-    return Check(name="processor pace", state=WARN if slow else OK, detail=detail, remedy=remedy)
+    return MachineCheck(name="processor pace", state=WARN if slow else OK, detail=detail, remedy=remedy)

@@ -4,18 +4,18 @@
 `RecordingSummary` its result.
 """
 
-from monochord.capture.recording.counters import Progress
+from monochord.capture.recording.counters import RecordingState
 from monochord.capture.recording.loop import record
-from monochord.capture.recording.settings import About, DiskLimits, RecordingJob, RecordingSettings
+from monochord.capture.recording.settings import DiskLimits, RecordingJob, RecordingSettings, RecordingSubject
 from monochord.capture.recording.summary import FeedSummary, RecordingSummary
 
 __all__ = [
-    "About",
     "DiskLimits",
     "FeedSummary",
-    "Progress",
     "RecordingJob",
     "RecordingSettings",
+    "RecordingState",
+    "RecordingSubject",
     "RecordingSummary",
     "record",
 ]

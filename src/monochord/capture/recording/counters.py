@@ -9,8 +9,8 @@ from statistics import median
 import numpy as np
 
 from monochord.capture.instruments.base import Connection
-from monochord.capture.recording.disk import Space, space
-from monochord.capture.recording.pumps import Polled, Pumps
+from monochord.capture.recording.disk import DiskSpace, space
+from monochord.capture.recording.pumps import InstrumentReadings, Pumps
 from monochord.capture.sources.base import Stream
 from monochord.core.clipping import FULL_SCALE
 from monochord.core.inputs import Inputs, InputState
@@ -146,7 +146,7 @@ class _Meter:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FeedNow:
+class FeedState:
     """The state of one instrument.
 
     `values` holds the latest reading by column and `rate` the readings per second over the last second.
@@ -189,13 +189,13 @@ class FeedCounter:
         self._latest_time = now
         self._values = dict(zip(self._feed.columns, readings.values[-1].tolist(), strict=True))
 
-    def look(self, now: Seconds, health: InstrumentHealth) -> FeedNow:
+    def look(self, now: Seconds, health: InstrumentHealth) -> FeedState:
         """Return the state of the instrument."""
         if now - self._rate_time >= RATE_INTERVAL:
             self._rate = (self._readings - self._rate_readings) / (now - self._rate_time)
             self._rate_time, self._rate_readings = now, self._readings
         silent = now - self._latest_time
-        return FeedNow(
+        return FeedState(
             name=self._name,
             feed=self._feed,
             health=health,
@@ -247,7 +247,7 @@ class TimingCheck:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Progress:
+class RecordingState:
     """The state of a running recording.
 
     `time` is the monotonic clock and `elapsed` the time since the start. `frames`, `dropped` and `gaps` count
@@ -267,8 +267,8 @@ class Progress:
     health: StreamHealth
     levels: tuple[Level, ...]
     inputs: Inputs = Inputs.UNKNOWN
-    feeds: tuple[FeedNow, ...]
-    space: Space
+    feeds: tuple[FeedState, ...]
+    space: DiskSpace
     waiting: float = 0.0
     blocked: Seconds = 0.0
     implausible_age: Seconds = 0.0
@@ -300,10 +300,10 @@ class RecordingCounters:
         """Duration of the audio, including lost frames."""
         return self._end / self._rate
 
-    def add(self, batch: Block | Polled) -> None:
+    def add(self, batch: Block | InstrumentReadings) -> None:
         """Count a block or readings."""
         now = time.monotonic()
-        if isinstance(batch, Polled):
+        if isinstance(batch, InstrumentReadings):
             self._feeds[batch.name].add(batch.readings, now)
             return
         frames = batch.samples.shape[1]
@@ -316,11 +316,11 @@ class RecordingCounters:
         self._levels.add(batch)
         self._timing.add(batch)
 
-    def look(self, size: int, pumps: Pumps) -> Progress:
+    def look(self, size: int, pumps: Pumps) -> RecordingState:
         """Return the state of the recording, whose file has `size` bytes."""
         now = time.monotonic()
         silent, elapsed = now - self._latest_time, now - self.begin
-        return Progress(
+        return RecordingState(
             time=now,
             elapsed=elapsed,
             frames=self._frames,

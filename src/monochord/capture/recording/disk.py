@@ -19,7 +19,7 @@ _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Space:
+class DiskSpace:
     """Space on a disk: bytes `free`, `size` of the file, and seconds `left` at the present rate."""
 
     free: float
@@ -33,7 +33,7 @@ def free_bytes(folder: Path) -> float:
     return float(status.f_bavail * status.f_frsize)
 
 
-def space(folder: Path, *, size: float, elapsed: Seconds, reserve: float) -> Space:
+def space(folder: Path, *, size: float, elapsed: Seconds, reserve: float) -> DiskSpace:
     """Return the disk space, with the time until only `reserve` bytes are left at the rate so far.
 
     >>> space(Path("/"), size=0.0, elapsed=5.0, reserve=0.0).left
@@ -41,7 +41,7 @@ def space(folder: Path, *, size: float, elapsed: Seconds, reserve: float) -> Spa
     """
     free = free_bytes(folder)
     rate = size / elapsed if elapsed >= MIN_ELAPSED else 0.0
-    return Space(free=free, size=size, left=max(free - reserve, 0.0) / rate if rate else float("inf"))
+    return DiskSpace(free=free, size=size, left=max(free - reserve, 0.0) / rate if rate else float("inf"))
 
 
 def refuse_place(path: Path, min_free: float) -> None:

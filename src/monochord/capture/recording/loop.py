@@ -8,13 +8,13 @@ from collections import Counter
 from collections.abc import Callable, Generator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 
-from monochord.capture.recording.counters import Progress, RecordingCounters
+from monochord.capture.recording.counters import RecordingCounters, RecordingState
 from monochord.capture.recording.disk import is_full, refuse_place, written_through
-from monochord.capture.recording.pumps import Polled, Pumps, pumping
+from monochord.capture.recording.pumps import InstrumentReadings, Pumps, pumping
 from monochord.capture.recording.settings import RecordingJob
 from monochord.capture.recording.streams import with_unique_streams
 from monochord.capture.recording.summary import RecordingSummary
-from monochord.capture.recording.watch import Watch
+from monochord.capture.recording.watch import RecordingWatch
 from monochord.core.clock import clock_offsets
 from monochord.core.errors import InputError, MonochordError
 from monochord.core.interruption import Interruption, interruption
@@ -34,7 +34,7 @@ STOP_TIMEOUT: Seconds = 5.0
 NICE = -11
 """Priority of sound servers."""
 
-Show = Callable[[Progress, Sequence[Event]], None]
+Show = Callable[[RecordingState, Sequence[Event]], None]
 
 
 def record(
@@ -82,14 +82,14 @@ def record(
         pumps = stack.enter_context(pumping(stream, connections, job.queue_bytes))
         feeds = tuple(connection.feed for connection in connections.values())
         writer = SessionWriter(job.path, job.about.describe(job.path.stem, stream.signal, feeds), clock)
-        watch, flags, ending = Watch(job.disk.warn), Counter[str](), Ending(job)
+        watch, flags, ending = RecordingWatch(job.disk.warn), Counter[str](), RecordingEnd(job)
         progress, clocks_due, over = None, 0.0, False
         with saved(writer, ending), written_through(writer.sync) as disk_errors:
             while not over:
                 time.sleep(WRITE_INTERVAL)
                 over = pumps.ended or ending.overdue  # checked before the queue is emptied for the last time
                 for batch in pumps.queue.take():
-                    if isinstance(batch, Polled):
+                    if isinstance(batch, InstrumentReadings):
                         writer.readings(batch.readings)
                     else:
                         writer.audio(batch)
@@ -124,7 +124,7 @@ def record(
         )
 
 
-class Ending:
+class RecordingEnd:
     """Decides when a recording ends: `reason` is empty until then, and `failure` is empty on success."""
 
     def __init__(self, job: RecordingJob) -> None:
@@ -142,7 +142,13 @@ class Ending:
         return late
 
     def look(
-        self, now: Progress, pumps: Pumps, *, requested: bool, disk_errors: Sequence[OSError], audio: Seconds
+        self,
+        now: RecordingState,
+        pumps: Pumps,
+        *,
+        requested: bool,
+        disk_errors: Sequence[OSError],
+        audio: Seconds,
     ) -> list[Event]:
         """Check for a reason to end and return notices about it; `audio` is the recorded duration."""
         notices = [
@@ -192,7 +198,7 @@ class Ending:
 
 
 @contextmanager
-def saved(writer: SessionWriter, ending: Ending) -> Generator[None]:
+def saved(writer: SessionWriter, ending: RecordingEnd) -> Generator[None]:
     """Close the session in any case; a full disk ends the recording without raising."""
     try:
         try:

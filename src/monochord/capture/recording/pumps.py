@@ -72,7 +72,7 @@ class BoundedQueue(Generic[T]):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Polled:
+class InstrumentReadings:
     """Readings with the name of their instrument."""
 
     name: str
@@ -89,7 +89,7 @@ class Pumps:
     """
 
     def __init__(self, stream: Stream, connections: Mapping[str, Connection], capacity: int) -> None:
-        self.queue = BoundedQueue[Block | Polled](capacity)
+        self.queue = BoundedQueue[Block | InstrumentReadings](capacity)
         self.failures: dict[str, Exception] = {}
         self.blocked: Seconds = 0.0
         self.implausible_age: Seconds = 0.0
@@ -152,11 +152,11 @@ class Pumps:
                 # Sequence, time, device time and status take 28 bytes beside the values.
                 size = readings.values.nbytes + 28 * len(readings.time)
                 if len(readings.time) and not self._put(
-                    Polled(name=name, readings=readings), size, live=True
+                    InstrumentReadings(name=name, readings=readings), size, live=True
                 ):
                     return
 
-    def _put(self, batch: Block | Polled, size: int, *, live: bool) -> bool:
+    def _put(self, batch: Block | InstrumentReadings, size: int, *, live: bool) -> bool:
         begin = time.monotonic()
         accepted = self.queue.put(batch, size)
         waited = time.monotonic() - begin

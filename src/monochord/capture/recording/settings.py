@@ -43,7 +43,7 @@ class Describer(Protocol):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class About:
+class RecordingSubject:
     """The subject of a recording, as stored in its session; the fields are those of `sessions.Description`.
 
     `sensor` names a preset or a TOML file in the same format, such as a tuned sensor's. `simulated` marks
@@ -124,7 +124,7 @@ class RecordingJob:
     path: Path
     source: Source
     instruments: Mapping[str, Instrument] = field(default_factory=dict[str, Instrument])
-    about: Describer = About()
+    about: Describer = RecordingSubject()
     disk: DiskLimits = DiskLimits()
     seconds: Seconds = math.inf
     queue_bytes: int = 1 << 25
@@ -147,7 +147,7 @@ class RecordingSettings(Checked):
 
     source: dict[str, Any] = field(default_factory=lambda: {"name": "jack"})
     instruments: dict[str, dict[str, Any]] = field(default_factory=dict[str, dict[str, Any]])
-    about: About = About()
+    about: RecordingSubject = RecordingSubject()
     disk: DiskLimits = DiskLimits()
     seconds: Annotated[Seconds, Meta(gt=0.0)] = math.inf
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from monochord.capture.recording.counters import FeedNow, Progress
+from monochord.capture.recording.counters import FeedState, RecordingState
 from monochord.capture.recording.watch import ONE_MICROPHONE
 from monochord.core.reasons import Reason
 from monochord.core.units import Samples, Seconds, decibels
@@ -25,7 +25,7 @@ class FeedSummary:
     rate: float
 
     @classmethod
-    def of(cls, feed: FeedNow, elapsed: Seconds) -> "FeedSummary":
+    def of(cls, feed: FeedState, elapsed: Seconds) -> "FeedSummary":
         """Return the summary of an instrument over a time."""
         health = feed.health
         return cls(
@@ -75,7 +75,14 @@ class RecordingSummary:
 
     @classmethod
     def of(
-        cls, path: Path, now: Progress, *, flags: Mapping[str, int], size: int, stopped: str, failure: str
+        cls,
+        path: Path,
+        now: RecordingState,
+        *,
+        flags: Mapping[str, int],
+        size: int,
+        stopped: str,
+        failure: str,
     ) -> "RecordingSummary":
         """Return the summary of a recording from its final state."""
         return cls(

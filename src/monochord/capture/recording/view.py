@@ -11,7 +11,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.text import Text
 
-from monochord.capture.recording.counters import FeedNow, Level, Progress
+from monochord.capture.recording.counters import FeedState, Level, RecordingState
 from monochord.core.printable import printable
 from monochord.core.screen import Screen, can_draw
 from monochord.core.units import Seconds, decibels
@@ -38,7 +38,7 @@ class RecordingView:
 
     def __init__(self, path: Path, console: Console) -> None:
         self._path, self._console = path, console
-        self._latest: Progress | None = None
+        self._latest: RecordingState | None = None
         self._notices = deque[str](maxlen=MAX_NOTICES)
         self._unprinted = deque[str](maxlen=100)
         self._lock = threading.Lock()
@@ -46,7 +46,7 @@ class RecordingView:
         draw = self._draw if can_draw(console) else self._print
         self._thread = threading.Thread(target=draw, name="record view", daemon=True)
 
-    def show(self, now: Progress, notices: Sequence[Event]) -> None:
+    def show(self, now: RecordingState, notices: Sequence[Event]) -> None:
         """Receive the state of the recording, and new notices."""
         with self._lock:
             self._latest = now
@@ -102,7 +102,7 @@ def viewed(path: Path, console: Console) -> Generator[RecordingView]:
         view.stop()
 
 
-def draw(path: Path, now: Progress, notices: Sequence[str], columns: int) -> list[Text]:
+def draw(path: Path, now: RecordingState, notices: Sequence[str], columns: int) -> list[Text]:
     """Return the view as lines of at most `columns` cells, with the newest notices at the bottom."""
     return [
         _title(path, now, columns),
@@ -116,7 +116,7 @@ def draw(path: Path, now: Progress, notices: Sequence[str], columns: int) -> lis
     ]
 
 
-def plain_line(now: Progress) -> str:
+def plain_line(now: RecordingState) -> str:
     """Return the state as one line of text, for a log or a pipe."""
     peaks = " / ".join(f"{decibels(level.peak_hold):.0f}" for level in now.levels)
     clipped = sum(level.clipped for level in now.levels)
@@ -147,7 +147,7 @@ def duration(seconds: Seconds) -> str:
     return f"{int(seconds) // 60}:{int(seconds) % 60:02d}"
 
 
-def _title(path: Path, now: Progress, columns: int) -> Text:
+def _title(path: Path, now: RecordingState, columns: int) -> Text:
     left = Text.assemble(("  ● ", "bold red"), ("monochord", "bold"), (f"   {path.name}", LABEL))
     right = f"{duration(now.elapsed)}   {1e-6 * now.space.size:.1f} MB  "
     return left + Text(right.rjust(max(columns - len(left), len(right) + 1)), LABEL)
@@ -179,7 +179,7 @@ def _place(share: float) -> float:
     return min(max(1.0 - decibels(share) / METER_FLOOR, 0.0), 1.0) if share > 0.0 else 0.0
 
 
-def _feed(feed: FeedNow) -> Text:
+def _feed(feed: FeedState) -> Text:
     line = Text.assemble((f"  {feed.name:<9}", LABEL))
     for text in _values(feed):
         line.append(f"{text}   ", "bold")
@@ -192,7 +192,7 @@ def _feed(feed: FeedNow) -> Text:
     return line
 
 
-def _values(feed: FeedNow) -> Iterator[str]:
+def _values(feed: FeedState) -> Iterator[str]:
     units = dict(zip(feed.feed.columns, feed.feed.units, strict=True))
     names = [name for name in SHOWN if name in feed.values] or list(feed.values)[:3]
     for name in names:
@@ -200,7 +200,7 @@ def _values(feed: FeedNow) -> Iterator[str]:
         yield f"{name} {1e3 * value:.1f} mm" if unit == "m" else f"{name} {value:.2f} {unit}".rstrip()
 
 
-def _audio(now: Progress) -> Text:
+def _audio(now: RecordingState) -> Text:
     line = Text.assemble(("  audio    ", LABEL))
     if now.silent:
         line.append(f"silent for {now.silent:.1f} s   ", WARN)
@@ -215,7 +215,7 @@ def _audio(now: Progress) -> Text:
     return line
 
 
-def _disk(now: Progress) -> Text:
+def _disk(now: RecordingState) -> Text:
     style = WARN if now.space.left < 600.0 else ""
     line = Text.assemble(("  disk     ", LABEL))
     line.append(f"{1e-9 * now.space.free:.1f} GB free, space for {duration(now.space.left)}   ", style)

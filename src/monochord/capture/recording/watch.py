@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 
-from monochord.capture.recording.counters import FeedNow, Progress
+from monochord.capture.recording.counters import FeedState, RecordingState
 from monochord.core.clock import MIN_CLOCK_STEP
 from monochord.core.inputs import Inputs
 from monochord.core.reasons import Reason
@@ -19,7 +19,7 @@ MIN_BLOCKED: Seconds = 0.25
 """Waiting time for the disk from which it is reported, in s."""
 
 
-class Watch:
+class RecordingWatch:
     """Compares each state of a recording with the previous one, and reports problems and recoveries."""
 
     def __init__(self, disk_warning: Seconds) -> None:
@@ -32,7 +32,7 @@ class Watch:
         self._offsets: Mapping[str, Seconds] = {}
         self._disk_low = self._implausible = self._inputs_said = False
 
-    def look(self, now: Progress, *, last: bool = False) -> list[Event]:
+    def look(self, now: RecordingState, *, last: bool = False) -> list[Event]:
         """Return the new notices; with `last`, also pending counts."""
         notices = [
             *self._audio(now, last=last),
@@ -56,7 +56,7 @@ class Watch:
             if abs(step) > MIN_CLOCK_STEP
         ]
 
-    def _audio(self, now: Progress, *, last: bool) -> Iterator[Event | None]:
+    def _audio(self, now: RecordingState, *, last: bool) -> Iterator[Event | None]:
         def rise(kind: str, total: float) -> float:
             return self._rise(kind, "audio", total, now.time, last=last)
 
@@ -88,7 +88,7 @@ class Watch:
             text = f"audio: {count:.0f} samples that are not numbers"
             yield _about("audio", now.time, "nan", text, samples=count)
 
-    def _sound(self, now: Progress) -> Iterator[Event]:
+    def _sound(self, now: RecordingState) -> Iterator[Event]:
         """Yield a notice where a microphone falls silent, and where it recovers."""
         before, self._quiet = self._quiet, {k + 1 for k, level in enumerate(now.levels) if level.is_silent}
         for kind, numbers, more in (
@@ -101,7 +101,7 @@ class Watch:
                 data = {"stream": "audio", "microphones": microphones}
                 yield Event(time=now.time, kind=kind, text=text, data=data)
 
-    def _one_microphone(self, now: Progress) -> Event | None:
+    def _one_microphone(self, now: RecordingState) -> Event | None:
         """Return a notice once two channels have not been two microphones for a while.
 
         A microphone that picks up nothing at all has a notice of its own.
@@ -114,7 +114,7 @@ class Watch:
         self._inputs_said = True
         return Event(time=now.time, kind=ONE_MICROPHONE, text=f"audio: {reason}", data={"stream": "audio"})
 
-    def _feed(self, feed: FeedNow, time: Seconds, *, last: bool) -> Iterator[Event | None]:
+    def _feed(self, feed: FeedState, time: Seconds, *, last: bool) -> Iterator[Event | None]:
         name, health = feed.name, feed.health
         yield self._silence(name, feed.silent, time)
         for kind, total, words in (
@@ -128,7 +128,7 @@ class Watch:
                 more: dict[str, float] = {"status": feed.status} if kind == "fault" else {}
                 yield _about(name, time, kind, f"{name}: {words.format(readings)}", count=count, **more)
 
-    def _disk(self, now: Progress, *, last: bool) -> Iterator[Event]:
+    def _disk(self, now: RecordingState, *, last: bool) -> Iterator[Event]:
         low = now.elapsed > 1.0 and now.space.left < self._disk_warning
         if low and not self._disk_low:
             left, free = now.space.left, 1e-6 * now.space.free

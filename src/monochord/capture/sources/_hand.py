@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from monochord.capture.sources.base import Controls, Setting
+from monochord.capture.sources.base import Controls, ControlSetting
 from monochord.core.errors import InputError, did_you_mean
 from monochord.core.types import Contact
 from monochord.core.units import Metres, MetresPerSecond, Newtons, Seconds
@@ -46,7 +46,7 @@ TUNINGS: Mapping[str, float] = {"-3 %": -0.03, "-1 %": -0.01, "as built": 0.0, "
 """Relative changes of the open string's pitch."""
 
 
-class Hand(Controls):
+class TouchRequests(Controls):
     """A person's requests to a simulated string; only the newest request counts.
 
     Touches are within the range `positions`, in m, of one of the `materials`, by default the first.
@@ -76,11 +76,11 @@ class Hand(Controls):
         return FORCES
 
     @property
-    def settings(self) -> tuple[Setting, ...]:
+    def settings(self) -> tuple[ControlSetting, ...]:
         """Current settings: who touches the string, the material, the noise, and the tuning."""
         with self._lock:
             values = self._values
-            return tuple(Setting(name=n, choices=c, value=values[n]) for n, c in self._choices.items())
+            return tuple(ControlSetting(name=n, choices=c, value=values[n]) for n, c in self._choices.items())
 
     def touch(self, contact: Contact) -> None:
         """Touch the string, or move the object there; automatic touches end."""
@@ -134,11 +134,11 @@ class Hand(Controls):
             return self._number, self._contact, self._values["material"]
 
 
-class Led:
-    """The object that follows a `Hand`; `seed` draws its mount and surface in a plausible `world`."""
+class HandledObject:
+    """The object that follows `TouchRequests`; `seed` draws its mount and surface in a plausible `world`."""
 
-    def __init__(self, hand: Hand, seed: int, world: World) -> None:
-        self._hand, self._seed = hand, seed
+    def __init__(self, requests: TouchRequests, seed: int, world: World) -> None:
+        self._requests, self._seed = requests, seed
         self._world: World = world
         self._touch: Touch | None = None
         self._number: int | None = None
@@ -151,7 +151,7 @@ class Led:
 
     def touches(self, time: Seconds) -> tuple[Touch, ...] | None:
         """Return the touches from this time on; None for no change."""
-        target, touch = self._hand.target(), self._touch
+        target, touch = self._requests.target(), self._touch
         if touch is None:
             return None if target is None else self._bring(time, *target)
         if self._lifting:

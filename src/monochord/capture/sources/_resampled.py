@@ -24,11 +24,11 @@ class _ResampledStream(Stream):
     def __init__(self, stream: Stream, sample_rate: int) -> None:
         from monochord.dsp.resample import Conversion  # noqa: PLC0415 (loads numba)
 
-        own = stream.signal
-        self._delay = Conversion.between(own.sample_rate, sample_rate).delay
-        self._stream, self._rates = stream, (own.sample_rate, sample_rate)
-        self._signal = replace(own, sample_rate=sample_rate)
-        silence = np.zeros((own.channels, 1), np.float32)
+        signal = stream.signal
+        self._delay = Conversion.between(signal.sample_rate, sample_rate).delay
+        self._stream, self._rates = stream, (signal.sample_rate, sample_rate)
+        self._signal = replace(signal, sample_rate=sample_rate)
+        silence = np.zeros((signal.channels, 1), np.float32)
         list(self._converted(iter([Block(samples=silence, start=0)])))  # compiles
 
     @property

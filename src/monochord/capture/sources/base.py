@@ -17,7 +17,7 @@ MIN_RATE, MAX_RATE = 16_000, 192_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Setting:
+class ControlSetting:
     """A source's setting that can change at run time: name, choices, current value."""
 
     name: str
@@ -43,7 +43,7 @@ class Controls(ABC):
 
     @property
     @abstractmethod
-    def settings(self) -> tuple[Setting, ...]:
+    def settings(self) -> tuple[ControlSetting, ...]:
         """Current settings that can be changed."""
 
     @abstractmethod

@@ -13,7 +13,7 @@ from msgspec import Meta
 
 from monochord.capture.sources._added_noise import AddedNoise
 from monochord.capture.sources._audio_file import open_audio
-from monochord.capture.sources._hand import Hand, Led
+from monochord.capture.sources._hand import HandledObject, TouchRequests
 from monochord.capture.sources._labels import LabelMemory
 from monochord.capture.sources._paced_stream import PacedStream
 from monochord.capture.sources._script import EDGE, ScriptedTouch, draw_touches, twin_changes
@@ -179,8 +179,8 @@ class _TwinStream(PacedStream):
         self._ahead: Audio = np.zeros((2, 0), dtype=np.float32)
         edge = EDGE * length
         others = [name for name in material_names() if name not in options.materials]
-        self._hand = Hand((edge, length - edge), (*options.materials, *others))
-        self._led = Led(self._hand, options.seed, options.world)
+        self._requests = TouchRequests((edge, length - edge), (*options.materials, *others))
+        self._object = HandledObject(self._requests, options.seed, options.world)
         self._by_hand = False
         self._built, self._retuned = sensor, 0.0
         self._noise = AddedNoise(rate, options.seed)
@@ -192,7 +192,7 @@ class _TwinStream(PacedStream):
     @property
     def controls(self) -> Controls | None:
         """Controls of the string, at a finite speed."""
-        return self._hand if self.paced else None
+        return self._requests if self.paced else None
 
     def _read(self, frames: Samples) -> Audio:
         """Return the next frames, simulated ahead in chunks to save calls.
@@ -200,19 +200,19 @@ class _TwinStream(PacedStream):
         With a hand on the string, each block is simulated separately.
         """
         while self._ahead.shape[1] < frames:
-            chunk = frames if self._hand.manual else max(frames, CHUNK)
+            chunk = frames if self._requests.manual else max(frames, CHUNK)
             self._ahead = np.concatenate([self._ahead, self._simulate(chunk)], axis=1)
         samples, self._ahead = self._ahead[:, :frames], self._ahead[:, frames:]
         return np.ascontiguousarray(samples)
 
     def _simulate(self, frames: Samples) -> Audio:
         """Simulate `frames`, or up to an object's arrival or departure, and store the labels."""
-        if self._hand.retuning != self._retuned:
+        if self._requests.retuning != self._retuned:
             self._retune()
-        if self._hand.manual != self._by_hand:
+        if self._requests.manual != self._by_hand:
             self._hand_over()
         if self._by_hand:
-            touches = self._led.touches(self._twin.start / self._signal.sample_rate)
+            touches = self._object.touches(self._twin.start / self._signal.sample_rate)
             if touches is not None:
                 self._twin = retouch(self._twin, touches)
             return self._advance(frames)
@@ -227,14 +227,14 @@ class _TwinStream(PacedStream):
         start = self._twin.start
         take, self._twin = advance(self._twin, frames)
         self._labels.add(label_columns(take.labels), frames)
-        noise = self._hand.noise
+        noise = self._requests.noise
         return take.microphones if noise is None else self._noise.added(take.microphones, start, *noise)
 
     def _hand_over(self) -> None:
         """Begin or end touches by hand; due automatic touches continue otherwise."""
-        self._by_hand = self._hand.manual
+        self._by_hand = self._requests.manual
         if self._by_hand:
-            self._led.take_over(self._twin.scene.touches)
+            self._object.take_over(self._twin.scene.touches)
             return
         self._twin = retouch(self._twin, ())
         while self._change is not None and (self._change[0] <= self._twin.start or not self._change[1]):
@@ -242,7 +242,7 @@ class _TwinStream(PacedStream):
 
     def _retune(self) -> None:
         """Retune the string and pluck it again, since its modes have changed."""
-        self._retuned = self._hand.retuning
+        self._retuned = self._requests.retuning
         string, before = self._built.string, self._twin
         retuned = replace(string, tension=string.tension * (1.0 + self._retuned) ** 2)
         scene = replace(before.scene, touches=())
@@ -250,7 +250,7 @@ class _TwinStream(PacedStream):
             replace(self._built, string=retuned), scene, sample_rate=before.sample_rate, seed=before.seed
         )
         self._twin = replace(twin, start=before.start)
-        self._led.take_over(())
+        self._object.take_over(())
 
 
 def _with_effects(

@@ -8,7 +8,7 @@ from monochord.core.units import Metres
 from monochord.datasets.store import Dataset
 from monochord.perception.model.model import Model
 from monochord.perception.training.correct import Outputs, labelled_errors
-from monochord.physics.known_touches import Estimated, why_impossible
+from monochord.physics.known_touches import TouchEstimates, why_impossible
 
 MAX_ODD_ERROR: Metres = 0.005
 """Median position error above which the labels may have been measured from the string's other end."""
@@ -31,7 +31,7 @@ def refuse_impossible(
     if outputs is not None:
         position, position_std = _estimated(model, dataset, "position", outputs)
         values = (position, position_std, _estimated(model, dataset, "force", outputs)[0])
-        estimated = Estimated(*(_of_touches(each, touch, numbers) for each in values))
+        estimated = TouchEstimates(*(_of_touches(each, touch, numbers) for each in values))
         if string is not None:
             _refuse_other_end(labels["position"], estimated.position, string.length)
     wrong = why_impossible(labels["position"], labels["force"], string, estimated)

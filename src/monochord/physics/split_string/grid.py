@@ -46,8 +46,8 @@ class SegmentGrid:
 
         Only this segment's channels are driven and written.
         """
-        own, out = signals[self.channels], motion[self.channels]
-        kernel(self.now, self.before, self.coefficients, self.loads, own, self.nodes, self.weights, out)
+        drives, out = signals[self.channels], motion[self.channels]
+        kernel(self.now, self.before, self.coefficients, self.loads, drives, self.nodes, self.weights, out)
         if signals.shape[1] % 2:
             self.now, self.before = self.before, self.now
 

@@ -65,8 +65,8 @@ def split(setup: SplitString) -> tuple[Segment, ...]:
         )
 
     def places(fraction: float, length: Metres) -> tuple[Metres, ...]:
-        own = fraction * length
-        return (own,) if contact else (own, length - own)
+        place = fraction * length
+        return (place,) if contact else (place, length - place)
 
     return tuple(segment(index, length) for index, length in enumerate(lengths))
 

@@ -433,23 +433,23 @@ def _bank(sensor: Sensor, chosen: RatePlan, step: float) -> Floats:
         raise InputError(f"sensor {sensor.name}: losses", "modes that oscillate", "lower the loss factors")
     bank = np.zeros((rows(0), 2 * half))
     for first, share in ((0, cos), (half, sin)):
-        own = slice(first, first + count)
-        bank[OMEGA2_TENSION, own] = wave**2 / string.linear_density
-        bank[OMEGA2_BENDING, own] = bending_stiffness(string) * wave**4 / string.linear_density
-        bank[DECAY, own] = sigma
-        bank[STRETCH, own] = n**2 * np.minimum(turn / np.sin(turn), 1.0 / np.sin(0.5 * turn) ** 2)
+        modes = slice(first, first + count)
+        bank[OMEGA2_TENSION, modes] = wave**2 / string.linear_density
+        bank[OMEGA2_BENDING, modes] = bending_stiffness(string) * wave**4 / string.linear_density
+        bank[DECAY, modes] = sigma
+        bank[STRETCH, modes] = n**2 * np.minimum(turn / np.sin(turn), 1.0 / np.sin(0.5 * turn) ** 2)
         for d, driver in enumerate(sensor.drivers):
             blur = np.exp(-0.5 * (wave * driver.aperture) ** 2) * share(driver.angle)
-            bank[DRIVE_1 + d, own] = np.sin(wave * driver.drive) * blur
-            bank[SENSE_1 + d, own] = np.sin(wave * driver.sense) * blur
+            bank[DRIVE_1 + d, modes] = np.sin(wave * driver.drive) * blur
+            bank[SENSE_1 + d, modes] = np.sin(wave * driver.sense) * blur
         end = (string.tension + bending_stiffness(string) * wave**2) * wave * share(sensor.pickups.angle)
-        bank[END_1, own] = end
-        bank[END_2, own] = -end * np.cos(n * pi)
+        bank[END_1, modes] = end
+        bank[END_2, modes] = -end * np.cos(n * pi)
     bank[FRAME, :count] = -string.linear_density * (1.0 - np.cos(n * pi)) / wave
     shift = sum(end_shifts(string, end, omega) for end in sensor.ends)
-    for own in (slice(count), slice(half, half + count)):
-        bank[OMEGA2_BENDING, own] += 2.0 * omega * np.real(shift)
-        bank[DECAY, own] += np.imag(shift)
+    for modes in (slice(count), slice(half, half + count)):
+        bank[OMEGA2_BENDING, modes] += 2.0 * omega * np.real(shift)
+        bank[DECAY, modes] += np.imag(shift)
     return bank
 
 
@@ -606,8 +606,8 @@ def _edge_compliance(string: StringParams, width: Metres) -> Floats:
     inside = 0.5 * width + 1e-6 * string.length
     place = np.clip(np.linspace(0.0, string.length, TABLE_PLACES), inside, string.length - inside)
     near, far = place - 0.5 * width, place + 0.5 * width
-    own = mutual_compliance(string, near, near) + mutual_compliance(string, far, far)
-    return 0.25 * own + 0.5 * mutual_compliance(string, near, far)
+    same_edge = mutual_compliance(string, near, near) + mutual_compliance(string, far, far)
+    return 0.25 * same_edge + 0.5 * mutual_compliance(string, near, far)
 
 
 @lru_cache(maxsize=64)  # 7 ms, and an object that is led by hand comes with each of its motions

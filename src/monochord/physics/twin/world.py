@@ -325,8 +325,8 @@ def _pickups(sensor: Sensor, seed: int, effects: Effects) -> Pickups:
         pickups = replace(pickups, hum=(first, second), mains=mains)
     limit = max(driver.limit for driver in sensor.drivers)
     if effects.feed_through and limit > 0.0:
-        own, other = (_signed(seed, f"feed {which}", FEED) / limit for which in ("own", "other"))
-        pickups = replace(pickups, feed=(own, other))
+        same_side, other_side = (_signed(seed, f"feed {which}", FEED) / limit for which in ("own", "other"))
+        pickups = replace(pickups, feed=(same_side, other_side))
     return replace(pickups, residual=True) if effects.residual else pickups
 
 
