@@ -24,12 +24,8 @@ class CompilationBar:
     """A progress bar during compilation: ``compiling, once, about 40 s [##......] 4 s``.
 
     It shows the time spent out of the usual time, and is erased when a compilation ends. It is not drawn in a
-    log, a pipe or a file, nor by a process started by another Python process.
-
-    Parameters
-    ----------
-    file
-        Where to write; standard error by default.
+    log, a pipe or a file, nor by a process started by another Python process. By default `file` is standard
+    error.
 
     Examples
     --------

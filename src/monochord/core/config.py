@@ -52,12 +52,7 @@ def load_json(path: Path, remedy: str = "") -> Any:
 
 
 def table(tree: Mapping[str, Any], name: str) -> Tree:
-    """Return the table `name` of a tree, or an empty one.
-
-    Raises
-    ------
-    InputError
-        If `name` is not a table.
+    """Return the table `name` of a tree, or an empty one; raises `InputError` for another value.
 
     >>> table({"window": {"hop": 0.01}}, "window"), table({}, "window")
     ({'hop': 0.01}, {})

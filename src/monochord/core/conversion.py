@@ -33,12 +33,8 @@ def converted(kind: Any, value: Any, where: str) -> Any:
 
     A value that fits is returned unchanged. Numbers of other libraries (NumPy's scalars, arrays without
     dimensions) become Python's; one text stands for a list of texts, a table for a dataclass, and a path for
-    text. Arrays become arrays of the annotated numbers.
-
-    Raises
-    ------
-    InputError
-        If the value is of another type, outside its range, or NaN.
+    text. Arrays become arrays of the annotated numbers. Raises `InputError` for a value of another type,
+    outside its range, or NaN.
 
     >>> converted(int, 2.0, "bins"), converted(tuple[str, ...], "drive=1", "settings")
     (2, ('drive=1',))

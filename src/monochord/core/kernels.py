@@ -52,14 +52,8 @@ def kernel(signature: str = "", **options: Any) -> Callable[[Function], Function
     """Compile a function at its first call, or at once for a `signature`, and cache it on disk.
 
     Division follows NumPy: division by zero gives infinity without an error. With ``NUMBA_DISABLE_JIT`` set,
-    the function is not compiled.
-
-    Parameters
-    ----------
-    signature
-        Types of the result and of the arguments, such as ``"int64(int64[::1], intp)"``.
-    options
-        Options of `numba.njit`, such as ``fastmath``.
+    the function is not compiled. A signature states the types of result and arguments, such as
+    ``"int64(int64[::1], intp)"``; `options` are those of `numba.njit`, such as ``fastmath``.
 
     Examples
     --------
@@ -89,12 +83,7 @@ def part(**options: Any) -> Callable[[Function], Function]:
 
     A kernel in another file imports it by name, so that the kernel's cache depends on both files. Python has
     no entry to the compiled code, which would take as long to compile as a short function. A call from Python
-    runs the uncompiled function.
-
-    Parameters
-    ----------
-    options
-        Options of `numba.njit`, such as ``fastmath``.
+    runs the uncompiled function. `options` are those of `numba.njit`.
 
     Examples
     --------

@@ -19,17 +19,8 @@ def pitch(value: str | float) -> Hertz:
     """Return the frequency in Hz of a note's name, or of a number of Hz.
 
     A name has a letter, sharps (``#``) or flats (``b``), the octave of scientific pitch notation (middle C is
-    C4), and where needed the deviation in cents.
-
-    Parameters
-    ----------
-    value
-        ``"E4"``, ``"F#3"``, ``"B♭2"``, ``"E4+12"``, ``"110"``, ``"110 Hz"``, or 110.0.
-
-    Raises
-    ------
-    InputError
-        If it is neither a note with its octave nor a finite number above zero.
+    C4), and where needed the deviation in cents: ``"E4"``, ``"F#3"``, ``"B♭2"``, ``"E4+12"``. A number may be
+    text. Raises `InputError` for anything else, and unless the frequency is finite and above zero.
 
     Examples
     --------

@@ -25,21 +25,9 @@ def sound(
 ) -> NDArray[Real]:
     """Return sound (channels, frames), contiguous and of a type that kernels are compiled for.
 
-    Sound already in this form is returned without a copy.
-
-    Parameters
-    ----------
-    samples
-        Sound in full scale; floats of any type.
-    channels, size
-        Expected numbers of channels and frames; by default any number from 1 on.
-    dtype
-        Type of the samples returned.
-
-    Raises
-    ------
-    InputError
-        If the shape is wrong, or the values are not numbers, or integers.
+    Sound already in this form is returned without a copy; floats of other types are converted. By default
+    channels and frames (`size`) are any number from 1 on. Raises `InputError` for another shape, for
+    integers, and for what is no number.
 
     Examples
     --------
@@ -104,12 +92,7 @@ def refuse_other_channels(count: int, expected: int, reader: str = "") -> None:
 def batch(windows: ArrayLike, channels: int = ANY, size: int = ANY) -> NDArray[np.float32]:
     """Return windows (n, channels, size), each as `sound` returns it; n may be 0.
 
-    By default channels and size are any number from 1 on.
-
-    Raises
-    ------
-    InputError
-        If the shape is wrong, or the values are not numbers, or integers.
+    By default channels and size are any number from 1 on. Errors are those of `sound`.
 
     Examples
     --------
@@ -146,20 +129,9 @@ def _microphones(count: int) -> str:
 def numbers(given: ArrayLike, number: Any = Any, name: str = "array") -> NDArray[Any]:
     """Return an array of ordered numbers; one of the wanted type is returned unchanged.
 
-    Parameters
-    ----------
-    given
-        Numbers, as anything that NumPy takes.
-    number
-        The wanted type of number, such as ``np.float64``; `Any` keeps a given type. Floats beyond its range
-        become infinite. ``np.float32`` is that of sound, which takes no whole numbers.
-    name
-        What the array is, for errors.
-
-    Raises
-    ------
-    InputError
-        If these are no numbers, rows have different lengths, or a number is none of the wanted type.
+    `Any` keeps the type of `given`. Floats beyond the range of the wanted type become infinite;
+    ``np.float32`` is that of sound, which takes no whole numbers. Raises `InputError`, which calls the array
+    `name`, if these are no numbers, of another type, or rows of different lengths.
 
     Examples
     --------

@@ -146,12 +146,8 @@ ALL_CORES, ONE_PROCESS = Spread(), Spread(workers=1)
 class Worker(Generic[Job, Result]):
     """One process for jobs that this one does not wait for: it starts with the first, and again if it died.
 
-    Parameters
-    ----------
-    work
-        The function of one job, from a module that the process can import.
-    niceness
-        How far below this process it stands for the system's scheduler.
+    `work` is the function of one job, from a module that the process can import; `niceness` is how far below
+    this process it stands for the system's scheduler.
 
     Examples
     --------

@@ -43,12 +43,6 @@ class Measured(Figure):
 
 
 def require_matplotlib() -> None:
-    """Raise `MissingLibraryError` unless matplotlib is installed.
-
-    Raises
-    ------
-    MissingLibraryError
-        If matplotlib is not installed; the error says how to install it.
-    """
+    """Raise `MissingLibraryError` unless matplotlib is installed."""
     if find_spec("matplotlib") is None:
         raise MissingLibraryError("Drawing a figure", "matplotlib >= 3.9", "figures")

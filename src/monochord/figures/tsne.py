@@ -138,21 +138,8 @@ class Tsne(Measured):
 def embedded(rows: Floats, perplexity: float, seed: int = 0) -> Floats:
     """Return positions in a plane (n, 2) where similar rows are close together, by t-SNE.
 
-    Columns are standardised, and the first 50 principal components are used.
-
-    Parameters
-    ----------
-    rows
-        Features (n, columns).
-    perplexity
-        Approximate number of neighbours of a row.
-    seed
-        Random seed.
-
-    Raises
-    ------
-    InputError
-        If all rows are equal.
+    Columns of `rows` (n, columns) are standardised, and the first 50 principal components are used;
+    `perplexity` is about the number of neighbours of a row. Raises `InputError` if all rows are equal.
 
     References
     ----------

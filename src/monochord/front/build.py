@@ -154,11 +154,6 @@ def built(
     """Return the dataset of `build` with its audit, even with leaks.
 
     `note` receives a line for each session that is left out or resampled.
-
-    Raises
-    ------
-    InputError
-        As in `build`, except for a leak.
     """
     refuse_both(workers, cluster)
     folder, files = Path(out), find_sessions(session_names(sessions))

@@ -16,13 +16,7 @@ if TYPE_CHECKING:
 
 
 def draw(design: StringDesign) -> Canvas:
-    """Return six panels: trade-off, tension, force, position, ambiguity and drift.
-
-    Raises
-    ------
-    MissingLibraryError
-        If matplotlib is not installed; the error says how to install it.
-    """
+    """Return six panels: trade-off, tension, force, position, ambiguity and drift."""
     page = style.canvas(125.0)
     panels = page.subplots(2, 3)
     _trade_off(panels[0, 0], design)

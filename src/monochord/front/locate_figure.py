@@ -27,13 +27,7 @@ ROOM = 0.05
 
 @checked
 def draw(places: Located, *, frets: bool = False) -> Canvas:
-    """Return one panel; with `frets`, lines where the frets are, named on the right by number and note.
-
-    Raises
-    ------
-    MissingLibraryError
-        If matplotlib is not installed; the error says how to install it.
-    """
+    """Return one panel; with `frets`, lines where the frets are, named on the right by number and note."""
     page = style.canvas(80.0)
     axes = page.subplots()
     style.dress(axes, "", _title(places), "time (s)", f"position from {places.origin} (mm)")

@@ -97,11 +97,8 @@ class _Group:
 def pose_columns(names: Sequence[str], rotation: str, what: str, expected: str) -> PoseColumns:
     """Return where a table with columns of these names has its pose.
 
-    Raises
-    ------
-    InputError
-        If `what`, the table, lacks a column of `expected`, or has one that may be a rotation of several
-        meanings and `rotation` does not say which.
+    Raises `InputError` if `what`, the table, lacks a column of `expected`, or has one that may be a rotation
+    of several meanings and `rotation` does not say which.
     """
     index = {name: at for at, name in enumerate(names)}
     wanted = (*PLACE, *(TURN if {*TURN} & {*names} else ()))

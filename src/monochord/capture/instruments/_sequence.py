@@ -26,16 +26,8 @@ class Sequence:
     they were taken. Where the clock goes back by more than `patience`, or the sender is known to have been
     away, the sender has restarted, and only the time of arrival gives a rough number of lost readings.
 
-    Parameters
-    ----------
-    wraps
-        Whether the sender's counters have 32 bits and wrap around.
-    ticks
-        Ticks of the sender's clock between readings; 0 where unknown.
-    rate
-        Readings per second; 0 where unknown.
-    patience
-        Largest step back of the sender's clock, in ticks, for which a reading counts as late.
+    `wraps` marks counters of 32 bits. `ticks` of the sender's clock are between two readings, at `rate`
+    readings per second; 0 where unknown. A step back of up to `patience` ticks is a late reading.
     """
 
     wraps: bool = False
@@ -52,21 +44,10 @@ class Sequence:
     _time: Seconds = field(default=0.0, init=False)
 
     def follow(self, count: Counts, tick: Counts, time: Floats, *, away: bool = False) -> tuple[Counts, Mask]:
-        """Continue the count over the next readings.
+        """Return the continued count (n,) of the next readings, and which of them are in order (n,).
 
-        Parameters
-        ----------
-        count, tick
-            The sender's count and clock, (n,).
-        time
-            Time of arrival, (n,), in s.
-        away
-            Whether the sender was away before the first reading.
-
-        Returns
-        -------
-        numbers, in_order
-            The continued count, (n,), and which readings are in order, (n,).
+        `count` and `tick` (n,) are the sender's, `time` (n,) is that of arrival, and `away` states that the
+        sender was away before the first reading.
         """
         in_order = np.ones(count.size, np.bool_)
         if not count.size:

@@ -43,14 +43,7 @@ HEADER = 4  # words a header: device's frame count and its clock in microseconds
 class Arena:
     """Memory for `frames` frames of `channels` channels in at most `periods` periods, initialised to zero.
 
-    Attributes
-    ----------
-    words
-        The whole memory.
-    samples
-        View of the samples, (channels, frames).
-    headers
-        View of the headers, (periods, `HEADER`).
+    `words` is the whole memory; `samples` (channels, frames) and `headers` (periods, `HEADER`) are views.
     """
 
     def __init__(self, channels: int, frames: Samples, periods: int) -> None:

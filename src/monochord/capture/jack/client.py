@@ -20,19 +20,10 @@ _clients: set["JackClient"] = set()
 
 
 class JackClient:
-    """An open client of a running JACK server.
+    """An open client of a running JACK server; the server makes its `name` unique if it is taken.
 
-    Parameters
-    ----------
-    name
-        Client name; the server makes it unique if it is taken.
-    server
-        Name of the server, or ``""`` for ``$JACK_DEFAULT_SERVER`` or else ``default``.
-
-    Raises
-    ------
-    DeviceError
-        If libjack is not installed or the server is not running (none is started).
+    Without a `server`, it is that of ``$JACK_DEFAULT_SERVER``, or else ``default``. Raises `DeviceError` if
+    libjack is not installed or the server is not running: none is started.
     """
 
     def __init__(self, name: str, server: str = "") -> None:

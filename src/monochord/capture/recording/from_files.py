@@ -151,12 +151,9 @@ def read_labels(
     are separated by commas, semicolons or tabs. A table of touches, with ``begin`` and ``end``, is returned
     as labels every `TOUCH_STEP`.
 
-    Raises
-    ------
-    InputError
-        If the file is not such a table, a cell is not a number or out of range, a time is beyond the audio's
-        `seconds` or before the previous one, or a position or force is impossible on the `string` (see
-        `physics.known_touches`). The error names the row and column.
+    Raises `InputError`, which names the row and column, if the file is not such a table, a cell is not a
+    number or out of range, a time is beyond the audio's `seconds` or before the previous one, or a position
+    or force is impossible on the `string` (see `physics.known_touches`).
     """
     names, rows = _rows(path)
     table = ([_number(path, row, *cell) for cell in zip(names, cells, strict=True)] for row, cells in rows)

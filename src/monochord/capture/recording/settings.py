@@ -81,13 +81,7 @@ class RecordingSubject:
 
 
 def of_sensor(name: str) -> dict[str, Any]:
-    """Return the `Description` options for a sensor: a preset, or the file of a tuned sensor.
-
-    Raises
-    ------
-    InputError
-        If the sensor is unknown or the file is not a sensor.
-    """
+    """Return the `Description` options for a sensor: a preset, or the file of a tuned sensor."""
     sensor, tuning = load_sensor(name), sensor_tuning(name)
     more = {TUNING: json.dumps(to_tree(tuning), sort_keys=True)} if tuning else {}
     return {"sensor": to_tree(sensor), "string": sensor.string, "more": more}

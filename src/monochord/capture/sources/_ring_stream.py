@@ -94,12 +94,8 @@ class Timeline:
     """Places periods on the stream's clock of `sample_rate` frames per second, and counts lost frames.
 
     While one device runs, its frame counter is used; after `interrupt`, when another counter begins, the
-    monotonic clock gives the gap.
-
-    Attributes
-    ----------
-    away
-        Whether frames have been counted as lost since the last period, because none arrived for too long.
+    monotonic clock gives the gap. `away` states that frames have been counted as lost since the last period,
+    because none arrived for too long.
     """
 
     def __init__(self, sample_rate: int) -> None:
