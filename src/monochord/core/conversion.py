@@ -1,7 +1,7 @@
 """Converts values to the types that annotations state: of options, of arguments, of a dataclass's fields.
 
 An annotation is the one place that says what a value may be: its type, its unit and its range. Configuration
-(`monochord.core.config`), arguments and fields (`monochord.core.arguments`) are all converted here.
+(`monochord.core.config`), arguments and fields (`monochord.core.ranges`) are all converted here.
 """
 
 import dataclasses

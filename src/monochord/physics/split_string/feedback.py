@@ -102,21 +102,9 @@ def lines(signals: Floats, rate: float) -> tuple[Floats, Floats]:
     """Return frequency and phase of the strongest spectral line of each signal.
 
     It is the maximum of the Hann-windowed spectrum, interpolated from the ratio of the two highest bins,
-    which is exact for a single sinusoid.
-
-    Parameters
-    ----------
-    signals
-        (channels, n).
-    rate
-        Sample rate in Hz.
-
-    Returns
-    -------
-    frequency
-        (channels,) in Hz, zero for silence; otherwise at least some two bins above zero.
-    phase
-        (channels,) in rad of sin(phase) at the time just after the last sample.
+    which is exact for a single sinusoid. Of `signals` (channels, n), the frequency (channels,) in Hz is zero
+    for silence, otherwise at least some two bins above zero; the phase (channels,) in rad is that of
+    sin(phase) at the time just after the last sample.
 
     Examples
     --------

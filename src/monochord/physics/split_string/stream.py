@@ -104,17 +104,7 @@ def project_motion(old: ModalString, q: Floats, v: Floats, new: ModalString) -> 
     support), as under a finger that presses slowly against the vibration; the remaining shape and the whole
     velocity are unchanged. A release adds nothing. Motion above the audible modes is lost.
 
-    Parameters
-    ----------
-    old, new
-        The string before and after, of equal length.
-    q, v
-        (old modes,) displacement in m and velocity in m/s.
-
-    Returns
-    -------
-    q, v
-        (new modes,).
+    Both strings are of equal length. `q` in m and `v` in m/s are (modes,) of the old one, then of the new.
     """
     parts: list[tuple[Floats, Floats]] = []
     for segment, count in zip(new.segments, new.counts, strict=True):

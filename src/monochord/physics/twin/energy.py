@@ -29,17 +29,8 @@ def energy(twin: Twin) -> float:
     spring, a rough layer u0 (f - F0 log(1 + f / F0)), a contact that turned by z k z^2 / 2, a driver's magnet
     -k u^2 / 2 + k d^2 / 4 over a string that stands at u and moved there by d in a step. This is what the
     scheme conserves: without losses and drivers, under objects at rest, it is constant up to rounding and to
-    the error of a step's iteration (`tolerance` of `begin`).
-
-    Parameters
-    ----------
-    twin
-        A twin at an instant.
-
-    Returns
-    -------
-    float
-        In J; zero for a string at rest that nothing touches.
+    the error of a step's iteration (`tolerance` of `begin`). In J; zero for a string at rest that nothing
+    touches.
 
     References
     ----------

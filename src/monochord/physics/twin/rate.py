@@ -53,25 +53,10 @@ def plan(
     partials: int = 4,
     oversampling: int | None = None,
 ) -> RatePlan:
-    """Return the cheapest plan that keeps the lowest partials of a clamped string within a tolerance.
+    """Return the cheapest plan that keeps the lowest `partials` of a clamped string within a `tolerance`.
 
-    Parameters
-    ----------
-    string
-        The string.
-    rate
-        Frames a second.
-    tolerance
-        Largest error in cents, over touches between a fifth and four fifths of the string.
-    partials
-        Number of partials of the clamped string, from the lowest.
-    oversampling
-        Steps a frame, if they are prescribed; the tolerance is then ignored.
-
-    Returns
-    -------
-    RatePlan
-        The most exact one, if none meets the tolerance.
+    That is the largest error in cents, over touches between a fifth and four fifths of the string; if none
+    meets it, the plan is the most exact one. Prescribed steps a frame, `oversampling`, ignore it.
 
     Examples
     --------

@@ -229,26 +229,8 @@ def trajectory(
 ) -> Trajectory:
     """Return the trajectory of moves carried out in sequence from `begin` on, first at rest above `position`.
 
-    Parameters
-    ----------
-    moves
-        The script.
-    string
-        What is pressed; it converts between depths and forces.
-    position
-        Where the tool starts, x in m, at `TRAVEL_HEIGHT`.
-    begin
-        When the first move begins, in s.
-
-    Returns
-    -------
-    Trajectory
-        Keys in rising times, with the phases between them.
-
-    Raises
-    ------
-    InputError
-        For a move that cannot be, such as a slide in no direction or a press without an end.
+    The tool starts at `TRAVEL_HEIGHT`; the string converts between depths and forces. Raises `InputError` for
+    a move that cannot be, such as a slide in no direction or a press without an end.
 
     Examples
     --------
@@ -454,21 +436,8 @@ def speed_profile(
 
     The speed is a trapezoid over time, a triangle where the distance is too short for the full speed. Each
     slope is cut into `RAMP_SEGMENTS` of equal time, the stretch between them into segments of `MAX_SEGMENT`
-    at most: the speed is exact between the points too, the distance at the points.
-
-    Parameters
-    ----------
-    distance
-        In m, more than 0.
-    speed
-        Highest speed in m/s, more than 0.
-    acceleration
-        In m/s^2, up and down.
-
-    Raises
-    ------
-    InputError
-        If one of them is not above 0.
+    at most: the speed is exact between the points too, the distance at the points. `speed` is the highest,
+    `acceleration` in m/s^2 that of both slopes. Raises `InputError` unless all three are above 0.
 
     Examples
     --------
@@ -502,26 +471,9 @@ def depth_under(string: StringParams, position: Metres | Floats, force: Newtons 
     """Return how deep a force presses a string where it acts.
 
     d = F x (L - x) / (T(F) L), with the tension of the geometric law. Holds for an ideally flexible string at
-    rest, rigid ends and small slopes; the object's own compression, some micrometres, is left out.
-
-    Parameters
-    ----------
-    string
-        The string.
-    position
-        Where it is pressed, x in m, inside the string; any shape.
-    force
-        Normal force F in N, 0 or more; broadcast with `position`.
-
-    Returns
-    -------
-    array
-        d in m, below the string at rest.
-
-    Raises
-    ------
-    InputError
-        If a position is not inside the string or a force is negative.
+    rest, rigid ends and small slopes; the object's own compression, some micrometres, is left out. `position`
+    x and the normal `force` F are of any shape, broadcast with each other; d counts from the string at rest.
+    Raises `InputError` for a position outside the string and for a negative force.
 
     Examples
     --------
@@ -537,25 +489,8 @@ def force_at_depth(string: StringParams, position: Metres | Floats, depth: Metre
     """Return the force with which a string answers a press to a depth: the inverse of `depth_under`.
 
     F = T d L / (x (L - x)) with T = T0 + E A d^2 / (2 x (L - x)): the geometric law, which is a plain
-    polynomial where the depth is known. It holds where `depth_under` does.
-
-    Parameters
-    ----------
-    string
-        The string.
-    position
-        Where it is pressed, x in m, inside the string; any shape.
-    depth
-        d in m below the string at rest, 0 or more; broadcast with `position`.
-
-    Returns
-    -------
-    array
-        F in N.
-
-    Notes
-    -----
-    Derived here: the cubic of `monochord.physics.theory.geometric_tension` with F put in terms of d.
+    polynomial where the depth is known: the cubic of `monochord.physics.theory.geometric_tension` with F put
+    in terms of d, derived here. Holds where `depth_under` does, for arguments of the same kind.
 
     Examples
     --------

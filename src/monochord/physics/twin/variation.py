@@ -29,18 +29,7 @@ def build(sensor: Sensor, seed: int) -> Sensor:
     Density goes with the square of the wire's diameter, and its stretch and bending stiffness follow
     `core_diameter`. The tension brings that wire to its pitch, with a tuning error of c cents:
     T ~ rho L^2 2^(c/600). Range, frame, polarity and all electronics that are not named keep their values.
-
-    Parameters
-    ----------
-    sensor
-        The design, with its nominal values.
-    seed
-        Random seed, 0 or more.
-
-    Returns
-    -------
-    Sensor
-        With the seed in its name.
+    The sensor's name says the seed, 0 or more.
 
     Examples
     --------
@@ -78,19 +67,8 @@ def day(sensor: Sensor, seed: int) -> Sensor:
     """Return the same sensor on another day: its `changes` of tension, drivers and pickups, drawn.
 
     The tension changes with temperature, creep and, within the session, warming: see `tension_per_kelvin`.
-    String, places of coils, bands, losses and crosstalk stay as built.
-
-    Parameters
-    ----------
-    sensor
-        As built, see `build`.
-    seed
-        Random seed, 0 or more; one seed draws the same day for every sensor.
-
-    Returns
-    -------
-    Sensor
-        With other `drift`, `drift_rate`, gains and limits of drivers, and gains of pickups.
+    String, places of coils, bands, losses and crosstalk stay as built, `drift`, `drift_rate`, gains and
+    limits of drivers, and gains of pickups change. One seed, 0 or more, draws the same day for every sensor.
 
     Examples
     --------
