@@ -2,6 +2,7 @@
 
 import os
 import re
+import socket
 import subprocess
 import sys
 import time
@@ -10,9 +11,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.ports import free_ports
 
 from monochord import cli
 from monochord.benchmarks import BENCHMARKS
+from monochord.capture.instruments import INSTRUMENTS
 from monochord.capture.sources import SOURCES
 from monochord.core.types import Estimate, Prediction, Signal, StreamHealth, Window
 from monochord.core.windows import windows
@@ -78,7 +81,7 @@ def test_recipes_pass_the_contracts(tmp_path: Path) -> None:
     plugin = PLUGIN.format(packages=sorted(packages), folder=f"{tmp_path}/")
     (tmp_path / "recipes.py").write_text(plugin, encoding="utf-8")
     names = [Path(path).stem for path in MODULES if not path.startswith("src/monochord/cli/")]
-    tests = ["plugins", "sources", "sinks", "features", "heads"]
+    tests = ["plugins", "sources", "instruments", "sinks", "features", "heads"]
     command = [sys.executable, "-m", "pytest", "-c", str(ROOT / "pyproject.toml"), "--rootdir", str(ROOT)]
     command += ["-p", "recipes", "-p", "no:cacheprovider", "-v", "-k", " or ".join([*names, "file_sink"])]
     command += [str(ROOT / "tests" / "contract" / f"test_{name}.py") for name in tests]
@@ -109,6 +112,20 @@ def test_source(load: Load) -> None:
         (whole,) = windows(stream, size=1000, hop=1000, sample_rate=44100)
     assert not whole.has_gap
     np.testing.assert_allclose(whole.samples[0], np.sin(2 * np.pi * 440 / 44100 * np.arange(1000)), atol=1e-6)
+
+
+def test_instrument(load: Load) -> None:
+    load("src/monochord/capture/instruments/wrench_text.py")
+    (port,) = free_ports(1)
+    with (
+        INSTRUMENTS.build("wrench_text", {"address": f"127.0.0.1:{port}"}).open() as connection,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender,
+    ):
+        for text in (b"0.1 0 -1.5 0 0 2e-3", b"1 2 3", b"1 2 3 4 5 nan", b"\xff", b"0 0 0 0 0 0"):
+            sender.sendto(text, ("127.0.0.1", port))
+        values = np.concatenate([part.values for part in connection.poll()])
+        assert connection.health.faulty == 3
+    np.testing.assert_array_equal(values, [[0.1, 0.0, -1.5, 0.0, 0.0, 2e-3], np.zeros(6)])
 
 
 def test_sink(load: Load, tmp_path: Path) -> None:

@@ -199,7 +199,7 @@ def prior(variables: Floats, error: Floats, std: Floats, group: Indices, touch: 
     >>> zeros, each = np.zeros((600, 1)), np.arange(600)
     >>> unknown = prior(zeros, error, np.full(600, 0.1), group, each)
     >>> round(float(unknown.covariance[0, 0]), 1), round(unknown.noise, 1)
-    (0.9, 1.0)
+    (0.8, 1.0)
     """
     centre = np.median(variables, axis=0)
     spread = np.quantile(variables, 0.84, axis=0) - np.quantile(variables, 0.16, axis=0)
