@@ -10,6 +10,7 @@ differently, and sums differ in their last bit. The modes of the press direction
 half of a row, those across it (tangential) in the second, each half padded with modes at rest.
 """
 
+from functools import cache
 from typing import Any, NamedTuple, TypeAlias, get_type_hints
 
 import numpy as np
@@ -354,6 +355,7 @@ class SensorState:
     """Of the stretch, in all."""
 
 
+@cache
 def dtype_of(record: type) -> np.dtype[Any]:
     """Return the dtype of a record's class; its elements have the fields as attributes.
 

@@ -1,11 +1,13 @@
 """A virtual sensor that is touched step by step: press, slide, release, and take the sound."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from msgspec import Meta
+from numpy.typing import ArrayLike
 
 from monochord.core.errors import InputError
 from monochord.core.lengths import metres_meant
@@ -15,9 +17,9 @@ from monochord.core.types import Audio, Floats
 from monochord.core.units import Metres, MetresPerSecond, Newtons, Seconds
 from monochord.physics.materials import load_material
 from monochord.physics.sensors import as_sensor
-from monochord.physics.setup import MAX_TOUCHES, Key, Pluck, Scene, Sensor, Touch
+from monochord.physics.setup import MAX_TOUCHES, Key, Material, Pluck, Scene, Sensor, Touch
 from monochord.physics.theory import open_frequency
-from monochord.physics.twin.stream import Labels, advance, begin, retouch, switch
+from monochord.physics.twin.stream import Labels, Twin, advance, begin, led, retouch, switch
 from monochord.physics.twin.world import World, plausible_touch, sensor_of
 
 CLEARANCE: Metres = 3e-3
@@ -32,6 +34,22 @@ MAX_SECONDS: Seconds = 3600.0
 """Longest time of an advance or of a slide."""
 PLUCK = 5e-4
 """Height of the pluck that starts the string, as a share of its length."""
+TIME, POSITION, FORCE, HEIGHT, ACROSS = range(5)
+"""Columns of a motion: s, m from pickup 1, N, m above the string at rest, m/s across it."""
+MAX_FORCE: Newtons = 10.0
+MAX_CLEARANCE: Metres = 0.1
+MAX_ACROSS: MetresPerSecond = 0.5
+MAX_ALONG: MetresPerSecond = 5.0
+"""What an object may do; see `Key` and `Touch`."""
+
+
+class Snapshot(NamedTuple):
+    """A virtual sensor at an instant, as `VirtualSensor.restore` takes it."""
+
+    twin: Twin
+    objects: tuple[Touch, ...]
+    motions: tuple[Floats, ...]
+    new: bool
 
 
 class VirtualSensor:
@@ -53,6 +71,9 @@ class VirtualSensor:
         mounts and surfaces of its objects are drawn by `seed` and material.
     sample_rate
         In Hz, 16000 to 192000.
+    objects
+        Materials of objects that are there from the beginning, 3 mm above the middle of the string, for
+        `lead`: names of presets or TOML files.
 
     Attributes
     ----------
@@ -86,6 +107,7 @@ class VirtualSensor:
         day: Seed | None = None,
         world: World = "ideal",
         sample_rate: Annotated[int, "Hz", Meta(ge=16_000, le=192_000)] = 44100,
+        objects: Sequence[str | Path] = (),
     ) -> None:
         design = as_sensor(sensor)
         self.design, self.sensor = design, sensor_of(design, world, build=build, day=day)
@@ -93,9 +115,14 @@ class VirtualSensor:
         self._seed, self.build = seed, build
         length = self.sensor.string.length
         pluck = Pluck(position=0.2 * length, height=PLUCK * length)
-        self._twin = begin(self.sensor, Scene(pluck=pluck), sample_rate=sample_rate, seed=seed)
-        self._touches: list[Touch] = []
-        self._changed = False
+        self._objects: list[Touch] = []
+        self._motions: list[Floats] = []
+        self._changed = self._new = False
+        for material in objects:
+            self._bring(load_material(material), np.array([[0.0, 0.5 * length, 0.0, CLEARANCE, 0.0]]))
+        self._slots = len(self._objects)
+        scene = Scene(pluck=pluck, touches=tuple(self._objects))
+        self._twin, self._new = begin(self.sensor, scene, sample_rate=sample_rate, seed=seed), False
 
     @property
     def time(self) -> Seconds:
@@ -108,16 +135,14 @@ class VirtualSensor:
         return self._twin.sample_rate
 
     def __repr__(self) -> str:
-        string, pressed = self.sensor.string, [key for key in self._pressed() if key.force > 0.0]
+        string, rows = self.sensor.string, self._pressed()
+        pressed = [f"{1e3 * x:.1f} mm with {force:.2f} N" for _, x, force, *_ in rows if force > 0.0]
         return lines(
             f"VirtualSensor: {self.design.name}, simulated, after {self.time:.2f} s",
             [
                 ("world", self.world),
                 ("string", f"{1e3 * string.length:.1f} mm, {open_frequency(string):.1f} Hz"),
-                (
-                    "touch",
-                    ", ".join(f"{1e3 * k.position:.1f} mm with {k.force:.2f} N" for k in pressed) or "none",
-                ),
+                ("touch", ", ".join(pressed) or "none"),
                 ("sound", f"2 microphones at {self.sample_rate} Hz"),
             ],
         )
@@ -158,29 +183,22 @@ class VirtualSensor:
             For a position off the string, a force out of range, an unknown material, or a ninth object.
         """
         self._refuse_off_string(position)
-        last = [touch.motion[-1] for touch in self._touches]
-        if all(key.clearance > 0.0 and self.time >= key.time for key in last):
-            self._touches = []  # all are gone
-        if len(self._touches) == MAX_TOUCHES:
-            given, allowed = f"object {MAX_TOUCHES + 1}", f"{MAX_TOUCHES} at once"
-            raise InputError(given, allowed, "release all, and advance")
+        last = [motion[-1] for motion in self._motions[self._slots :]]
+        if all(row[HEIGHT] > 0.0 and self.time >= row[TIME] for row in last):
+            del self._objects[self._slots :], self._motions[self._slots :]  # all are gone
         down = self.time + CLEARANCE / APPROACH
-        motion = (
-            Key(time=self.time, position=position, clearance=CLEARANCE),
-            Key(time=down, position=position),
-            Key(time=down + PRESS, position=position, force=force),
-        )
-        touch = Touch(material=load_material(material), motion=motion, radius=radius, rolls=rolls)
-        self._touches.append(plausible_touch(touch, self._seed, world=self.world))
-        self._changed = True
-        return len(self._touches) - 1
+        motion = np.array([
+            [self.time, position, 0.0, CLEARANCE, 0.0],
+            [down, position, 0.0, 0.0, 0.0],
+            [down + PRESS, position, force, 0.0, 0.0],
+        ])  # fmt: skip
+        return self._bring(load_material(material), motion, radius=radius, rolls=rolls)
 
     @checked
     def change(self, force: NonNegative[Newtons], *, touch: int = -1) -> None:
         """Change the force of an object that presses, within 50 ms; the last object by default."""
         now = self._now(touch)
-        later = replace(now, time=now.time + PRESS, force=force, clearance=0.0, across=0.0)
-        self._continue(touch, now, later)
+        self._continue(touch, [now, [now[TIME] + PRESS, now[POSITION], force, 0.0, 0.0]])
 
     @checked
     def slide(
@@ -208,35 +226,94 @@ class VirtualSensor:
             For too short a motion, or one that leaves the string.
         """
         now = self._now(touch)
-        end = now.position + along * seconds
+        time, begin, force, height, _ = now
+        end = begin + along * seconds
         self._refuse_off_string(end)
-        share = ACCELERATION / seconds
-        self._continue(
-            touch,
+        way = ACCELERATION / seconds * (end - begin)
+        keys = [
             now,
-            replace(
-                now,
-                time=now.time + ACCELERATION,
-                position=now.position + share * (end - now.position),
-                across=across,
-            ),
-            replace(
-                now,
-                time=now.time + seconds - ACCELERATION,
-                position=end - share * (end - now.position),
-                across=across,
-            ),
-            replace(now, time=now.time + seconds, position=end, across=0.0),
-        )
+            [time + ACCELERATION, begin + way, force, height, across],
+            [time + seconds - ACCELERATION, end - way, force, height, across],
+            [time + seconds, end, force, height, 0.0],
+        ]
+        self._continue(touch, keys)
 
     @checked
     def release(self, touch: int | None = None) -> None:
         """Lift an object off the string, or all of them."""
-        for number in range(len(self._touches)) if touch is None else [touch]:
+        for number in range(len(self._motions)) if touch is None else [touch]:
             now = self._now(number)
-            free = replace(now, time=now.time + PRESS, force=0.0, clearance=0.0, across=0.0)
-            gone = replace(free, time=free.time + CLEARANCE / APPROACH, clearance=CLEARANCE)
-            self._continue(number, now, *([gone] if now.clearance > 0.0 else [free, gone]))
+            time, place, _, height, _ = now
+            free, gone = time + PRESS, time + PRESS + CLEARANCE / APPROACH
+            keys = [[free, place, 0.0, 0.0, 0.0], [gone, place, 0.0, CLEARANCE, 0.0]]
+            self._continue(number, [now, *keys[1 if height > 0.0 else 0 :]])
+
+    def lead(
+        self,
+        step: Seconds,
+        *,
+        position: ArrayLike,
+        force: ArrayLike = 0.0,
+        clearance: ArrayLike = 0.0,
+        across: ArrayLike = 0.0,
+    ) -> None:
+        """Lead the objects of `objects` from now on, as a physics simulation does after its steps.
+
+        Every value is for the end of each of k steps, (objects, k), or broadcasts to it; between them all run
+        linearly, from where each object is now. After the last step it stays as it is, so call it before
+        each `advance` with what has been simulated.
+
+        Parameters
+        ----------
+        step
+            Duration of a step in s.
+        position
+            From pickup 1, in m.
+        force
+            Normal force in N, 0 to 10.
+        clearance
+            Distance of an object that does not touch from the string at rest, in m, up to 0.1. An object that
+            is 3 mm off and touches a step of 1 ms later strikes the string at 3 m/s.
+        across
+            Speed across the string in m/s, 0.5 at most.
+
+        Raises
+        ------
+        InputError
+            For values out of range, or of a shape that is not that of the objects.
+
+        Examples
+        --------
+        >>> twin = VirtualSensor("prototype", objects=["plastic"])
+        >>> twin.lead(1e-3, position=0.08, force=np.linspace(0.0, 1.0, 100), clearance=0.0)
+        >>> round(float(twin.advance(0.1)[1]["position"][-1]), 3)
+        0.08
+        """
+        rows = self._led(step, position, force, clearance, across)
+        motion = np.empty((self._slots, rows.shape[2] + 1, 5))
+        motion[:, 0] = [self._now(number) for number in range(self._slots)]
+        motion[:, 1:, TIME] = self.time + step * np.arange(1, rows.shape[2] + 1)
+        motion[:, 1:, POSITION:] = rows.transpose(1, 2, 0)
+        off = motion[:, :-1, HEIGHT] > 0.0
+        motion[off[:, 0], 0, POSITION] = motion[off[:, 0], 1, POSITION]  # in the air it may be anywhere
+        fastest = np.abs(np.diff(motion[:, :, POSITION]))[~off].max(initial=0.0) / step
+        if fastest > MAX_ALONG:
+            given = f"an object that moves at {fastest:.3g} m/s along the string"
+            raise InputError(given, f"{MAX_ALONG:g} m/s at most")
+        for number in range(self._slots):
+            self._continue(number, motion[number])
+
+    def snapshot(self) -> Snapshot:
+        """Return the sensor as it is now, with all that sounds, for `restore`."""
+        return Snapshot(self._twin, tuple(self._objects), tuple(self._motions), self._new)
+
+    def restore(self, snapshot: Snapshot) -> None:
+        """Go back to a snapshot of this sensor, or on to one of another sensor of the same design.
+
+        The sound that follows is the same to the last bit.
+        """
+        self._twin, objects, motions, self._new = snapshot
+        self._objects, self._motions, self._changed = list(objects), list(motions), True
 
     @checked
     def drive(self, first: bool, second: bool) -> None:  # noqa: FBT001
@@ -263,9 +340,12 @@ class VirtualSensor:
         InputError
             For a negative time, or more than an hour at once.
         """
-        if self._changed:
-            self._twin = retouch(self._twin, tuple(self._touches))
-            self._changed = False
+        if self._new:
+            moved = zip(self._objects, self._motions, strict=True)
+            self._twin = retouch(self._twin, tuple(replace(each, motion=_keys(own)) for each, own in moved))
+        elif self._changed:
+            self._twin = led(self._twin, self._motions)
+        self._changed = self._new = False
         take, self._twin = advance(self._twin, round(seconds * self.sample_rate))
         return take.microphones, _columns(take.labels)
 
@@ -275,30 +355,73 @@ class VirtualSensor:
             expected = f"{0.02 * length:g} to {0.98 * length:g} m"
             raise InputError(f"a touch at {position:g} m", expected, metres_meant(position))
 
-    def _pressed(self) -> list[Key]:
+    def _pressed(self) -> list[Floats]:
         """Return where each object's motion has brought it by now."""
-        return [self._now(number) for number in range(len(self._touches))]
+        return [self._now(number) for number in range(len(self._motions))]
 
-    def _now(self, touch: int) -> Key:
-        """Return where an object's motion has brought it by now."""
+    def _now(self, touch: int) -> Floats:
+        """Return the row of an object's motion at the present time."""
         try:
-            motion = self._touches[touch].motion
+            motion = self._motions[touch]
         except IndexError:
-            given, allowed = f"object {touch}", f"one of {len(self._touches)} objects"
+            given, allowed = f"object {touch}", f"one of {len(self._motions)} objects"
             raise InputError(given, allowed, "press first") from None
-        times = [key.time for key in motion]
-        values = {
-            name: float(np.interp(self.time, times, [getattr(key, name) for key in motion]))
-            for name in ("position", "force", "clearance", "across")
-        }
-        return Key(time=self.time, **values)
+        time = self.time
+        if time >= motion[-1, TIME]:
+            return np.array([time, *motion[-1, POSITION:]])
+        return np.array([time, *(np.interp(time, motion[:, TIME], column) for column in motion.T[1:])])
 
-    def _continue(self, touch: int, *keys: Key) -> None:
-        """Have an object go on from now by these keys, whatever it was about to do."""
-        before = self._touches[touch]
-        past = tuple(key for key in before.motion if key.time < self.time)
-        self._touches[touch] = replace(before, motion=(*past[-1:], *keys))
+    def _bring(
+        self, material: Material, motion: Floats, *, radius: Metres | None = None, rolls: bool = False
+    ) -> int:
+        """Add an object, and return its number."""
+        if len(self._objects) == MAX_TOUCHES:
+            given, allowed = f"object {MAX_TOUCHES + 1}", f"{MAX_TOUCHES} at once"
+            raise InputError(given, allowed, "release all, and advance")
+        touch = Touch(material=material, motion=_keys(motion), radius=radius, rolls=rolls)
+        self._objects.append(plausible_touch(touch, self._seed, world=self.world))
+        self._motions.append(motion)
+        self._new = True
+        return len(self._objects) - 1
+
+    def _continue(self, touch: int, keys: ArrayLike) -> None:
+        """Have an object go on by these keys, the first of which is now, whatever it was about to do."""
+        motion = self._motions[touch]
+        past = motion[motion[:, TIME] < self.time]
+        self._motions[touch] = np.vstack((past[-1:], keys))
         self._changed = True
+
+    def _led(self, step: Seconds, *values: ArrayLike) -> Floats:
+        """Return position, force, clearance and speed across, (4, objects, k), or refuse them."""
+        if not self._slots:
+            raise InputError("lead without objects", 'VirtualSensor(..., objects=["plastic"])')
+        arrays = [np.asarray(value, float) for value in values]
+        try:
+            size = np.broadcast_shapes((self._slots, 1), *(array.shape for array in arrays))
+        except ValueError:
+            size = ()
+        if len(size) != 2 or size[0] != self._slots:
+            shapes = ", ".join(str(array.shape) for array in arrays)
+            raise InputError(f"arrays {shapes}", f"({self._slots}, k), k steps of {self._slots} object(s)")
+        rows = np.stack([np.broadcast_to(array, size) for array in arrays])
+        length = self.sensor.string.length
+        low = np.array([0.02 * length, 0.0, 0.0, -MAX_ACROSS])[:, np.newaxis, np.newaxis]
+        high = np.array([0.98 * length, MAX_FORCE, MAX_CLEARANCE, MAX_ACROSS])[:, np.newaxis, np.newaxis]
+        allowed = (rows >= low) & (rows <= high)
+        if not allowed.all():
+            wrong = np.argwhere(~allowed)[0]
+            name, value = ("position", "force", "clearance", "across")[wrong[0]], rows[tuple(wrong)]
+            expected = f"{low[wrong[0]].item():g} to {high[wrong[0]].item():g}"
+            raise InputError(f"{name} {value:g}", expected, metres_meant(value) if name == "position" else "")
+        if not 0.0 < step <= MAX_SECONDS:
+            raise InputError(f"a step of {step:g} s", f"above 0 s, {MAX_SECONDS:g} s at most")
+        return rows
+
+
+def _keys(motion: Floats) -> tuple[Key, ...]:
+    """Return the rows of a motion as keys."""
+    names = ("time", "position", "force", "clearance", "across")
+    return tuple(Key(**dict(zip(names, row, strict=True))) for row in motion.tolist())
 
 
 def _columns(labels: Labels) -> dict[str, Floats]:
@@ -318,11 +441,12 @@ def _columns(labels: Labels) -> dict[str, Floats]:
     if not labels.contact.shape[0]:
         return columns | {name: np.full(count, np.nan) for name in known}
     touched = labels.contact > 0
-    hardest = np.argmax(np.where(touched, labels.force, -1.0), axis=0)[None]
     columns["contacts"] = touched.sum(axis=0).astype(np.float64)
     columns["contact"] = np.minimum(columns["contacts"], 1.0)
+    hardest = np.argmax(np.where(touched, labels.force, -1.0), axis=0) if len(touched) > 1 else 0
+    frames = np.arange(count)
     for name, values in known.items():
-        column = np.take_along_axis(values, hardest, axis=0)[0].astype(np.float64)
+        column = values[hardest, frames].astype(np.float64)
         column[columns["contact"] == 0.0] = np.nan
         columns[name] = column
     return columns
