@@ -19,7 +19,8 @@ Recordings and datasets
     `record`, `collect`, `build`, `audit`, `read_session`, `load_dataset`, `split_dataset`, `windows`,
     `Augmentation`, `SessionReader`, `SessionWriter`, `Description`
 Simulation and presets
-    `design`, `simulate`, `VirtualSensor`, `load_sensor`, `load_string`, `load_material`, `available`
+    `design`, `simulate`, `VirtualSensor`, `VirtualSensors`, `load_sensor`, `load_string`, `load_material`,
+    `available`
 Types
     `StringParams`, `Contact`, `Signal`, `Block`, `Window`, `Readings`, `Feed`
 Closed forms
@@ -92,7 +93,7 @@ if TYPE_CHECKING:
         stiff_partials,
         tension_from_segments,
     )
-    from monochord.physics.twin.virtual_sensor import VirtualSensor
+    from monochord.physics.twin.virtual_sensor import VirtualSensor, VirtualSensors
     from monochord.sessions import Description, SessionReader, SessionWriter, read_session
 
 __version__ = version("monochord")
@@ -130,6 +131,7 @@ __all__ = [
     "Task",
     "Update",
     "VirtualSensor",
+    "VirtualSensors",
     "Window",
     "Writer",
     "__version__",
@@ -209,7 +211,7 @@ _NAMES = {
         "contact_bound force_from_tension locate_from_segments open_frequency segment_frequencies"
         " stiff_partials tension_from_segments"
     ),
-    "monochord.physics.twin.virtual_sensor": "VirtualSensor",
+    "monochord.physics.twin.virtual_sensor": "VirtualSensor VirtualSensors",
     "monochord.sessions": "Description SessionReader SessionWriter read_session",
 }
 """The names that each module gives to the front door."""

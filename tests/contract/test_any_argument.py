@@ -395,8 +395,27 @@ DOORS: dict[str, Callable[[World], Door]] = {
     ),
     "VirtualSensor": lambda _: Door(
         call=lambda: lambda **each: mc.VirtualSensor(**each).advance(0.001),
-        more=("sensor", "seed", "build", "day", "world", "sample_rate"),
+        more=("sensor", "seed", "build", "day", "world", "sample_rate", "objects"),
         skip=("each",),
+    ),
+    "VirtualSensor.lead": method(
+        lambda _: mc.VirtualSensor(objects=["plastic"]), "lead", step=0.01, position=0.08, force=(0.0, 1.0)
+    ),
+    "VirtualSensor.restore": method(
+        lambda _: mc.VirtualSensor(), "restore", snapshot=lambda: mc.VirtualSensor().snapshot()
+    ),
+    "VirtualSensors": lambda _: Door(
+        call=lambda: lambda **each: mc.VirtualSensors(**each).advance(0.001),
+        usual=usual(count=2),
+        more=("sensor", "count", "seed", "build", "day", "world", "sample_rate", "objects", "cores"),
+        skip=("each",),
+    ),
+    "VirtualSensors.lead": method(
+        lambda _: mc.VirtualSensors(count=2, objects=["plastic"]), "lead", step=0.01, position=0.08
+    ),
+    "VirtualSensors.advance": method(lambda _: mc.VirtualSensors(count=2), "advance", seconds=0.001),
+    "VirtualSensors.restore": method(
+        lambda _: mc.VirtualSensors(count=1), "restore", snapshots=lambda: [mc.VirtualSensor().snapshot()]
     ),
     "VirtualSensor.press": method(lambda _: mc.VirtualSensor(), "press", position=0.08, force=1.0),
     "VirtualSensor.change": method(lambda _: pressed(), "change", force=1.0),

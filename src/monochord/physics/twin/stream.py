@@ -373,10 +373,10 @@ def led(twin: Twin, motions: Sequence[Floats]) -> Twin:
     counts = [len(motion) for motion in motions]
     keys = np.zeros((1, len(motions), max(counts, default=1)), dtype_of(KeyRecord))
     offset = offset_of(twin.sensor)
-    for own, motion in zip(keys[0], motions, strict=True):
+    for record, motion in zip(keys[0], motions, strict=True):
         for name, column in zip(KEY_COLUMNS, motion.T, strict=True):
-            own[name][: len(motion)] = column
-        own["position"][: len(motion)] += offset
+            record[name][: len(motion)] = column
+        record["position"][: len(motion)] += offset
     touches = twin.parameters.touches.copy()
     touches["keys"][0] = counts
     return replace(twin, parameters=twin.parameters._replace(keys=keys, touches=touches))

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated, NamedTuple, overload
 
 import numpy as np
 from msgspec import Meta
@@ -13,13 +13,24 @@ from monochord.core.errors import InputError
 from monochord.core.lengths import metres_meant
 from monochord.core.notebook import lines
 from monochord.core.ranges import Finite, NonNegative, Positive, Seed, checked
+from monochord.core.shapes import numbers
 from monochord.core.types import Audio, Floats
 from monochord.core.units import Metres, MetresPerSecond, Newtons, Seconds
 from monochord.physics.materials import load_material
 from monochord.physics.sensors import as_sensor
 from monochord.physics.setup import MAX_TOUCHES, Key, Material, Pluck, Scene, Sensor, Touch
 from monochord.physics.theory import open_frequency
-from monochord.physics.twin.stream import Labels, Twin, advance, begin, led, retouch, switch
+from monochord.physics.twin.stream import (
+    KEY_COLUMNS,
+    Labels,
+    Twin,
+    advance,
+    advance_many,
+    begin,
+    led,
+    retouch,
+    switch,
+)
 from monochord.physics.twin.world import World, plausible_touch, sensor_of
 
 CLEARANCE: Metres = 3e-3
@@ -36,6 +47,7 @@ PLUCK = 5e-4
 """Height of the pluck that starts the string, as a share of its length."""
 TIME, POSITION, FORCE, HEIGHT, ACROSS = range(5)
 """Columns of a motion: s, m from pickup 1, N, m above the string at rest, m/s across it."""
+LED = KEY_COLUMNS[1:]
 MAX_FORCE: Newtons = 10.0
 MAX_CLEARANCE: Metres = 0.1
 MAX_ACROSS: MetresPerSecond = 0.5
@@ -248,9 +260,10 @@ class VirtualSensor:
             keys = [[free, place, 0.0, 0.0, 0.0], [gone, place, 0.0, CLEARANCE, 0.0]]
             self._continue(number, [now, *keys[1 if height > 0.0 else 0 :]])
 
+    @checked
     def lead(
         self,
-        step: Seconds,
+        step: Annotated[Seconds, Meta(gt=0.0, le=MAX_SECONDS)],
         *,
         position: ArrayLike,
         force: ArrayLike = 0.0,
@@ -260,8 +273,10 @@ class VirtualSensor:
         """Lead the objects of `objects` from now on, as a physics simulation does after its steps.
 
         Every value is for the end of each of k steps, (objects, k), or broadcasts to it; between them all run
-        linearly, from where each object is now. After the last step it stays as it is, so call it before
-        each `advance` with what has been simulated.
+        linearly, from where each object is now; one that was not led before comes down from 3 mm
+        above its first place. After the last step it stays as it is, so call it before
+        each `advance` with what has been simulated. The twin reads motions every 32 of its steps, at most
+        0.8 ms, for the time until it reads them again.
 
         Parameters
         ----------
@@ -289,13 +304,14 @@ class VirtualSensor:
         >>> round(float(twin.advance(0.1)[1]["position"][-1]), 3)
         0.08
         """
-        rows = self._led(step, position, force, clearance, across)
+        rows = self._led(position, force, clearance, across)
         motion = np.empty((self._slots, rows.shape[2] + 1, 5))
         motion[:, 0] = [self._now(number) for number in range(self._slots)]
         motion[:, 1:, TIME] = self.time + step * np.arange(1, rows.shape[2] + 1)
         motion[:, 1:, POSITION:] = rows.transpose(1, 2, 0)
         off = motion[:, :-1, HEIGHT] > 0.0
-        motion[off[:, 0], 0, POSITION] = motion[off[:, 0], 1, POSITION]  # in the air it may be anywhere
+        new = np.array([len(self._motions[number]) == 1 for number in range(self._slots)])
+        motion[new, 0, POSITION] = motion[new, 1, POSITION]  # it has been nowhere yet
         fastest = np.abs(np.diff(motion[:, :, POSITION]))[~off].max(initial=0.0) / step
         if fastest > MAX_ALONG:
             given = f"an object that moves at {fastest:.3g} m/s along the string"
@@ -307,11 +323,14 @@ class VirtualSensor:
         """Return the sensor as it is now, with all that sounds, for `restore`."""
         return Snapshot(self._twin, tuple(self._objects), tuple(self._motions), self._new)
 
+    @checked
     def restore(self, snapshot: Snapshot) -> None:
-        """Go back to a snapshot of this sensor, or on to one of another sensor of the same design.
+        """Go back to a snapshot of this sensor, or on to one of another sensor of the same design and build.
 
-        The sound that follows is the same to the last bit.
+        The sound that follows is the same to the last bit. Raises `InputError` for another build's.
         """
+        if snapshot.twin.sensor != self.sensor or snapshot.twin.sample_rate != self.sample_rate:
+            raise InputError("a snapshot of another sensor", "one of the same design, build, day and rate")
         self._twin, objects, motions, self._new = snapshot
         self._objects, self._motions, self._changed = list(objects), list(motions), True
 
@@ -340,14 +359,18 @@ class VirtualSensor:
         InputError
             For a negative time, or more than an hour at once.
         """
+        take, self._twin = advance(self._moved(), round(seconds * self.sample_rate))
+        return take.microphones, _columns(take.labels)
+
+    def _moved(self) -> Twin:
+        """Return the twin with what was asked of its objects since it last advanced."""
         if self._new:
             moved = zip(self._objects, self._motions, strict=True)
-            self._twin = retouch(self._twin, tuple(replace(each, motion=_keys(own)) for each, own in moved))
+            self._twin = retouch(self._twin, tuple(replace(each, motion=_keys(rows)) for each, rows in moved))
         elif self._changed:
             self._twin = led(self._twin, self._motions)
         self._changed = self._new = False
-        take, self._twin = advance(self._twin, round(seconds * self.sample_rate))
-        return take.microphones, _columns(take.labels)
+        return self._twin
 
     def _refuse_off_string(self, position: Metres) -> None:
         length = self.sensor.string.length
@@ -384,23 +407,23 @@ class VirtualSensor:
         self._new = True
         return len(self._objects) - 1
 
-    def _continue(self, touch: int, keys: ArrayLike) -> None:
+    def _continue(self, touch: int, keys: Floats | Sequence[Floats | Sequence[float]]) -> None:
         """Have an object go on by these keys, the first of which is now, whatever it was about to do."""
         motion = self._motions[touch]
         past = motion[motion[:, TIME] < self.time]
-        self._motions[touch] = np.vstack((past[-1:], keys))
+        self._motions[touch] = np.vstack((past[-1:], np.array(keys)))
         self._changed = True
 
-    def _led(self, step: Seconds, *values: ArrayLike) -> Floats:
+    def _led(self, *values: ArrayLike) -> Floats:
         """Return position, force, clearance and speed across, (4, objects, k), or refuse them."""
         if not self._slots:
             raise InputError("lead without objects", 'VirtualSensor(..., objects=["plastic"])')
-        arrays = [np.asarray(value, float) for value in values]
+        arrays = [numbers(value, float, name) for name, value in zip(LED, values, strict=True)]
         try:
             size = np.broadcast_shapes((self._slots, 1), *(array.shape for array in arrays))
         except ValueError:
             size = ()
-        if len(size) != 2 or size[0] != self._slots:
+        if len(size) != 2 or size[0] != self._slots or not size[1]:
             shapes = ", ".join(str(array.shape) for array in arrays)
             raise InputError(f"arrays {shapes}", f"({self._slots}, k), k steps of {self._slots} object(s)")
         rows = np.stack([np.broadcast_to(array, size) for array in arrays])
@@ -410,18 +433,134 @@ class VirtualSensor:
         allowed = (rows >= low) & (rows <= high)
         if not allowed.all():
             wrong = np.argwhere(~allowed)[0]
-            name, value = ("position", "force", "clearance", "across")[wrong[0]], rows[tuple(wrong)]
+            name, value = LED[wrong[0]], float(rows[tuple(wrong)])
             expected = f"{low[wrong[0]].item():g} to {high[wrong[0]].item():g}"
             raise InputError(f"{name} {value:g}", expected, metres_meant(value) if name == "position" else "")
-        if not 0.0 < step <= MAX_SECONDS:
-            raise InputError(f"a step of {step:g} s", f"above 0 s, {MAX_SECONDS:g} s at most")
         return rows
+
+
+class VirtualSensors(Sequence[VirtualSensor]):
+    """Several virtual sensors whose time advances together, on all cores, as for many environments at once.
+
+    Each is a `VirtualSensor` and gives the sound that it gives alone, to the last bit; it can be touched, led
+    and read by its number. All sound is simulated.
+
+    Parameters
+    ----------
+    sensor, day, world, sample_rate, objects
+        As of `VirtualSensor`.
+    count
+        Number of sensors.
+    seed, build
+        Of the first sensor; each next one has the next number. Without `build` all are the design itself.
+    cores
+        Number of cores to use; by default all that this process may use.
+
+    Raises
+    ------
+    InputError
+        As `VirtualSensor` does, or for a count below 1.
+
+    Examples
+    --------
+    >>> sensors = VirtualSensors(count=2, objects=["plastic"])
+    >>> sensors.lead(0.01, position=np.array([[[0.08]], [[0.09]]]), force=1.0)
+    >>> sound, labels = sensors.advance(0.1)
+    >>> sound.shape, labels["position"][:, -1].round(3).tolist()
+    ((2, 2, 4410), [0.08, 0.09])
+    """
+
+    @checked
+    def __init__(
+        self,
+        sensor: str | Path | Sensor = "prototype",
+        *,
+        count: Annotated[int, Meta(ge=1)],
+        seed: Seed = 0,
+        build: Seed | None = None,
+        day: Seed | None = None,
+        world: World = "ideal",
+        sample_rate: Annotated[int, "Hz", Meta(ge=16_000, le=192_000)] = 44100,
+        objects: Sequence[str | Path] = (),
+        cores: Annotated[int, Meta(ge=1)] | None = None,
+    ) -> None:
+        self._cores = cores
+        self._sensors = tuple(
+            VirtualSensor(
+                sensor,
+                seed=seed + number,
+                build=None if build is None else build + number,
+                day=day,
+                world=world,
+                sample_rate=sample_rate,
+                objects=objects,
+            )
+            for number in range(count)
+        )
+
+    def __len__(self) -> int:
+        return len(self._sensors)
+
+    @overload
+    def __getitem__(self, index: int) -> VirtualSensor: ...
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[VirtualSensor]: ...
+    def __getitem__(self, index: int | slice) -> VirtualSensor | Sequence[VirtualSensor]:
+        return self._sensors[index]
+
+    @checked
+    def lead(
+        self,
+        step: Annotated[Seconds, Meta(gt=0.0, le=MAX_SECONDS)],
+        *,
+        position: ArrayLike,
+        force: ArrayLike = 0.0,
+        clearance: ArrayLike = 0.0,
+        across: ArrayLike = 0.0,
+    ) -> None:
+        """Lead the objects of all sensors, as `VirtualSensor.lead` those of one.
+
+        Every value is (sensors, objects, k), or broadcasts to it.
+        """
+        values = {"position": position, "force": force, "clearance": clearance, "across": across}
+        arrays = {name: numbers(value, float, name) for name, value in values.items()}
+        for name, array in arrays.items():
+            if array.ndim > 3 or (array.ndim == 3 and len(array) not in (1, len(self))):
+                given = f"{name} of the shape {array.shape}"
+                raise InputError(given, f"({len(self)}, objects, k), or what broadcasts to it")
+        for number, each in enumerate(self):
+            rows = {n: a if a.ndim < 3 else a[number % len(a)] for n, a in arrays.items()}
+            each.lead(step, **rows)
+
+    def snapshot(self) -> tuple[Snapshot, ...]:
+        """Return all sensors as they are now, for `restore`."""
+        return tuple(each.snapshot() for each in self)
+
+    @checked
+    def restore(self, snapshots: Sequence[Snapshot]) -> None:
+        """Go back to snapshots, one of each sensor."""
+        if len(snapshots) != len(self):
+            raise InputError(f"{len(snapshots)} snapshots", f"{len(self)}, one of each sensor")
+        for each, snapshot in zip(self, snapshots, strict=True):
+            each.restore(snapshot)
+
+    @checked
+    def advance(
+        self, seconds: Annotated[Seconds, Meta(ge=0.0, le=MAX_SECONDS)]
+    ) -> tuple[Audio, dict[str, Floats]]:
+        """Advance time, and return the sound (sensors, 2, n) and its ground truth, (sensors, n) by name."""
+        frames = round(seconds * self[0].sample_rate)
+        done = advance_many([each._moved() for each in self], frames, cores=self._cores)  # noqa: SLF001
+        for each, (_, twin) in zip(self, done, strict=True):
+            each._twin = twin  # noqa: SLF001
+        labels = [_columns(take.labels) for take, _ in done]
+        sound = np.stack([take.microphones for take, _ in done])
+        return sound, {name: np.stack([each[name] for each in labels]) for name in labels[0]}
 
 
 def _keys(motion: Floats) -> tuple[Key, ...]:
     """Return the rows of a motion as keys."""
-    names = ("time", "position", "force", "clearance", "across")
-    return tuple(Key(**dict(zip(names, row, strict=True))) for row in motion.tolist())
+    return tuple(Key(**dict(zip(KEY_COLUMNS, row, strict=True))) for row in motion.tolist())
 
 
 def _columns(labels: Labels) -> dict[str, Floats]:
