@@ -93,7 +93,8 @@ if TYPE_CHECKING:
         stiff_partials,
         tension_from_segments,
     )
-    from monochord.physics.twin.virtual_sensor import VirtualSensor, VirtualSensors
+    from monochord.physics.twin.virtual_sensor import VirtualSensor
+    from monochord.physics.twin.virtual_sensors import VirtualSensors
     from monochord.sessions import Description, SessionReader, SessionWriter, read_session
 
 __version__ = version("monochord")
@@ -211,7 +212,8 @@ _NAMES = {
         "contact_bound force_from_tension locate_from_segments open_frequency segment_frequencies"
         " stiff_partials tension_from_segments"
     ),
-    "monochord.physics.twin.virtual_sensor": "VirtualSensor VirtualSensors",
+    "monochord.physics.twin.virtual_sensor": "VirtualSensor",
+    "monochord.physics.twin.virtual_sensors": "VirtualSensors",
     "monochord.sessions": "Description SessionReader SessionWriter read_session",
 }
 """The names that each module gives to the front door."""

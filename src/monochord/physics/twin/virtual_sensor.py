@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, NamedTuple, overload
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from msgspec import Meta
@@ -273,10 +273,10 @@ class VirtualSensor:
         """Lead the objects of `objects` from now on, as a physics simulation does after its steps.
 
         Every value is for the end of each of k steps, (objects, k), or broadcasts to it; between them all run
-        linearly, from where each object is now; one that was not led before comes down from 3 mm
-        above its first place. After the last step it stays as it is, so call it before
-        each `advance` with what has been simulated. The twin reads motions every 32 of its steps, at most
-        0.8 ms, for the time until it reads them again.
+        linearly, from where each object is now; one that was not led before comes down from 3 mm above its
+        first place. After the last step it keeps its last values, so call it before each `advance` with what
+        has been simulated. The twin reads motions every 32 of its steps, at most 0.8 ms, for the time until
+        it reads them again.
 
         Parameters
         ----------
@@ -320,7 +320,7 @@ class VirtualSensor:
             self._continue(number, motion[number])
 
     def snapshot(self) -> Snapshot:
-        """Return the sensor as it is now, with all that sounds, for `restore`."""
+        """Return the present state of the string, of its objects and of the electronics, for `restore`."""
         return Snapshot(self._twin, tuple(self._objects), tuple(self._motions), self._new)
 
     @checked
@@ -439,123 +439,15 @@ class VirtualSensor:
         return rows
 
 
-class VirtualSensors(Sequence[VirtualSensor]):
-    """Several virtual sensors whose time advances together, on all cores, as for many environments at once.
-
-    Each is a `VirtualSensor` and gives the sound that it gives alone, to the last bit; it can be touched, led
-    and read by its number. All sound is simulated.
-
-    Parameters
-    ----------
-    sensor, day, world, sample_rate, objects
-        As of `VirtualSensor`.
-    count
-        Number of sensors.
-    seed, build
-        Of the first sensor; each next one has the next number. Without `build` all are the design itself.
-    cores
-        Number of cores to use; by default all that this process may use.
-
-    Raises
-    ------
-    InputError
-        As `VirtualSensor` does, or for a count below 1.
-
-    Examples
-    --------
-    >>> sensors = VirtualSensors(count=2, objects=["plastic"])
-    >>> sensors.lead(0.01, position=np.array([[[0.08]], [[0.09]]]), force=1.0)
-    >>> sound, labels = sensors.advance(0.1)
-    >>> sound.shape, labels["position"][:, -1].round(3).tolist()
-    ((2, 2, 4410), [0.08, 0.09])
-    """
-
-    @checked
-    def __init__(
-        self,
-        sensor: str | Path | Sensor = "prototype",
-        *,
-        count: Annotated[int, Meta(ge=1)],
-        seed: Seed = 0,
-        build: Seed | None = None,
-        day: Seed | None = None,
-        world: World = "ideal",
-        sample_rate: Annotated[int, "Hz", Meta(ge=16_000, le=192_000)] = 44100,
-        objects: Sequence[str | Path] = (),
-        cores: Annotated[int, Meta(ge=1)] | None = None,
-    ) -> None:
-        self._cores = cores
-        self._sensors = tuple(
-            VirtualSensor(
-                sensor,
-                seed=seed + number,
-                build=None if build is None else build + number,
-                day=day,
-                world=world,
-                sample_rate=sample_rate,
-                objects=objects,
-            )
-            for number in range(count)
-        )
-
-    def __len__(self) -> int:
-        return len(self._sensors)
-
-    @overload
-    def __getitem__(self, index: int) -> VirtualSensor: ...
-    @overload
-    def __getitem__(self, index: slice) -> Sequence[VirtualSensor]: ...
-    def __getitem__(self, index: int | slice) -> VirtualSensor | Sequence[VirtualSensor]:
-        return self._sensors[index]
-
-    @checked
-    def lead(
-        self,
-        step: Annotated[Seconds, Meta(gt=0.0, le=MAX_SECONDS)],
-        *,
-        position: ArrayLike,
-        force: ArrayLike = 0.0,
-        clearance: ArrayLike = 0.0,
-        across: ArrayLike = 0.0,
-    ) -> None:
-        """Lead the objects of all sensors, as `VirtualSensor.lead` those of one.
-
-        Every value is (sensors, objects, k), or broadcasts to it.
-        """
-        values = {"position": position, "force": force, "clearance": clearance, "across": across}
-        arrays = {name: numbers(value, float, name) for name, value in values.items()}
-        for name, array in arrays.items():
-            if array.ndim > 3 or (array.ndim == 3 and len(array) not in (1, len(self))):
-                given = f"{name} of the shape {array.shape}"
-                raise InputError(given, f"({len(self)}, objects, k), or what broadcasts to it")
-        for number, each in enumerate(self):
-            rows = {n: a if a.ndim < 3 else a[number % len(a)] for n, a in arrays.items()}
-            each.lead(step, **rows)
-
-    def snapshot(self) -> tuple[Snapshot, ...]:
-        """Return all sensors as they are now, for `restore`."""
-        return tuple(each.snapshot() for each in self)
-
-    @checked
-    def restore(self, snapshots: Sequence[Snapshot]) -> None:
-        """Go back to snapshots, one of each sensor."""
-        if len(snapshots) != len(self):
-            raise InputError(f"{len(snapshots)} snapshots", f"{len(self)}, one of each sensor")
-        for each, snapshot in zip(self, snapshots, strict=True):
-            each.restore(snapshot)
-
-    @checked
-    def advance(
-        self, seconds: Annotated[Seconds, Meta(ge=0.0, le=MAX_SECONDS)]
-    ) -> tuple[Audio, dict[str, Floats]]:
-        """Advance time, and return the sound (sensors, 2, n) and its ground truth, (sensors, n) by name."""
-        frames = round(seconds * self[0].sample_rate)
-        done = advance_many([each._moved() for each in self], frames, cores=self._cores)  # noqa: SLF001
-        for each, (_, twin) in zip(self, done, strict=True):
-            each._twin = twin  # noqa: SLF001
-        labels = [_columns(take.labels) for take, _ in done]
-        sound = np.stack([take.microphones for take, _ in done])
-        return sound, {name: np.stack([each[name] for each in labels]) for name in labels[0]}
+def advance_together(
+    sensors: Sequence[VirtualSensor], seconds: Seconds, cores: int | None = None
+) -> list[tuple[Audio, dict[str, Floats]]]:
+    """Advance the time of sensors of one rate side by side; each gives what its `advance` returns."""
+    frames = round(seconds * sensors[0].sample_rate)
+    done = advance_many([each._moved() for each in sensors], frames, cores=cores)  # noqa: SLF001
+    for each, (_, twin) in zip(sensors, done, strict=True):
+        each._twin = twin  # noqa: SLF001
+    return [(take.microphones, _columns(take.labels)) for take, _ in done]
 
 
 def _keys(motion: Floats) -> tuple[Key, ...]:
