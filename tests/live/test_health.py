@@ -165,6 +165,14 @@ def test_a_detuned_string_is_said_with_by_how_much() -> None:
     assert not any(watched(STRING, condition=Condition(deviation=0.001)))
 
 
+def test_what_the_estimator_tells_of_the_channels_is_not_looked_at_again() -> None:
+    (note,) = watched(STRING, condition=Condition(inputs=Inputs.FIRST))[-1]
+    assert note.key == OWN[Reason.MICROPHONE_2_SILENT].key
+    copy = np.stack((STRING[0], STRING[0]))
+    assert not any(watched(copy, condition=Condition(inputs=Inputs.TWO)))
+    assert keys(watched(copy, condition=Condition())[-1]) == [OWN[Reason.ONE_MICROPHONE].key]
+
+
 def test_a_string_that_is_followed_hides_no_other_trouble() -> None:
     notes = watched(STRING, Reason.NO_STRUCTURE, Condition(deviation=0.0142, follows=True))[-1]
     assert {*keys(notes)} == {"abstaining", "detuned"}

@@ -7,6 +7,7 @@ common, and those of one are the other's, moved by the ratio of the rates.
 """
 
 from collections.abc import Iterable
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -150,6 +151,11 @@ class Microphones:
         if start - self._looked >= step and not window.has_gap and len(window.samples) == 2:
             self._looked = start
             self._state = self._state.after(compare_inputs(window.samples, window.sample_rate))
+        return self.inputs
+
+    @property
+    def inputs(self) -> Inputs:
+        """What the channels carry up to the last window."""
         return self._state.inputs
 
 
@@ -179,7 +185,7 @@ class _Spectrum:
         self._first = max(round(LOWEST / self._spacing), 3)
         bands = max(int((min(HIGHEST, 0.45 * sample_rate) - LOWEST) / NEIGHBOURHOOD), 1)
         bins = slice(self._first, self._first + bands * self._width)
-        taper = np.hanning(size)
+        taper = _taper(size)
         self._values = np.fft.rfft(both * taper, axis=1)[:, bins] * (2.0 / taper.sum())
         self._power = _power_of(self._values)
         self._noise = self._noise_of(self._power)
@@ -281,13 +287,20 @@ class _Spectrum:
         """Return the lines of a spectrum (bins,); none if all of them are hum."""
         if not lines.size:
             return lines
+        strongest = lines[np.abs(values[lines]).argmax()]
+        if self._frequency(values, strongest[None])[0] >= HUM_TOP:
+            return lines
         frequency = self._frequency(values, lines)
-        strongest = frequency[np.abs(values[lines]).argmax()]
         for mains in MAINS:
             off = np.abs(frequency - mains * np.round(frequency / mains))
-            if strongest < HUM_TOP and (off < HUM_WIDTH + HUM_DRIFT * frequency).all():
+            if (off < HUM_WIDTH + HUM_DRIFT * frequency).all():
                 return lines[:0]
         return lines
+
+
+@lru_cache(maxsize=8)
+def _taper(size: int) -> Floats:
+    return np.hanning(size)
 
 
 def _power_of(values: NDArray[np.complex128]) -> Floats:

@@ -99,8 +99,8 @@ class HealthState:
     """The health state of one stream, passed in and out; it starts as ``HealthState()``.
 
     `looked` is when levels were last measured, `from_levels` the findings from that, and `inputs` what two
-    channels carry. `stream` and
-    `skipped` are the counters after the previous window. `start` is the first frame of the last window.
+    channels carry where the estimator does not tell. `stream` and `skipped` are the counters after the
+    previous window. `start` is the first frame of the last window.
     """
 
     start: int = -1
@@ -143,8 +143,10 @@ def step(
     now = window.start / window.sample_rate
     from_levels, looked, inputs = state.from_levels, state.looked, state.inputs
     if now - looked >= LEVELS_EVERY - 1e-9 and not window.has_gap:
-        inputs = _inputs(inputs, window)
-        from_levels, looked = _level_findings(window, inputs.inputs), now
+        told = None if condition is None else condition.inputs
+        if told is None:
+            inputs = _inputs(inputs, window)
+        from_levels, looked = _level_findings(window, inputs.inputs if told is None else told), now
     findings = dict(from_levels) if not stream.away else {}
     if STILL.key not in findings:  # of noise alone a model may say anything
         _add_reasons(findings, estimates)

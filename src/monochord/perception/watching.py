@@ -1,8 +1,9 @@
-"""What an estimator may know of the string besides the touch: its pitch, as it follows it."""
+"""What an estimator may know of the string besides the touch: its pitch and its microphones."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
+from monochord.core.inputs import Inputs
 from monochord.core.reasons import Reason
 from monochord.core.types import Estimate, Estimates, Window
 
@@ -15,12 +16,14 @@ class Condition:
 
     `open_frequency` is the last measured frequency of the untouched string in Hz, without stiffness.
     `deviation` is the relative deviation of `open_frequency` from the known frequency, such as 0.01 for 1 %
-    above; None without a measurement. `follows` says whether estimates use the measured pitch.
+    above; None without a measurement. `follows` says whether estimates use the measured pitch. `inputs` is
+    what the two channels carry; None where the estimator does not look.
     """
 
     open_frequency: Estimate = NOT_MEASURED
     deviation: float | None = None
     follows: bool = True
+    inputs: Inputs | None = None
 
 
 class Watching(ABC):

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from monochord.core.errors import InputError
+from monochord.core.inputs import Inputs
 from monochord.core.reasons import Reason
 from monochord.core.types import Audio, Estimates, Floats, Signal, StringParams, Window
 from monochord.metrics import DECISION
@@ -125,6 +126,19 @@ def test_the_pitch_that_is_followed_is_told_once_it_is_measured(name: str) -> No
     told, true = estimate.condition.open_frequency, open_frequency(DESIGN) * (1.0 + percent / 100.0)
     assert abs(told.value - true) < 3.0 * told.std < 0.01 * true
     assert told.value / open_frequency(DESIGN) - 1.0 == pytest.approx(estimate.condition.deviation)
+
+
+@pytest.mark.parametrize("name", ESTIMATED)
+def test_what_the_channels_carry_is_told(name: str) -> None:
+    signal = Signal(sample_rate=RATE, channels=2, string=DESIGN)
+    sound = played("prototype", 1, 0)[0]
+    for samples, expected in ((sound, Inputs.TWO), (np.stack((sound[0], 0.5 * sound[0])), Inputs.SAME)):
+        estimate = ESTIMATORS.build(name, ESTIMATED[name]).prepare(signal, SIZE)
+        assert isinstance(estimate, Watching)
+        assert estimate.condition.inputs is Inputs.UNKNOWN
+        for window in windows(samples):
+            estimate(window)
+        assert estimate.condition.inputs is expected
 
 
 def test_a_model_begins_anew_with_another_stream() -> None:

@@ -200,10 +200,11 @@ class _TwoSegmentStream(Watching):
     @property
     def condition(self) -> Condition:
         """The pitch of the string, and its deviation from the known pitch."""
-        tuning = self._state.tuning
+        tuning, inputs = self._state.tuning, self._microphones.inputs
         if tuning is None:
-            return Condition()
-        return Condition(open_frequency=tuning.open_frequency, deviation=tuning.deviation(self._tuner.string))
+            return Condition(inputs=inputs)
+        deviation = tuning.deviation(self._tuner.string)
+        return Condition(open_frequency=tuning.open_frequency, deviation=deviation, inputs=inputs)
 
 
 class _FarSegmentStream:

@@ -145,12 +145,16 @@ class FollowedPitchStream(ModelStream, Watching):
 
     @property
     def condition(self) -> Condition:
-        """The pitch of the string, and its deviation from the expected pitch."""
-        tuning = self._tuned.tuning
+        """The pitch of the string, its deviation from the expected pitch, and what the channels carry."""
+        tuning, inputs = self._tuned.tuning, self._microphones.inputs
         if tuning is None:
-            return Condition(follows=not self._reason)
-        deviation = tuning.deviation(self._string)
-        return Condition(open_frequency=tuning.open_frequency, deviation=deviation, follows=not self._reason)
+            return Condition(follows=not self._reason, inputs=inputs)
+        return Condition(
+            open_frequency=tuning.open_frequency,
+            deviation=tuning.deviation(self._string),
+            follows=not self._reason,
+            inputs=inputs,
+        )
 
     def _has_jumped(self, window: Window, spectrum: Spectrum) -> bool:
         """Return whether the pitch of everything jumps, as where the sample rate changes."""
