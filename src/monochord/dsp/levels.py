@@ -74,14 +74,14 @@ def _measured(samples: Audio, sample_rate: Hertz) -> Floats:
             loud += abs(samples[channel, k]) >= LOUD
         loudest = 0.0
         for mains in MAINS:
-            own = 0.0
+            total = 0.0
             for harmonic in range(1, HARMONICS + 1):
                 turn = 2.0 * np.cos(2.0 * np.pi * mains * harmonic / sample_rate)
                 one = two = 0.0
                 for k in range(count):
                     one, two = samples[channel, k] - mean + turn * one - two, one
-                own += one * one + two * two - turn * one * two
-            loudest = max(loudest, own)
+                total += one * one + two * two - turn * one * two
+            loudest = max(loudest, total)
         measured[channel, 0] = np.sqrt(power / count)
         measured[channel, 1] = loud / count
         if power > 0.0:

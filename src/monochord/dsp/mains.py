@@ -77,9 +77,9 @@ def _leaked(peaks: Peaks, lines: Flags, resolution: Hertz) -> Floats:
 def _is_note(order: Floats, power: Floats, lines: Flags) -> Flags:
     """Return which lines are of a note at a multiple of the mains, stronger than all other lines of hum."""
     strongest = order[np.where(lines, power, 0.0).argmax()]
-    own = lines & (order % strongest == 0.0)
-    weak = power[lines & ~own].max(initial=0.0) < OWN_NOTE * power[own].max()
-    return own & bool(weak and strongest > MAX_COMMON)
+    note = lines & (order % strongest == 0.0)
+    weak = power[lines & ~note].max(initial=0.0) < OWN_NOTE * power[note].max()
+    return note & bool(weak and strongest > MAX_COMMON)
 
 
 def without(peaks: Peaks, lines: Flags) -> Peaks:

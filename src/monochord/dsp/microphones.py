@@ -105,18 +105,18 @@ def compare_inputs(samples: Audio, sample_rate: int) -> Inputs:
 
 def _compared(spectrum: "_Spectrum") -> Inputs:
     """Return what two channels carry that may both be heard."""
-    own = [spectrum.has_own(channel) for channel in (0, 1)]
-    if all(own):
+    is_heard = [spectrum.has_own(channel) for channel in (0, 1)]
+    if all(is_heard):
         if not (spectrum.is_deaf(0) and spectrum.is_deaf(1)):
             return Inputs.TWO
         return Inputs.APART if spectrum.has_two_rates() else Inputs.UNKNOWN
     for channel in (0, 1):
         quiet = 1 - channel
-        if not spectrum.has_string[channel] or own[quiet]:
+        if not spectrum.has_string[channel] or is_heard[quiet]:
             continue
         if spectrum.is_deaf(quiet) or (spectrum.explains(quiet) and spectrum.multiple(quiet) < TRACE):
             return ONLY[channel]
-    is_same = not any(own) and all(spectrum.is_copy(channel) for channel in (0, 1))
+    is_same = not any(is_heard) and all(spectrum.is_copy(channel) for channel in (0, 1))
     return Inputs.SAME if is_same else Inputs.UNKNOWN
 
 
@@ -191,8 +191,8 @@ class _Spectrum:
         self._noise = self._noise_of(self._power)
         lines = [self._lines_of(*each) for each in zip(self._power, self._noise, strict=True)]
         self._lines = [self._other_than_hum(*each) for each in zip(self._values, lines, strict=True)]
-        self.has_string = [own.size > 0 for own in self._lines]
-        self.is_hum = [every.size > own.size for every, own in zip(lines, self._lines, strict=True)]
+        self.has_string = [string.size > 0 for string in self._lines]
+        self.is_hum = [every.size > string.size for every, string in zip(lines, self._lines, strict=True)]
 
     def has_own(self, channel: int) -> bool:
         """Return whether a channel has lines that no multiple of the other explains."""
@@ -203,9 +203,9 @@ class _Spectrum:
     def explains(self, channel: int) -> bool:
         """Return whether a multiple of the other channel is nearly all that is in this one's lines."""
         for bins in self._shared_bins():
-            own, other = self._values[channel][bins], self._values[1 - channel][bins]
-            rest = own - self._multiple(channel, bins) * other
-            if _power_of(rest).sum() < MAX_REST * _power_of(own).sum():
+            here, other = self._values[channel][bins], self._values[1 - channel][bins]
+            rest = here - self._multiple(channel, bins) * other
+            if _power_of(rest).sum() < MAX_REST * _power_of(here).sum():
                 return True
         return False
 
@@ -225,8 +225,8 @@ class _Spectrum:
         if not lines.size:
             return False
         there = self._frequency(self._values[channel], self._lines_of(heard, noise, PRESENT))
-        own = self._frequency(self._values[1 - channel], lines)
-        present = (np.abs(own[:, None] - there) < SAME_LINE * self._spacing).any(axis=1)
+        sent = self._frequency(self._values[1 - channel], lines)
+        present = (np.abs(sent[:, None] - there) < SAME_LINE * self._spacing).any(axis=1)
         return float(power[lines][present].sum()) < APART * float(power[lines].sum())
 
     def has_two_rates(self) -> bool:
@@ -251,8 +251,8 @@ class _Spectrum:
         return [self._multiple(channel, bins) for bins in self._shared_bins()] or [0.0]
 
     def _multiple(self, channel: int, bins: NDArray[np.int64]) -> float:
-        own, other = self._values[channel][bins], self._values[1 - channel][bins]
-        return float(np.vdot(other, own).real / max(np.vdot(other, other).real, 1e-300))
+        here, other = self._values[channel][bins], self._values[1 - channel][bins]
+        return float(np.vdot(other, here).real / max(np.vdot(other, other).real, 1e-300))
 
     def _has_rest(self, channel: int, multiple: float) -> bool:
         rest = self._values[channel] - multiple * self._values[1 - channel]

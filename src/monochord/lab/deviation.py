@@ -117,10 +117,10 @@ class Deviation(Checked):
     def _connected(self, pickups: Pickups) -> Pickups:
         """Return the microphones as they are connected."""
         if self.swapped:
-            own, gain, hum = pickups.own, pickups.gain, pickups.hum
+            shares, gain, hum = pickups.own, pickups.gain, pickups.hum
             pickups = replace(
                 pickups,
-                own=(1.0 - own[1], 1.0 - own[0]),
+                own=(1.0 - shares[1], 1.0 - shares[0]),
                 gain=(gain[1], gain[0]),
                 hum=(hum[1], hum[0]),
                 feed=(pickups.feed[1], pickups.feed[0]),

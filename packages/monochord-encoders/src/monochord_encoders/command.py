@@ -60,8 +60,8 @@ def get(name: str, *, folder: Path | None, sha256: str, as_json: bool) -> None:
     known = replace(known, sha256=sha256 or known.sha256)
     path = known.usual_path if folder is None else folder / known.file
     with click.progressbar(length=1000, label=known.file, file=sys.stderr, show_pos=False) as bar:
-        own = fetch(known, path, lambda done, due: bar.update(1000 * done // due - bar.pos if due else 0))
-    _print(path, own, describe(known, path), as_json=as_json)
+        digest = fetch(known, path, lambda done, due: bar.update(1000 * done // due - bar.pos if due else 0))
+    _print(path, digest, describe(known, path), as_json=as_json)
 
 
 @weights.command()
@@ -109,7 +109,7 @@ def export(name: str, *, path: str, out: Path, frames: int, int8: bool, as_json:
     _print(out, checked_sum(known, file), f"{known.title}, {'int8' if int8 else 'float32'}", as_json=as_json)
 
 
-def _print(path: Path, own: str, what: str, *, as_json: bool) -> None:
-    result = {"path": str(path), "sha256": own, "bytes": path.stat().st_size, "holds": what}
-    lines = [f"{path}: {what}", f"SHA-256 {own}, {result['bytes']} bytes"]
+def _print(path: Path, digest: str, what: str, *, as_json: bool) -> None:
+    result = {"path": str(path), "sha256": digest, "bytes": path.stat().st_size, "holds": what}
+    lines = [f"{path}: {what}", f"SHA-256 {digest}, {result['bytes']} bytes"]
     echo(*([json.dumps(result)] if as_json else lines))

@@ -197,7 +197,7 @@ class _Ridge:
                 fold_rows = rows[part[numbers] == number]
                 sums[number] += fold_rows.T @ fold_rows
         whole = sums.sum(axis=0)
-        paths = [_paths(whole - own) for own in sums] if count > 1 else []
+        paths = [_paths(whole - fold_sum) for fold_sum in sums] if count > 1 else []
         errors = np.zeros(len(STRENGTHS))
         for fold_sum, (weights, biases) in zip(sums, paths, strict=False):
             residual = np.vstack([weights, np.full(len(STRENGTHS), -1.0), biases])

@@ -181,10 +181,10 @@ def leapfrog(
     >>> before, motion
     (array([0., 0., 0., 1., 0., 0.]), array([[1.]]))
     """
-    own, neighbours, past = coefficients
+    here, neighbours, past = coefficients
     for step in range(signals.shape[1]):
         old = (1.0 - weights) * before[nodes] + weights * before[nodes + 1]
-        inner = own * now[1:-1] + neighbours * (now[:-2] + now[2:]) + past * before[1:-1]
+        inner = here * now[1:-1] + neighbours * (now[:-2] + now[2:]) + past * before[1:-1]
         for load, signal in zip(loads, signals[:, step], strict=True):
             inner += load[1:-1] * signal
         before[1:-1] = inner

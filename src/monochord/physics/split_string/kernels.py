@@ -22,7 +22,7 @@ def leapfrog(
 
     There is no fast-math here: reassociated sums and fused products would break the agreement to rounding.
     """
-    own, neighbours, past = coefficients
+    here, neighbours, past = coefficients
     first, last = loads[0], now.size - 1  # the end must be known outside, or the sweep is not vectorised
     for step in range(signals.shape[1]):
         for p in range(nodes.size):
@@ -32,7 +32,7 @@ def leapfrog(
         # The first driver rides in the main sweep: a second sweep over its nodes would cost a fifth more.
         for i in range(1, last):
             before[i] = (
-                own * now[i] + neighbours * (now[i - 1] + now[i + 1]) + past * before[i] + first[i] * push
+                here * now[i] + neighbours * (now[i - 1] + now[i + 1]) + past * before[i] + first[i] * push
             )
         for d in range(1, loads.shape[0]):
             for i in range(1, last):

@@ -206,9 +206,9 @@ def series_bound(
     by_b = f0 * n**3 / (2.0 * np.sqrt(1.0 + inharmonicity * n**2))
     information = float(np.sum(by_f0**2 / variance))
     if not known_inharmonicity:
-        own, cross = np.sum(by_b**2 / variance), np.sum(by_f0 * by_b / variance)
+        of_b, cross = np.sum(by_b**2 / variance), np.sum(by_f0 * by_b / variance)
         # A single partial cannot separate stiffness from pitch: what remains of the information is rounding.
-        information = float(information - cross**2 / own) if n.size > 1 else 0.0
+        information = float(information - cross**2 / of_b) if n.size > 1 else 0.0
     return information**-0.5 if information > 0.0 else np.inf
 
 

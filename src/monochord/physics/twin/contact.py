@@ -268,8 +268,8 @@ def initial_guess(
         force = 2.0 * (gap - eta_old) / compliance - elastic_force(s_old, k1, k2)
         if layer is not None:
             old, half = elastic_force(s_old, k1, k2), 0.5 * compliance
-            own = 1.0 / stiffness(s_old, k1, k2) + residual + layer_compliance(old, layer)
-            force = (gap - eta_old + (own - half) * old) / (own + half)
+            compliance_old = 1.0 / stiffness(s_old, k1, k2) + residual + layer_compliance(old, layer)
+            force = (gap - eta_old + (compliance_old - half) * old) / (compliance_old + half)
         if force <= 0.0:
             return 0.3 * s_old
         cube, target = s_old**3, force / (k2 + k1 / s_old)

@@ -69,17 +69,17 @@ def energy(twin: Twin) -> float:
     contacts: Iterable[tuple[ContactState, TouchParameters]] = zip(
         state.contact, parameters.touches, strict=True
     )
-    for own, touch in contacts:
-        delta, k1, k2 = own.s**2, touch.k1, touch.k2
+    for contact, touch in contacts:
+        delta, k1, k2 = contact.s**2, touch.k1, touch.k2
         force = k1 * delta + k2 * delta**1.5
-        total += 0.5 * k1 * delta**2 + 0.4 * k2 * delta**2.5 + 0.5 * own.residual_compliance * force**2
-        total += 0.5 * own.bristle_stiffness * (own.z**2 + own.z_along**2)
+        total += 0.5 * k1 * delta**2 + 0.4 * k2 * delta**2.5 + 0.5 * contact.residual_compliance * force**2
+        total += 0.5 * contact.bristle_stiffness * (contact.z**2 + contact.z_along**2)
     if twin.plausible is not None:
         more = Plausible(*(array[0] for array in twin.plausible))
         modes = more.mount_modes
         total += 0.5 * float(np.sum(modes["mass"] * (modes["v"] ** 2 + modes["square"] * modes["q"] ** 2)))
-        for own, touch, layer in zip(state.contact, parameters.touches, more.layers, strict=True):
-            force = touch.k1 * own.s**2 + touch.k2 * own.s**3
+        for contact, touch, layer in zip(state.contact, parameters.touches, more.layers, strict=True):
+            force = touch.k1 * contact.s**2 + touch.k2 * contact.s**3
             total += layer.thickness * (force - layer.load * np.log1p(force / layer.load))
         total += 0.5 * float(more.turnings["stiffness"] @ more.turnings["deflection"] ** 2)
         place, moved = more.coils["place"], more.coils["place"] - more.coils["place_before"]

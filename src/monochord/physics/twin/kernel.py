@@ -198,23 +198,29 @@ def _update_motion(
 
 @inlined
 def _set_bristles(
-    touch: TouchParameters, own: ContactState, load: float, step: float, layer: LayerParameters | None
+    touch: TouchParameters,
+    contact_state: ContactState,
+    load: float,
+    step: float,
+    layer: LayerParameters | None,
 ) -> None:
     """Fill stiffness and damping of a touch's bristles under a press in N; a layer yields both ways."""
     k1, k2 = touch.k1, touch.k2
     normal = contact.stiffness(contact.static_root(load, k1, k2), k1, k2)
     if layer is not None:
         normal = 1.0 / (1.0 / normal + contact.layer_compliance(load, layer))
-    own.bristle_stiffness = 1.0 / (1.0 / (touch.tangential_ratio * normal) + own.residual_compliance)
-    own.bristle_damping = touch.beta * load / step
+    contact_state.bristle_stiffness = 1.0 / (
+        1.0 / (touch.tangential_ratio * normal) + contact_state.residual_compliance
+    )
+    contact_state.bristle_damping = touch.beta * load / step
 
 
 @called
 def _prepare_turning(sensor: Parameters, state: State, plausible: Plausible, size: int, t: int) -> None:
     """At a control update: the modes' slopes at a touch, and how it resists their turning, if it does."""
     constants: Constants = sensor.constants
-    own: TurningState = plausible.turnings[t]
-    if own.half + own.arm == 0.0:
+    turning_state: TurningState = plausible.turnings[t]
+    if turning_state.half + turning_state.arm == 0.0:
         return
     now: Motion = state.motion[t]
     ahead: Motion = state.ahead[t]
@@ -229,12 +235,12 @@ def _prepare_turning(sensor: Parameters, state: State, plausible: Plausible, siz
     k1, k2 = sensor.touches[t].k1, sensor.touches[t].k2
     normal = contact.stiffness(contact.static_root(load, k1, k2), k1, k2)
     normal = 1.0 / (1.0 / normal + contact.layer_compliance(load, plausible.layers[t]))
-    stiffness = own.half * own.half * normal + own.arm * load
+    stiffness = turning_state.half * turning_state.half * normal + turning_state.arm * load
     # Bending smooths a slope over sqrt(E I / T), whose root of the tension the compliance follows.
     whole = interpolated(plausible.slope_compliance[t], now.position / length)
     whole *= np.sqrt(constants.tension / tension)
     rest = max(0.0, whole - turning.static_compliance(state.bank, size, slope, tension, constants.mass))
-    own.stiffness = stiffness / (1.0 + stiffness * rest)
+    turning_state.stiffness = stiffness / (1.0 + stiffness * rest)
 
 
 @called
@@ -244,7 +250,7 @@ def _prepare_touch(sensor: Parameters, state: State, plausible: Plausible | None
     touch: TouchParameters = sensor.touches[t]
     now: Motion = state.motion[t]
     ahead: Motion = state.ahead[t]
-    own: ContactState = state.contact[t]
+    contact_state: ContactState = state.contact[t]
     bank = state.bank
     length, tension = constants.length, state.memory.tuned_tension
     k1, k2, row, ratio = touch.k1, touch.k2, string.row_of(t), constants.tension / tension
@@ -268,19 +274,21 @@ def _prepare_touch(sensor: Parameters, state: State, plausible: Plausible | None
         string.select_touch(bank, size, row)
     modal = string.static_compliance(bank, size, row, tension, constants.mass)
     here = interpolated(sensor.compliance[t], now.position / length) * ratio
-    own.residual_compliance = max(0.0, here - modal)
+    contact_state.residual_compliance = max(0.0, here - modal)
     if plausible is not None:
-        own.residual_compliance += plausible.mounts[t].spring
+        contact_state.residual_compliance += plausible.mounts[t].spring
         _prepare_turning(sensor, state, plausible, size, t)
-    if own.s > 0.0:
-        own.eta = contact.approach(own.s, k1, k2, own.residual_compliance, layer)
-    _set_bristles(touch, own, max(now.force, MIN_BRISTLE_FORCE), constants.step, layer)
-    if own.time_off >= CONTACT_HOLD and touch.roughness > 0.0:
+    if contact_state.s > 0.0:
+        contact_state.eta = contact.approach(
+            contact_state.s, k1, k2, contact_state.residual_compliance, layer
+        )
+    _set_bristles(touch, contact_state, max(now.force, MIN_BRISTLE_FORCE), constants.step, layer)
+    if contact_state.time_off >= CONTACT_HOLD and touch.roughness > 0.0:
         scale = 1.0 / touch.roughness_length
-        own.height = touch.roughness * roughness.height(
+        contact_state.height = touch.roughness * roughness.height(
             roughness.surface_seed(constants.seed, t),
-            scale * own.path_across,
-            scale * (own.path_along + own.rolled),
+            scale * contact_state.path_across,
+            scale * (contact_state.path_along + contact_state.rolled),
         )
 
 
@@ -319,7 +327,7 @@ def _update_controls(
 def _rub(
     constants: Constants,
     touch: TouchParameters,
-    own: ContactState,
+    contact_state: ContactState,
     motion: Motion,
     solution: ContactSolution,
     across: float,
@@ -334,15 +342,19 @@ def _rub(
     soft = 0.0  # along the string it is the wire that stretches, on both sides of the touch
     if axial > 0.0:
         soft = motion.position * (length - motion.position) / (axial * length)
-    moved = motion.across * step - (across - own.string_across)
-    moved_along = solution.speed_along * step + soft * own.force_along
+    moved = motion.across * step - (across - contact_state.string_across)
+    moved_along = solution.speed_along * step + soft * contact_state.force_along
     solution.force_across, solution.force_along, solution.z, solution.z_along = 0.0, 0.0, 0.0, 0.0
     solution.slid_across, solution.slid_along, solution.friction = moved, moved_along, float(NONE)
     solution.string_across = across
     if load <= 0.0:
         return
-    speed, stiffness, damping = own.sliding_speed, own.bristle_stiffness, own.bristle_damping
-    z, z_along = own.z, own.z_along
+    speed, stiffness, damping = (
+        contact_state.sliding_speed,
+        contact_state.bristle_stiffness,
+        contact_state.bristle_damping,
+    )
+    z, z_along = contact_state.z, contact_state.z_along
     coefficient = friction.friction_coefficient(
         speed, touch.static_friction, touch.kinetic_friction, touch.stribeck_speed
     )
@@ -375,17 +387,19 @@ def _rub(
 def _predict(sensor: Parameters, state: State, plausible: Plausible | None, size: int, t: int) -> float:
     """Predict the selected touch's force in a step, and return what it adds to the stretch sum, in m^2."""
     touch: TouchParameters = sensor.touches[t]
-    own: ContactState = state.contact[t]
+    contact_state: ContactState = state.contact[t]
     solution: ContactSolution = state.solution[t]
     height, compliance, cross, square = string.predict(state.bank, size)
     layer = None if plausible is None else plausible.layers[t]
     if plausible is not None:
         compliance += plausible.mounts[t].modal
     gap = solution.surface - height
-    k1, k2, residual = touch.k1, touch.k2, own.residual_compliance
+    k1, k2, residual = touch.k1, touch.k2, contact_state.residual_compliance
     beta = touch.beta / sensor.constants.step
-    s = contact.initial_guess(gap, compliance, own.s, own.eta, k1, k2, residual, layer)
-    solution.s, _, load = contact.solve(gap, compliance, s, own.s, own.eta, k1, k2, residual, beta, layer)
+    s = contact.initial_guess(gap, compliance, contact_state.s, contact_state.eta, k1, k2, residual, layer)
+    solution.s, _, load = contact.solve(
+        gap, compliance, s, contact_state.s, contact_state.eta, k1, k2, residual, beta, layer
+    )
     solution.force = load
     return load * (2.0 * cross + load * square)
 
@@ -401,7 +415,7 @@ def _move_touches(
         now: Motion = state.motion[t]
         ahead: Motion = state.ahead[t]
         solution: ContactSolution = state.solution[t]
-        own: ContactState = state.contact[t]
+        contact_state: ContactState = state.contact[t]
         travel = ahead.position - now.position
         if travel != 0.0:
             string.move_shape(bank, size, string.row_of(t))
@@ -410,7 +424,7 @@ def _move_touches(
         if travel != 0.0 or count > 1:
             string.select_touch(bank, size, string.row_of(t))
         rolls = sensor.touches[t].rolls
-        solution.surface = now.depth + past * (ahead.depth - now.depth) + own.height
+        solution.surface = now.depth + past * (ahead.depth - now.depth) + contact_state.height
         if plausible is not None:
             solution.surface -= mount.propagate(plausible.mount_modes[t])
         solution.speed_along = (1.0 - rolls) * travel / (CONTROL_PERIOD * step)
@@ -454,12 +468,19 @@ def _find_turning(state: State, plausible: Plausible, size: int, t: int) -> None
 
     What moments of other touches do is left to the sweeps over them.
     """
-    own: TurningState = plausible.turnings[t]
-    own.unloaded, own.gain, own.cross, own.compliance = 0.0, 0.0, 0.0, 0.0
+    turning_state: TurningState = plausible.turnings[t]
+    turning_state.unloaded, turning_state.gain, turning_state.cross, turning_state.compliance = (
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+    )
     if _turns(state, plausible, t):
-        own.turned, own.compliance, own.cross = turning.free_response(state.bank, size, plausible.slopes[t])
-        turning.prepare(own, own.turned)
-        state.mutual[0, t, t] += own.cross * own.gain
+        turning_state.turned, turning_state.compliance, turning_state.cross = turning.free_response(
+            state.bank, size, plausible.slopes[t]
+        )
+        turning.prepare(turning_state, turning_state.turned)
+        state.mutual[0, t, t] += turning_state.cross * turning_state.gain
     for o in range(len(state.contact)):
         if o != t:
             plausible.turned[0, t, o], plausible.turned[1, t, o] = turning.mutual_compliance(
@@ -470,16 +491,16 @@ def _find_turning(state: State, plausible: Plausible, size: int, t: int) -> None
 @inlined
 def _solve_turning(state: State, plausible: Plausible, t: int) -> float:
     """Take other touches into one's moment without a force; return by how much moments lift the string."""
-    own: TurningState = plausible.turnings[t]
-    lifted, turned = 0.0, own.turned
+    turning_state: TurningState = plausible.turnings[t]
+    lifted, turned = 0.0, turning_state.turned
     for o in range(len(state.contact)):
         if o != t:
             lifted += plausible.turned[0, t, o] * plausible.turnings[o].moment
             turned += plausible.turned[1, t, o] * plausible.turnings[o].moment
             turned += plausible.turned[0, o, t] * state.solution[o].force
     if _turns(state, plausible, t):
-        turning.prepare(own, turned)
-        lifted += own.cross * own.unloaded
+        turning.prepare(turning_state, turned)
+        lifted += turning_state.cross * turning_state.unloaded
     return lifted
 
 
@@ -487,7 +508,7 @@ def _solve_turning(state: State, plausible: Plausible, t: int) -> float:
 def _solve_touch(sensor: Parameters, state: State, plausible: Plausible | None, t: int, turn: int) -> float:
     """Solve one touch under the others' forces; return by how much its own changed, in N."""
     mutual = state.mutual
-    own: ContactState = state.contact[t]
+    contact_state: ContactState = state.contact[t]
     touch: TouchParameters = sensor.touches[t]
     solution: ContactSolution = state.solution[t]
     layer = None if plausible is None else plausible.layers[t]
@@ -503,11 +524,11 @@ def _solve_touch(sensor: Parameters, state: State, plausible: Plausible | None, 
         solution.surface - height,
         mutual[0, t, t],
         solution.s,
-        own.s,
-        own.eta,
+        contact_state.s,
+        contact_state.eta,
         touch.k1,
         touch.k2,
-        own.residual_compliance,
+        contact_state.residual_compliance,
         touch.beta / sensor.constants.step,
         layer,
     )
@@ -516,7 +537,7 @@ def _solve_touch(sensor: Parameters, state: State, plausible: Plausible | None, 
             plausible.turnings[t].unloaded + plausible.turnings[t].gain * solution.force
         )
     if turn == 0:
-        _rub(sensor.constants, touch, own, state.motion[t], solution, across, mutual[1, t, t])
+        _rub(sensor.constants, touch, contact_state, state.motion[t], solution, across, mutual[1, t, t])
     return abs(solution.force - before) + abs(solution.force_across - before_across)
 
 
@@ -570,51 +591,71 @@ def _solve_touches(
 
 @inlined
 def _keep_contact(
-    touch: TouchParameters, own: ContactState, solution: ContactSolution, step: float, seed: int, t: int
+    touch: TouchParameters,
+    contact_state: ContactState,
+    solution: ContactSolution,
+    step: float,
+    seed: int,
+    t: int,
 ) -> None:
     """Take over a touch's solution, and update its path over the object, its height and its labels."""
     load = solution.force
-    lost = solution.slid_across - (solution.z - own.z)
-    lost_along = solution.slid_along - (solution.z_along - own.z_along)
-    own.s, own.eta, own.force = solution.s, solution.eta, load
-    own.z, own.z_along, own.force_along = solution.z, solution.z_along, solution.force_along
-    own.string_across, own.friction = solution.string_across, solution.friction
-    own.sliding_speed = np.sqrt(solution.slid_across**2 + solution.slid_along**2) / step
-    began = load > 0.0 and own.time_off >= CONTACT_HOLD
-    own.time_off = 0.0 if load > 0.0 else own.time_off + step
+    lost = solution.slid_across - (solution.z - contact_state.z)
+    lost_along = solution.slid_along - (solution.z_along - contact_state.z_along)
+    contact_state.s, contact_state.eta, contact_state.force = solution.s, solution.eta, load
+    contact_state.z, contact_state.z_along, contact_state.force_along = (
+        solution.z,
+        solution.z_along,
+        solution.force_along,
+    )
+    contact_state.string_across, contact_state.friction = solution.string_across, solution.friction
+    contact_state.sliding_speed = np.sqrt(solution.slid_across**2 + solution.slid_along**2) / step
+    began = load > 0.0 and contact_state.time_off >= CONTACT_HOLD
+    contact_state.time_off = 0.0 if load > 0.0 else contact_state.time_off + step
     gone, gone_along = 0.0, 0.0
-    if own.time_off < CONTACT_HOLD:
-        own.path_across += lost
-        own.path_along += lost_along
-        own.rolled += solution.rolled
+    if contact_state.time_off < CONTACT_HOLD:
+        contact_state.path_across += lost
+        contact_state.path_along += lost_along
+        contact_state.rolled += solution.rolled
         if began:
-            own.lag_across, own.smooth_across, own.mark_across = (
-                own.path_across,
-                own.path_across,
-                own.path_across,
+            contact_state.lag_across, contact_state.smooth_across, contact_state.mark_across = (
+                contact_state.path_across,
+                contact_state.path_across,
+                contact_state.path_across,
             )
-            own.lag_along, own.smooth_along, own.mark_along = own.path_along, own.path_along, own.path_along
-        along = own.path_along + own.rolled
-        if abs(own.path_across - own.read_across) + abs(along - own.read_along) > MIN_SURFACE_MOTION:
+            contact_state.lag_along, contact_state.smooth_along, contact_state.mark_along = (
+                contact_state.path_along,
+                contact_state.path_along,
+                contact_state.path_along,
+            )
+        along = contact_state.path_along + contact_state.rolled
+        if (
+            abs(contact_state.path_across - contact_state.read_across) + abs(along - contact_state.read_along)
+            > MIN_SURFACE_MOTION
+        ):
             scale = 1.0 / touch.roughness_length
-            own.height = touch.roughness * roughness.height(
-                roughness.surface_seed(seed, t), scale * own.path_across, scale * along
+            contact_state.height = touch.roughness * roughness.height(
+                roughness.surface_seed(seed, t), scale * contact_state.path_across, scale * along
             )
-            own.read_across, own.read_along = own.path_across, along
+            contact_state.read_across, contact_state.read_along = contact_state.path_across, along
         keep = step / PATH_TIME
-        own.lag_across += keep * (own.path_across - own.lag_across)
-        own.smooth_across += keep * (own.lag_across - own.smooth_across)
-        own.lag_along += keep * (own.path_along - own.lag_along)
-        own.smooth_along += keep * (own.lag_along - own.smooth_along)
+        contact_state.lag_across += keep * (contact_state.path_across - contact_state.lag_across)
+        contact_state.smooth_across += keep * (contact_state.lag_across - contact_state.smooth_across)
+        contact_state.lag_along += keep * (contact_state.path_along - contact_state.lag_along)
+        contact_state.smooth_along += keep * (contact_state.lag_along - contact_state.smooth_along)
         gone, gone_along = friction.play(
-            SLIP_PLAY, own.smooth_across, own.smooth_along, own.mark_across, own.mark_along
+            SLIP_PLAY,
+            contact_state.smooth_across,
+            contact_state.smooth_along,
+            contact_state.mark_across,
+            contact_state.mark_along,
         )
-        own.mark_across += gone
-        own.mark_along += gone_along
+        contact_state.mark_across += gone
+        contact_state.mark_along += gone_along
     keep = step / SLIP_SPEED_TIME
-    own.speed_across += keep * (gone / step - own.speed_across)
-    own.speed_along += keep * (gone_along / step - own.speed_along)
-    own.mean_force += step / CONTACT_HOLD * (load - own.mean_force)
+    contact_state.speed_across += keep * (gone / step - contact_state.speed_across)
+    contact_state.speed_along += keep * (gone_along / step - contact_state.speed_along)
+    contact_state.mean_force += step / CONTACT_HOLD * (load - contact_state.mean_force)
 
 
 @inlined
@@ -798,25 +839,25 @@ def _write_frame(
         second + noise * electronics.normal_noise(constants.seed, 4 * index + 2)
     )
     for t in range(len(sensor.touches)):
-        own: ContactState = state.contact[t]
+        contact_state: ContactState = state.contact[t]
         now: Motion = state.motion[t]
         ahead: Motion = state.ahead[t]
-        touching = 1 if own.time_off < CONTACT_HOLD else 0
-        if own.touching != touching:
-            own.touching = float(touching)
+        touching = 1 if contact_state.time_off < CONTACT_HOLD else 0
+        if contact_state.touching != touching:
+            contact_state.touching = float(touching)
             memory.steady_time = 0.0
             memory.settled = 0.0
-        speed = np.sqrt(own.speed_across**2 + own.speed_along**2)
+        speed = np.sqrt(contact_state.speed_across**2 + contact_state.speed_along**2)
         out.contact[t, frame] = touching
         out.position[t, frame] = now.position + past * (ahead.position - now.position)
         if plausible is not None:
             out.position[t, frame] -= plausible.chain.offset
-        out.force[t, frame] = own.mean_force * touching
-        out.reaction[t, frame] = own.force
+        out.force[t, frame] = contact_state.mean_force * touching
+        out.reaction[t, frame] = contact_state.force
         out.slip[t, frame] = 1 if touching == 1 and speed > SLIP_SPEED else 0
-        out.across[t, frame] = own.speed_across
-        out.along[t, frame] = own.speed_along
-        out.friction[t, frame] = int(own.friction)
+        out.across[t, frame] = contact_state.speed_across
+        out.along[t, frame] = contact_state.speed_along
+        out.friction[t, frame] = int(contact_state.friction)
     _judge_settled(memory, first, second, constants.step * constants.oversampling)
     out.settled[frame] = int(memory.settled)
 

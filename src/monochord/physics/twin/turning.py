@@ -70,10 +70,10 @@ def free_response(bank: Floats, size: int, slope: Floats) -> tuple[float, float,
     """
     turned, compliance, cross = 0.0, 0.0, 0.0
     for i in range(size // 2):
-        own = slope[0, i]
-        gives = own * bank[COMPLIANCE * size + i]
-        turned += own * bank[Q_NEW * size + i]
-        compliance += own * gives
+        tilt = slope[0, i]
+        gives = tilt * bank[COMPLIANCE * size + i]
+        turned += tilt * bank[Q_NEW * size + i]
+        compliance += tilt * gives
         cross += bank[NORMAL * size + i] * gives
     return turned, compliance, cross
 
@@ -90,12 +90,12 @@ def mutual_compliance(bank: Floats, size: int, row: int, slope: Floats, other: F
 
 
 @inlined
-def prepare(own: TurningState, turned: float) -> None:
+def prepare(state: TurningState, turned: float) -> None:
     """Fill the moment without a force, and its change by a newton, where the string would turn freely to."""
-    half = 0.5 * own.stiffness
-    share = 1.0 / (1.0 + half * own.compliance)
-    own.unloaded = -share * (own.stiffness * own.deflection + half * (turned - own.slope))
-    own.gain = -share * half * own.cross
+    half = 0.5 * state.stiffness
+    share = 1.0 / (1.0 + half * state.compliance)
+    state.unloaded = -share * (state.stiffness * state.deflection + half * (turned - state.slope))
+    state.gain = -share * half * state.cross
 
 
 @inlined
@@ -113,10 +113,10 @@ def add_force(bank: Floats, size: int, slope: Floats, moment: float) -> None:
 
 
 @inlined
-def keep(bank: Floats, size: int, slope: Floats, own: TurningState, pressed: bool) -> None:  # noqa: FBT001
+def keep(bank: Floats, size: int, slope: Floats, state: TurningState, pressed: bool) -> None:  # noqa: FBT001
     """Take over the slope after a step; `pressed` says whether the touch did, before and after."""
     turned = 0.0
     for i in range(size // 2):
         turned += slope[0, i] * bank[Q * size + i]
-    own.deflection = own.deflection + turned - own.slope if pressed else 0.0
-    own.slope = turned
+    state.deflection = state.deflection + turned - state.slope if pressed else 0.0
+    state.slope = turned
