@@ -136,11 +136,15 @@ def is_run(line: str) -> bool:
     return not line.endswith(UNENDING) and not any(word in line for word in OTHER_MEANS)
 
 
-LEARNS = re.compile("monochord (build|audit|train|publish|figure scatter|evaluate (run|--estimator))")
+LASTS = re.compile(
+    "monochord (build|audit|train|publish|figure scatter|evaluate (run|--estimator)|collect|calibrate"
+    "|sessions check|sessions export lerobot)"
+)
+"""Begins examples that train, or that take seconds over all sessions of a folder."""
 
 
 @pytest.mark.parametrize(
-    "line", sorted({line for line in EXAMPLES if is_run(line) and not LEARNS.match(line)})
+    "line", sorted({line for line in EXAMPLES if is_run(line) and not LASTS.match(line)})
 )
 def test_examples_work_as_they_stand(line: str, sessions: Path, take: Take, tmp_path: Path) -> None:
     if "take.wav" in line and not (sessions / "take.wav").exists():
@@ -149,6 +153,6 @@ def test_examples_work_as_they_stand(line: str, sessions: Path, take: Take, tmp_
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("line", sorted({line for line in EXAMPLES if LEARNS.match(line)}))
-def test_examples_of_training_work_as_they_stand(line: str, folder: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("line", sorted({line for line in EXAMPLES if LASTS.match(line)}))
+def test_long_examples_work_as_they_stand(line: str, folder: Path, tmp_path: Path) -> None:
     work(line, folder, tmp_path / "here")

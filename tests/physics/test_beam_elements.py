@@ -67,6 +67,7 @@ def test_a_state_stays_what_it_is_in_another_basis() -> None:
     assert lost @ free.mass @ lost < 1e-3 * (before @ free.mass @ before)
 
 
+@pytest.mark.slow
 def test_a_take_is_drawn_by_its_seed_and_sounds_with_every_touch() -> None:
     one, same, other = take(3, 2), take(3, 2), take(4, 2)
     assert np.array_equal(one.sound, same.sound)

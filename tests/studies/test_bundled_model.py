@@ -87,6 +87,7 @@ def test_the_truth_of_windows_is_that_of_the_session(session: Path) -> None:
     assert number == pytest.approx(np.round(number), abs=0.03 * number.max())
 
 
+@pytest.mark.slow
 def test_changes_last_and_are_told(session: Path) -> None:
     plain = changed(Variant(file=session, take=None), SEED)
     kinds = set[str]()
@@ -114,6 +115,7 @@ def test_examples_are_windows_of_the_session(session: Path, tmp_path: Path) -> N
     assert examples.cells.shape == (40, CHANNELS, CELLS)
 
 
+@pytest.mark.slow
 def test_the_network_learns_and_runs_as_a_kernel() -> None:
     """Touched windows have a loud line in a cell that moves with the position; untouched ones have none."""
     random = np.random.default_rng(0)

@@ -38,6 +38,7 @@ def errors(known: int) -> Floats:
     return np.median(np.abs([x - test.position, force - test.force]), axis=1)
 
 
+@pytest.mark.slow
 def test_known_touches_teach_modes_place_and_force() -> None:
     x, force = errors(150)
     assert x < 5e-5

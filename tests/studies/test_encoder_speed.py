@@ -11,6 +11,7 @@ from monochord_encoders import ast
 from monochord_encoders.network import Sizes, Weights
 
 
+@pytest.mark.slow
 def test_every_way_stands_beside_the_spectrogram(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("transformers", reason="transformers is not installed")
     few_layers = Sizes(depth=2, width=768, inner=3072, columns=9)

@@ -35,6 +35,7 @@ def test_answers_errors_and_contact_are_counted_over_steady_windows() -> None:
     assert row[6:] == ("75.0 %", "66.7 %")
 
 
+@pytest.mark.slow
 def test_windows_in_which_a_touch_changes_do_not_count() -> None:
     known = take(5, 1)
     recording = of_take(known)

@@ -75,6 +75,7 @@ def test_one_thing_differs_and_the_touches_are_the_same(condition: Condition) ->
     assert differs == CHANGED[condition.name.split()[0]]
 
 
+@pytest.mark.slow
 def test_a_suite_is_rendered_once(tmp_path: Path) -> None:
     chosen = chosen_conditions(["clean"])
     (folder,) = render(chosen, "prototype", tmp_path, quick=True).values()

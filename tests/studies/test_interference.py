@@ -24,6 +24,7 @@ def test_answers_enough_and_rightly(ratio: float) -> None:
         assert row.value >= least, row
 
 
+@pytest.mark.slow
 @real
 def test_realstrings_draws_every_string_and_a_curve_for_each_interference() -> None:
     by_string = string_errors()

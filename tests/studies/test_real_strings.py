@@ -16,6 +16,7 @@ def figures(request: pytest.FixtureRequest) -> dict[str, float]:
     return {row.name: row.value for row in Realstrings(hop=request.param).run()}
 
 
+@pytest.mark.slow
 @real
 def test_position_with_the_open_note_only(figures: dict[str, float]) -> None:
     assert figures["all: mean absolute error"] <= 1.6

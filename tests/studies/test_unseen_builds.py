@@ -151,6 +151,7 @@ def test_touches_that_were_not_heard_teach_nothing(correctable: Path, learnable:
     assert len(errors.error) == len(errors.std) == 0
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("made_up_features")
 def test_labels_of_the_scored_touches_change_no_estimate(correctable: Path, tmp_path: Path) -> None:
     estimates: list[dict[str, Results]] = []
