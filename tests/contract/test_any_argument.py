@@ -17,7 +17,7 @@ from dataclasses import dataclass, field, fields, is_dataclass
 from datetime import UTC, datetime
 from decimal import Decimal
 from fractions import Fraction
-from functools import partial
+from functools import cache, partial
 from itertools import count, islice
 from pathlib import Path
 from typing import Any, get_type_hints
@@ -37,6 +37,7 @@ MEMORY = 6 << 30
 STRING = {"length": 0.65, "linear_density": 6.5e-4, "tension": 65.0, "tension_per_force": 6.0}
 
 
+@cache
 def nested(depth: int) -> list[Any]:
     value: list[Any] = []
     for _ in range(depth):
@@ -44,6 +45,7 @@ def nested(depth: int) -> list[Any]:
     return value
 
 
+@cache
 def nested_table(depth: int) -> dict[str, Any]:
     value: dict[str, Any] = {}
     for _ in range(depth):

@@ -7,6 +7,8 @@ from monochord.core.installing import installation
 
 LONGEST_GIVEN = 1000
 """Most characters of the given value quoted in an error; a file may hold a value of any length."""
+SIMILAR = 0.6
+"""Least likeness of a misspelt name, of 1: twice the letters in common over those of both."""
 
 
 class MonochordError(Exception):
@@ -119,6 +121,18 @@ def did_you_mean(word: str, choices: Iterable[str]) -> str:
     >>> did_you_mean("sorce", ["source", "sink"])
     "did you mean 'source'?"
     """
+    meant = closest(word, choices)
+    return "" if meant is None else f"did you mean '{meant}'?"
+
+
+def closest(word: str, choices: Iterable[str]) -> str | None:
+    """Return the one of `choices` that a word is meant for, in whatever case; None if it is like none.
+
+    >>> closest("Sorce", ["source", "sink"]), closest("s" * 10**6, ["source"])
+    ('source', None)
+    """
     known = {choice.lower(): choice for choice in choices}
-    close = get_close_matches(word.lower(), known, n=1, cutoff=0.6)
-    return f"did you mean '{known[close[0]]}'?" if close else ""
+    if len(word) > (2.0 / SIMILAR - 1.0) * max(map(len, known), default=0):  # too long, whatever is in it
+        return None
+    close = get_close_matches(word.lower(), known, n=1, cutoff=SIMILAR)
+    return known[close[0]] if close else None

@@ -6,10 +6,9 @@ import re
 import stat
 from collections.abc import Generator, Iterable, Sequence
 from contextlib import contextmanager, suppress
-from difflib import get_close_matches
 from pathlib import Path
 
-from monochord.core.errors import InputError
+from monochord.core.errors import InputError, closest
 from monochord.core.printable import printable
 
 MAX_NAME = 100
@@ -73,8 +72,8 @@ def similar_name(path: Path | str, names: Iterable[str] = ()) -> str:
             return ""
         beside = [entry for entry in path.parent.iterdir() if entry.suffix == path.suffix]
         meant = {entry.stem.lower(): printable(str(entry)) for entry in beside} | meant
-    close = get_close_matches(path.stem.lower(), meant, n=1, cutoff=0.6)
-    return f"did you mean '{meant[close[0]]}'?" if close else ""
+    close = closest(path.stem, meant)
+    return "" if close is None else f"did you mean '{meant[close]}'?"
 
 
 def without_index(rows: Sequence[Sequence[str]]) -> list[list[str]]:

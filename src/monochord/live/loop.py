@@ -5,7 +5,7 @@ import gc
 import sys
 import time
 from collections.abc import Generator, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
@@ -79,7 +79,7 @@ def run(setup: LiveRun) -> Summary:
             controls=stream.controls,
         )
         delivering = Delivery(setup.sinks, opened_for, paced=stream.paced)
-        with delivering as delivery, _heap_set_aside():
+        with delivering as delivery, _heap_set_aside() if stream.paced else nullcontext():
             if setup.real_time:
                 prioritise(FIRST)  # of its own threads, too
             try:
@@ -341,7 +341,7 @@ def _with_string(signal: Signal, preset: str, sensor: str) -> Signal:
 
 @contextmanager
 def _heap_set_aside() -> Generator[None]:
-    """Exclude everything loaded so far from garbage collection, whose full passes would delay the loop."""
+    """Exclude everything loaded so far from garbage collection, whose full passes would delay a paced loop."""
     gc.collect()
     gc.freeze()
     try:
