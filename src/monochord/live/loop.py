@@ -341,7 +341,7 @@ def _with_string(signal: Signal, preset: str, sensor: str) -> Signal:
 
 @contextmanager
 def _heap_set_aside() -> Generator[None]:
-    """Exclude everything loaded so far from garbage collection, whose full passes would delay a paced loop."""
+    """Exclude what is loaded so far from garbage collection, whose full passes would delay a paced loop."""
     gc.collect()
     gc.freeze()
     try:
