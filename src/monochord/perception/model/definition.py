@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
+from functools import lru_cache
 from itertools import pairwise
 from math import inf
 from typing import Annotated, Any, Literal, TypeAlias
@@ -319,12 +320,18 @@ def _fitting(feature: FeatureRecord, patterns: tuple[str, ...], whose: str) -> t
     """Return the indices of the columns of a feature that fit one of the patterns, all for no pattern."""
     columns = feature.columns
     for pattern in patterns:
-        if not any(fnmatchcase(column, pattern) for column in columns):
+        if not _indices(columns, (pattern,)):
             given = f"columns '{pattern}' for {whose}"
             such = f"such as '{columns[0]}'" if columns else "which has no columns"
             raise InputError(given, f"columns of {feature.name}, {such}")
+    return _indices(columns, patterns or ("*",))
+
+
+@lru_cache(maxsize=128)
+def _indices(columns: tuple[str, ...], patterns: tuple[str, ...]) -> tuple[int, ...]:
+    """Return the indices of the columns that fit one of the patterns; a model asks for them many times."""
     return tuple(
         index
         for index, column in enumerate(columns)
-        if not patterns or any(fnmatchcase(column, pattern) for pattern in patterns)
+        if any(fnmatchcase(column, pattern) for pattern in patterns)
     )
