@@ -85,7 +85,7 @@ class PitchJumps:
     """
 
     def __init__(self) -> None:
-        self._windows = deque[tuple[Samples, Floats, Floats]]()
+        self._windows = deque[tuple[Samples, list[tuple[Floats, Floats]]]]()
 
     def __call__(self, start: Samples, size: Samples, frequency: Floats, height: Floats) -> bool:
         """Return whether a window's lines are those of the window before it at another pitch.
@@ -99,30 +99,34 @@ class PitchJumps:
             known.clear()
         while len(known) > 1 and known[1][0] + size <= start:
             known.popleft()
-        jumped = bool(known) and known[0][0] + size <= start and _is_jump(known[0][1:], (frequency, height))
+        lines = [_strong(*channel) for channel in zip(frequency, height, strict=True)]
+        jumped = bool(known) and known[0][0] + size <= start and _is_jump(known[0][1], lines)
         if jumped:
             known.clear()
-        known.append((start, frequency, height))
+        known.append((start, lines))
         return jumped
 
 
-def _is_jump(before: tuple[Floats, Floats], after: tuple[Floats, Floats]) -> bool:
+def _is_jump(before: list[tuple[Floats, Floats]], after: list[tuple[Floats, Floats]]) -> bool:
     """Return whether the strong lines of each channel have kept their levels and moved by one factor."""
     ratios: list[Floats] = []
-    for channel in range(len(before[0])):
-        one, two = (_strong(each[0][channel], each[1][channel]) for each in (before, after))
-        if not one.shape[1] or one.shape != two.shape or np.abs(np.log(two[1] / one[1])).max() > SAME_LEVEL:
+    for one, two in zip(before, after, strict=True):
+        if (
+            not one[0].size
+            or one[0].size != two[0].size
+            or np.abs(np.log(two[1] / one[1])).max() > SAME_LEVEL
+        ):
             return False
         ratios.append(two[0] / one[0])
     off = np.abs(np.concatenate(ratios) / np.array(RATE_RATIOS)[:, np.newaxis] - 1.0)
     return bool((off < SAME_RATIO).all(axis=1).any())
 
 
-def _strong(frequency: Floats, height: Floats) -> Floats:
-    """Return frequency and height of a channel's strong lines (2, n), by frequency."""
-    strong = height > STRONG_LINE * height[0]
-    order = np.argsort(frequency[strong])
-    return np.stack((frequency[strong][order], height[strong][order]))
+def _strong(frequency: Floats, height: Floats) -> tuple[Floats, Floats]:
+    """Return frequency and height of a channel's strong lines, by frequency."""
+    strong = np.flatnonzero(height > STRONG_LINE * height[0])
+    strong = strong[np.argsort(frequency[strong])]
+    return frequency[strong], height[strong]
 
 
 @kernel(fastmath={"reassoc"})
