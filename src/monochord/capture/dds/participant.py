@@ -128,7 +128,7 @@ class Participant(Closing):
     def announce(self, node: str) -> None:
         """Show a node, by its full name, that has all writers and readers made so far.
 
-        ``ros2 node list`` and ``ros2 node info`` then know it, and the publishers of a topic have its name.
+        ``ros2 node list`` and ``ros2 node info`` then know it.
 
         >>> with Participant() as here:
         ...     here.announce("/lab/left")
