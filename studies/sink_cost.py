@@ -3,18 +3,18 @@
 Prints its rows in some forty seconds: ``python -m studies.sink_cost``.
 """
 
-import itertools
 import subprocess
 import sys
+import threading
 import time
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Container, Generator, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from studies._command import measure
 
-from monochord import Run, Sink, Update, VirtualSensor, Writer, listen
+from monochord import Run, Sink, VirtualSensor, listen
 from monochord.benchmarks.base import Benchmark, Row, row
 from monochord.core.errors import DeviceError
 from monochord.core.ranges import Count
@@ -35,28 +35,13 @@ NAMESPACE, DOMAIN = "/monochord_cost", 78
 READER = Path(__file__).with_name("_dds_reader.py")
 
 
-class _Nothing(Writer):
-    def write(self, update: Update) -> None:
-        """Write nothing."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Nothing(Sink):
-    """A sink that takes updates and does nothing: what delivery alone costs."""
-
-    @contextmanager
-    def open(self, run: Run) -> Generator[Writer]:  # noqa: ARG002
-        """Yield a writer that does nothing."""
-        yield _Nothing()
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SinkCost(Benchmark):
-    """Processor time of a process that delivers to a sink, less that of one without: for a window and string.
+    """Processor time of a sink's threads for a window and string, those of the DDS library included.
 
-    Updates of a touched virtual sensor are handed over at 100 windows a second, as the live loop does, those
-    of all strings at once. The threads of the DDS library count. Another process reads all topics of `ros2`
-    by reliable delivery; a socket takes the datagrams of `udp`.
+    A model estimates a touched virtual sensor at 100 windows a second, as in a live run, so that the
+    processor is neither asleep nor busy; the updates of all strings are handed over at once. Another process
+    reads all topics of `ros2` by reliable delivery.
 
     Parameters
     ----------
@@ -70,41 +55,50 @@ class SinkCost(Benchmark):
     windows: Count = 500
 
     def run(self) -> Iterator[Row]:
-        """Measure each sink beside none."""
-        sensor = VirtualSensor("prototype", seed=1)
-        sensor.press(0.08, 1.0)
-        updates = list(itertools.islice(listen(sensor, model="demo"), 200))[100:]
+        """Measure each sink."""
         for count in self.strings:
             names = [f"s{number}" for number in range(count)]
-            alone = self._cost(Nothing(), names, updates)
-            yield row(f"delivery alone, {count} strings", alone, "ms")
             for kind, read in (("udp", False), ("ros2", False), ("ros2", True)):
                 options = {"namespace": NAMESPACE, "domain": DOMAIN} if kind == "ros2" else {}
                 with _reader(names) if read else nullcontext():
-                    cost = self._cost(SINKS.build(kind, options), names, updates)
-                name = f"{kind}{' read by another' if read else ''}, {count} strings"
-                yield row(name, cost - alone, "ms", "bound", BOUND)
+                    cost = self._cost(SINKS.build(kind, options), names)
+                topics = {"udp": "", "ros2": ", all topics read" if read else ", not read"}[kind]
+                yield row(f"{kind}{topics}, strings: {count}", cost, "ms", "bound", BOUND)
 
-    def _cost(self, sink: Sink, names: Sequence[str], updates: Sequence[Update]) -> float:
+    def _cost(self, sink: Sink, names: Sequence[str]) -> float:
         """Return the processor time for a window and string in ms."""
+        sensor = VirtualSensor("prototype", seed=1)
+        sensor.press(0.08, 1.0)
+        stream = listen(sensor, model="demo")
         run = Run(signal=SIGNAL, strings=dict.fromkeys(names, SIGNAL))
-        endless = itertools.cycle(updates)
-        began = 0.0
+        others = set(_tasks())
         with Delivery([sink], run, paced=True) as delivery:
             time.sleep(SETTLING)
-            due = time.monotonic()
+            due, began = time.monotonic(), 0.0
             for number in range(WARM_UP + self.windows):
                 if number == WARM_UP:
-                    began = time.process_time()
-                update = next(endless)
+                    began = _spent(others)
+                update = next(stream)
                 for name in names:
                     delivery.hand_over(replace(update, string=name))
                 due += HOP
                 time.sleep(max(due - time.monotonic(), 0.0))
-            spent = time.process_time() - began
+            spent = _spent(others) - began
         if sum(each.left_out for each in delivery.delivered):
-            raise DeviceError("the sink left out windows", "leave the machine idle")
-        return 1e3 * spent / (self.windows * len(names))
+            raise DeviceError("the sink left out windows; leave the machine idle meanwhile")
+        return 1e-6 * spent / (self.windows * len(names))
+
+
+def _tasks() -> dict[str, int]:
+    """Return the processor time of each thread of this process in ns."""
+    tasks = Path("/proc/self/task")
+    return {each.name: int((each / "schedstat").read_text().split()[0]) for each in tasks.iterdir()}
+
+
+def _spent(others: Container[str]) -> int:
+    """Return the processor time of all threads but some, and but the one that passes updates on."""
+    passing = {str(each.native_id) for each in threading.enumerate() if each.name == "delivery"}
+    return sum(spent for task, spent in _tasks().items() if task not in others and task not in passing)
 
 
 @contextmanager

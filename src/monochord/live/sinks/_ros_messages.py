@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -15,7 +15,6 @@ from monochord.live.update import Update
 Values: TypeAlias = Sequence[object]
 """A message's values, those of its parts included."""
 DECIDED = {None: -1, False: 0, True: 1}
-RAW = "contact", "position", "force", "slip"
 NOT_TRACKED = Estimate.abstain("", Reason.NOT_TRACKED)
 
 
@@ -23,23 +22,28 @@ NOT_TRACKED = Estimate.abstain("", Reason.NOT_TRACKED)
 class Answer:
     """What a robot reads of an update: tracked values where known, else those of the window alone.
 
-    `contact` and `slip` are None while unknown; `alone` are the window's estimates by name.
+    `contact` and `slip` are None while unknown.
     """
 
     contact: bool | None
     slip: bool | None
     position: Estimate
     force: Estimate
-    alone: Mapping[str, Estimate]
 
     @classmethod
     def of(cls, update: Update, *, tracked: bool) -> "Answer":
         """Return the answer of an update, with `tracked` values or without."""
-        alone = {name: update.prediction.estimate(name) for name in RAW}
-        decided, over_time = (update.decided, update.tracked) if tracked else ({}, {})
-        contact, slip = (_decision(alone[name], decided=decided.get(name)) for name in ("contact", "slip"))
-        position, force = (_newest(over_time.get(name), alone[name]) for name in ("position", "force"))
-        return cls(contact, slip, position, force, alone)
+        alone = update.prediction
+        if not tracked:
+            return cls(_likely(alone.contact), _likely(alone.slip), alone.position, alone.force)
+        contact, slip = update.decided.get("contact"), update.decided.get("slip")
+        position, force = (update.tracked.estimates.get(name) for name in ("position", "force"))
+        return cls(
+            contact=_likely(alone.contact) if contact is None else contact,
+            slip=_likely(alone.slip) if slip is None else slip,
+            position=position if position and position.valid else alone.position,
+            force=force if force and force.valid else alone.force,
+        )
 
 
 def head(stamp: int, frame: str) -> tuple[int, int, str]:
@@ -49,17 +53,17 @@ def head(stamp: int, frame: str) -> tuple[int, int, str]:
 
 def messages(update: Update, answer: Answer, stamp: int, frame: str) -> Iterator[tuple[str, Values]]:
     """Yield the topics of a window with their messages; one whose quantity is unknown is left out."""
-    contact, slip, position = answer.contact, answer.slip, answer.position
-    yield "estimates", _touch(update, answer, head(stamp, frame))
+    contact, slip, position, header = answer.contact, answer.slip, answer.position, head(stamp, frame)
+    yield "estimates", _touch(update, header)
     if contact is not None:
         yield "contact", (contact,)
     if slip is not None or contact is False:
         yield "slip", (bool(slip) and contact is not False,)
     if position.valid and contact is not False:
-        yield "touch", (*head(stamp, frame), position.value, 0.0, 0.0)
+        yield "touch", (*header, position.value, 0.0, 0.0)
     if answer.force.valid or contact is False:
         force, torque = wrench(answer)
-        yield "wrench", (*head(stamp, frame), 0.0, 0.0, force, 0.0, torque, 0.0)
+        yield "wrench", (*header, 0.0, 0.0, force, 0.0, torque, 0.0)
 
 
 def wrench(answer: Answer) -> tuple[float, float]:
@@ -69,7 +73,7 @@ def wrench(answer: Answer) -> tuple[float, float]:
     something touches and the position is withheld.
 
     >>> at, force = Estimate(value=0.08, std=3e-4, unit="m"), Estimate(value=0.5, std=0.1, unit="N")
-    >>> wrench(Answer(True, False, at, force, {}))
+    >>> wrench(Answer(True, False, at, force))
     (0.5, -0.04)
     """
     if answer.contact is False:
@@ -86,25 +90,18 @@ def event(each: Event, update: Update, stamp: int, frame: str) -> tuple[int, Val
     return onset, (*head(onset, frame), each.kind, "", data)
 
 
-def _touch(update: Update, answer: Answer, header: Values) -> Values:
+def _touch(update: Update, header: Values) -> Values:
     """Return the message of all estimates."""
-    prediction, decided, tracked = update.prediction, update.decided.get, update.tracked.get
-    values = [*header, prediction.start, update.window.duration, prediction.latency]
-    for each in answer.alone.values():
+    alone, decided, tracked = update.prediction, update.decided, update.tracked.estimates
+    values = [*header, alone.start, update.window.duration, alone.latency]
+    for each in (alone.contact, alone.position, alone.force, alone.slip):
         values += each.value, each.std, each.valid, each.reason
-    values += DECIDED[decided("contact")], DECIDED[decided("slip")]
-    for each in (tracked("position", NOT_TRACKED), tracked("force", NOT_TRACKED)):
+    values += DECIDED[decided.get("contact")], DECIDED[decided.get("slip")]
+    for each in (tracked.get("position", NOT_TRACKED), tracked.get("force", NOT_TRACKED)):
         values += each.value, each.std, each.valid, each.reason
     return values
 
 
-def _newest(followed: Estimate | None, alone: Estimate) -> Estimate:
-    """Return the tracked estimate, or else the window's."""
-    return followed if followed and followed.valid else alone
-
-
-def _decision(probability: Estimate, *, decided: bool | None) -> bool | None:
-    """Return the decision over time, or else the window's more likely value; None where unknown."""
-    if decided is not None or not probability.valid:
-        return decided
-    return bool(probability.value >= 0.5)
+def _likely(probability: Estimate) -> bool | None:
+    """Return the window's more likely value; None where unknown."""
+    return bool(probability.value >= 0.5) if probability.valid else None

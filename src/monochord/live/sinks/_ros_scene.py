@@ -100,7 +100,7 @@ def words(answer: Answer) -> str:
 
     >>> from monochord.core.types import Estimate
     >>> at, unknown = Estimate(value=0.08, std=3e-4, unit="m"), Estimate.abstain("N", "not at rest")
-    >>> words(Answer(True, False, at, unknown, {}))
+    >>> words(Answer(True, False, at, unknown))
     '80.0 mm ± 0.3, force: not at rest'
     """
     if answer.contact is False:
@@ -124,6 +124,23 @@ def parts() -> SimpleNamespace:
     return SimpleNamespace(**{name.rpartition("/")[2]: types[name] for name in PARTS})
 
 
+@cache
+def _constants() -> dict[str, Any]:
+    """Return the fields that all markers share: how long they last, and what they do not have."""
+    make, nothing = parts(), np.zeros(0, np.uint8)
+    return {
+        "lifetime": make.Duration(sec=int(LIFETIME), nanosec=0),
+        "frame_locked": True,
+        "colors": [],
+        "texture_resource": "",
+        "texture": make.CompressedImage(header=header(0), format="", data=nothing),
+        "uv_coordinates": [],
+        "mesh_resource": "",
+        "mesh_file": make.MeshFile(filename="", data=nothing),
+        "mesh_use_embedded_materials": False,
+    }
+
+
 def _marker(
     head: Any,
     number: int,
@@ -137,7 +154,7 @@ def _marker(
     text: str = "",
 ) -> Any:
     make, (width, depth, height), (r, g, b, a) = parts(), size, colour
-    nothing, ahead = np.zeros(0, np.uint8), make.Quaternion(x=0.0, y=0.0, z=0.0, w=1.0)
+    ahead = make.Quaternion(x=0.0, y=0.0, z=0.0, w=1.0)
     return make.Marker(
         header=head,
         ns=head.frame_id,
@@ -147,17 +164,9 @@ def _marker(
         pose=make.Pose(position=at or _point(0.0), orientation=ahead),
         scale=make.Vector3(x=width, y=depth, z=height),
         color=make.ColorRGBA(r=r, g=g, b=b, a=a),
-        lifetime=make.Duration(sec=int(LIFETIME), nanosec=0),
-        frame_locked=True,
         points=list(points),
-        colors=[],
-        texture_resource="",
-        texture=make.CompressedImage(header=header(0), format="", data=nothing),
-        uv_coordinates=[],
         text=text,
-        mesh_resource="",
-        mesh_file=make.MeshFile(filename="", data=nothing),
-        mesh_use_embedded_materials=False,
+        **_constants(),
     )
 
 

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
 DIAGNOSTICS_INTERVAL: Seconds = 1.0
 """Time between diagnostics messages, in s."""
-MARKERS_INTERVAL: Seconds = 0.05
-"""Time between messages of markers, in s: RViz draws some 30 frames a second."""
+MARKERS_INTERVAL: Seconds = 0.1
+"""Time between messages of markers, in s."""
 LEVELS = {"info": 0, "warning": 1, "error": 2}
 """Diagnostic level of a note: OK, WARN, ERROR."""
 TOPICS = {
@@ -55,7 +55,7 @@ class Ros2(Sink):
     onset; its data hold the decision's delay in s and its confidence. Once a second, ``/diagnostics``,
     ``diagnostic_msgs/DiagnosticArray``, has the health notes, latencies and counters.
 
-    For RViz, ``markers``, ``visualization_msgs/MarkerArray``, shows all strings with touch, force and text 20
+    For RViz, ``markers``, ``visualization_msgs/MarkerArray``, shows all strings with touch, force and text 10
     times a second: a string is dimmed while its position is withheld, a touch while its force is. The latched
     topic ``/tf_static`` has the frame of each string on its link.
 
