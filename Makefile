@@ -132,7 +132,8 @@ ros: $(ROS)/.installed-colcon ## A ROS 2 client library and colcon in .venv-ros 
 $(ROS)/.installed: | system
 	@echo "installing rclpy into $(ROS)"; $(PYTHON) -m venv $(ROS)
 	@$(ROS)/bin/python -m pip --disable-pip-version-check --quiet install --no-compile \
-	  ros-rclpy==9.1.2 ros-rmw-fastrtps-cpp ros-geometry-msgs ros-diagnostic-msgs && touch $@ || \
+	  ros-rclpy==9.1.2 ros-rmw-fastrtps-cpp ros-geometry-msgs ros-diagnostic-msgs \
+  ros-visualization-msgs && touch $@ || \
 	  echo "rclpy could not be installed; the tests that talk to ROS 2 are skipped"
 
 # What builds messages, 6 MB to load: the wheels of the generators do not name all that they need.

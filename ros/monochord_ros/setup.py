@@ -12,7 +12,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
         (f"share/{NAME}/launch", ["launch/sensor.launch.py"]),
-        (f"share/{NAME}/config", ["config/sensor.yaml"]),
+        (f"share/{NAME}/config", ["config/sensor.yaml", "config/strings.rviz"]),
     ],
     install_requires=["setuptools"],
     description="Runs a Monochord sensor as a node with parameters and a launch file.",

@@ -19,6 +19,7 @@ from monochord.lab.pose_publisher import PosePublisher, PublisherSettings
 from monochord.sessions.codec import typestore
 
 ROOT = Path(__file__).parents[2]
+PYTHON = Path(os.environ.get("MONOCHORD_ROS_PYTHON") or ROOT / ".venv-ros" / "bin" / "python")
 DOMAIN = 1 + os.getpid() % 99  # another run of the tests has another one
 TURN = [0.0, 0.0, 0.6, 0.8]
 NODE = str(ROOT / "ros" / "monochord_ros" / "monochord_ros" / "sensor.py")
@@ -38,16 +39,15 @@ folder.joinpath("ended").write_text(str(len(stop)))
 @contextmanager
 def rclpy_node(script: str, *arguments: str) -> Generator["subprocess.Popen[str]"]:
     """Run a script of this folder under a Python with rclpy; the test is skipped where there is none."""
-    python = Path(os.environ.get("MONOCHORD_ROS_PYTHON") or ROOT / ".venv-ros" / "bin" / "python")
-    if not python.is_file():
-        pytest.skip(f"no Python with rclpy at {python} (make ros, or set MONOCHORD_ROS_PYTHON)")
+    if not PYTHON.is_file():
+        pytest.skip(f"no Python with rclpy at {PYTHON} (make ros, or set MONOCHORD_ROS_PYTHON)")
     environment = {
         **os.environ,
         "ROS_DOMAIN_ID": str(DOMAIN),
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
         "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp",
     }
-    command = [str(python), str(Path(__file__).parent / script), *arguments]
+    command = [str(PYTHON), str(Path(__file__).parent / script), *arguments]
     with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) as process:
         yield process
         process.kill()

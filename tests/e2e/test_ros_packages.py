@@ -7,6 +7,8 @@ import re
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from monochord.live import LiveRun
 from monochord.live.sinks.ros2 import Ros2
 from monochord.sessions.codec import own_definitions
@@ -60,4 +62,17 @@ def test_the_nodes_command_line_is_one_that_monochord_takes() -> None:
     options = {key.removeprefix("sinks.ros2."): value for key, value in settings.items() if "sinks" in key}
     tree = {"sinks": {"ros2": {"namespace": words[words.index("--sink") + 1].split("=")[1], **options}}}
     (sink,) = LiveRun.read({**tree, "estimator": {"name": "closed_form"}}).sinks
-    assert sink == Ros2(namespace="/lab/left", frame="nut", interface="lo", tracked=False)
+    options = {"namespace": "/lab/left", "frame": "nut", "interface": "lo", "node": "/lab/left_strings"}
+    assert sink == Ros2(**options, tracked=False)
+
+
+def test_rviz_shows_what_the_sink_publishes_as_it_is_started_without_options() -> None:
+    yaml = pytest.importorskip("yaml", reason="PyYAML, which only this test reads with")
+    text = (ROS / "monochord_ros/config/strings.rviz").read_text(encoding="utf-8")
+    shown = yaml.safe_load(text)["Visualization Manager"]
+    sink = Ros2()
+    topics = {each["Topic"]["Value"] for each in shown["Displays"] if "Topic" in each}
+    assert topics == {f"{sink.namespace}/markers", f"{sink.namespace}/wrench"}
+    assert shown["Global Options"]["Fixed Frame"] == f"{sink.frame}_link"
+    installed = (ROS / "monochord_ros/setup.py").read_text(encoding="utf-8")
+    assert "config/strings.rviz" in installed

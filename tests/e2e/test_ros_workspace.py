@@ -5,6 +5,7 @@ No Python package has ROS 2's ``launch``: `ros_launch.py` takes its place.
 
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -16,13 +17,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.e2e.test_ros import DOMAIN, ROOT
+from studies.ros_scene import LINK, POSES, scene
+from tests.e2e.test_ros import DOMAIN, PYTHON, ROOT
+from tests.live.sinks.made import update
+from tests.live.sinks.test_ros2 import TOUCHED
 
 from monochord.sessions.codec import own_definitions, typestore
 
 pytestmark = [pytest.mark.slow, pytest.mark.real_time, pytest.mark.timeout(900)]
-
-PYTHON = Path(os.environ.get("MONOCHORD_ROS_PYTHON") or ROOT / ".venv-ros" / "bin" / "python")
 
 
 def environment() -> dict[str, str]:
@@ -53,6 +55,7 @@ def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
         pytest.skip("no Python.h, which building messages takes")
     folder = tmp_path_factory.mktemp("ros") / "workspace"
     shutil.copytree(ROOT / "ros", folder / "src", ignore=shutil.ignore_patterns("__pycache__"))
+    _add_frames(folder / "src" / "tf2_msgs")
     colcon = subprocess.run(
         [str(PYTHON.with_name("colcon")), "build", "--event-handlers", "console_direct+"],
         cwd=folder,
@@ -64,6 +67,19 @@ def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )
     assert colcon.returncode == 0, colcon.stdout[-5000:]
     return folder
+
+
+def _add_frames(folder: Path) -> None:
+    """Add the package of the frames' messages, which no Python package has, from its definition."""
+    (folder / "msg").mkdir(parents=True)
+    definition = typestore().generate_msgdef("tf2_msgs/msg/TFMessage", ros_version=2)[0].partition("=====")[0]
+    (folder / "msg" / "TFMessage.msg").write_text(definition, encoding="utf-8")
+    for name in ("package.xml", "CMakeLists.txt"):
+        text = (ROOT / "ros" / "monochord_msgs" / name).read_text(encoding="utf-8")
+        text = re.sub(r'( *"msg/\w+\.msg"\n)+', '  "msg/TFMessage.msg"\n', text)
+        (folder / name).write_text(
+            text.replace("monochord_msgs", "tf2_msgs").replace("std_msgs", "geometry_msgs"), encoding="utf-8"
+        )
 
 
 @contextmanager
@@ -133,3 +149,15 @@ def test_the_launched_sensor_is_understood_by_a_node_with_these_messages(workspa
         assert kind in {"contact_begins", "contact_ends", "slip_begins", "slip_ends"}
         assert abs(stamp - windows[-1]["stamp"]) < 30.0
         assert 0.0 <= data["confidence"] <= 1.0
+
+
+def test_a_node_that_comes_later_reads_the_frames_of_the_strings(workspace: Path) -> None:
+    shell = ["bash", "-c", "source install/setup.bash && env -0"]
+    printed = subprocess.run(
+        shell, cwd=workspace, env=environment(), stdout=subprocess.PIPE, text=True, check=True
+    ).stdout
+    sourced_environment = dict(line.split("=", 1) for line in printed.split("\0") if line)
+    read = scene(str(PYTHON), dict.fromkeys(("left", "right"), [update(TOUCHED)] * 20), sourced_environment)
+    assert {child: parent for parent, child, _ in read["frames"]} == dict.fromkeys(POSES, LINK)
+    for _, child, numbers in read["frames"]:
+        assert numbers == [*POSES[child][:3], 0.0, 0.0, 0.0, 1.0]

@@ -1,8 +1,8 @@
 """The node: starts ``monochord live`` with its parameters, and ends with it.
 
 The sensor publishes over DDS by itself, below this node's name: ``~/touch``, ``~/wrench``, ``~/contact``,
-``~/slip``, ``~/estimates`` and ``~/events``, and ``/diagnostics``. Monochord may be in a Python environment
-of its own.
+``~/slip``, ``~/estimates``, ``~/events`` and ``~/markers``, ``/diagnostics`` and ``/tf_static``. They belong to
+the node ``NAME_strings``. Monochord may be in a Python environment of its own.
 """
 
 import shlex
@@ -46,6 +46,7 @@ def command(parameters: Mapping[str, Any], name: str) -> list[str]:
         "frame": parameters["frame_id"],
         "interface": parameters["interface"],
         "tracked": str(parameters["tracked"]).lower(),
+        "node": f"{name}_strings",  # beside this one, which is of another process
     }
     settings = [
         *(f"sinks.ros2.{key}={value}" for key, value in own.items()),

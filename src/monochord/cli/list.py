@@ -61,7 +61,9 @@ def _text(shelf: str, entries: Iterable[Entry]) -> str:
         for option in entry.get("options", []):
             default = "(required)" if option["required"] else f"[{_shown(option['default'])}]"
             shelf = f"{option['name'].removesuffix('s')}s"
-            more = f"; options: 'monochord list {shelf}'" if isinstance(option["default"], dict) else ""
+            # An empty table is one of the user's own names.
+            is_plugin = isinstance(option["default"], dict) and option["default"]
+            more = f"; options: 'monochord list {shelf}'" if is_plugin else ""
             lines.append(f"  {'':<18} {option['name']} {default}{more}")
     return "\n".join(lines)
 

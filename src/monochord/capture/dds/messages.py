@@ -15,6 +15,8 @@ PACKAGES = [
     "geometry_msgs",
     "diagnostic_msgs",
     "tf2_msgs",
+    "visualization_msgs",
+    "rmw_dds_common",
 ]
 SPELLED = {"bool": bool, "string": str}
 """Types of Python that stand for a type of ROS 2."""

@@ -1,0 +1,64 @@
+"""Takes every message of the topics of a namespace by reliable delivery, and prints their number at the end.
+
+It runs as a script, so that its processor time is not that of the sink: domain, then namespaces.
+"""
+
+import sys
+import threading
+from pathlib import Path
+from typing import Any
+
+from cyclonedds.core import Listener, Policy, Qos
+from cyclonedds.domain import DomainParticipant
+from cyclonedds.sub import DataReader
+from cyclonedds.topic import Topic
+
+from monochord.capture.dds import messages
+from monochord.capture.dds.participant import Participant
+
+TOPICS = {
+    "touch": "PointStamped",
+    "wrench": "WrenchStamped",
+    "contact": "Bool",
+    "slip": "Bool",
+    "estimates": "Touch",
+    "events": "Event",
+}
+
+
+def main() -> None:
+    """Take messages until the input ends."""
+    domain, places = int(sys.argv[1]), sys.argv[2:]
+    counts = dict.fromkeys((*TOPICS, "markers"), 0)
+    qos = Qos(Policy.Reliability.Reliable(max_blocking_time=0), Policy.History.KeepLast(depth=10))
+    with Participant(domain=domain):  # sets the configuration of the process
+        here = DomainParticipant(domain)
+        readers: list[Any] = []
+
+        def reader(place: str, topic: str, kind: str) -> None:
+            of = Topic(here, f"rt/{place.strip('/')}/{topic}", getattr(messages, kind))
+            taken = DataReader(here, of, qos=qos)
+            listener: Any = Listener()
+
+            def take(_: Any) -> None:
+                counts[topic] += len(taken.take(100))
+
+            listener.set_on_data_available(take)
+            taken.set_listener(listener)
+            readers.append(taken)
+
+        reader(str(Path(places[0]).parent), "markers", "MarkerArray")
+        for place in places:
+            for topic, kind in TOPICS.items():
+                reader(place, topic, kind)
+        print("ready", flush=True)
+        ended = threading.Event()
+        threading.Thread(target=lambda: (sys.stdin.read(), ended.set()), daemon=True).start()
+        ended.wait()
+        for taken in readers:
+            taken.set_listener(None)
+        print(min(counts[topic] for topic in ("touch", "wrench", "contact", "slip", "estimates")), flush=True)
+
+
+if __name__ == "__main__":
+    main()
