@@ -25,7 +25,7 @@ RENDER_MODES = ["rgb_array"]
 Observation = dict[str, Audio]
 
 
-class TouchEnv(gymnasium.Env[Observation, Audio]):
+class TouchEnv(gymnasium.Env[Any, Audio]):
     """A fingertip finds a string, holds a force, or follows a goal, by the string's sound. All simulated.
 
     ``import monochord.sim`` registers it; `gymnasium.make` ends its episodes after 200 steps, 4 s. Spaces are

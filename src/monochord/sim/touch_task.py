@@ -17,7 +17,7 @@ from monochord.core.units import Metres, MetresPerSecond, Newtons, Seconds
 from monochord.physics.twin.virtual_sensor import MAX_FORCE, VirtualSensor, advance_together
 from monochord.physics.twin.world import World
 from monochord.sim.observation import ObservationKind, Observer, observe
-from monochord.sim.warm import StringSettings, warm_string
+from monochord.sim.warm import Hop, StringSettings, warm_string
 
 __all__ = ["Fingertips", "Task", "TouchSettings"]
 
@@ -72,7 +72,7 @@ class TouchSettings(Checked):
     material: str = "plastic"
     model: str = "demo"
     feature: str = "fft_harmonic"
-    hop: Seconds = 0.02
+    hop: Hop = 0.02
 
     def string(self, build: int) -> StringSettings:
         """Return the string of a build, counted from 0."""
@@ -122,6 +122,7 @@ class Fingertips:
         """How far the hand has come down, in m."""
         self._gap, self._stiffness = np.zeros(count), np.ones(count)
         self._goal, self._sway, self._bob = np.zeros((count, 2)), np.zeros((count, 3)), np.zeros((count, 3))
+        self._begun = np.zeros(count, bool)
         self.truth: list[dict[str, float]] = [{} for _ in range(count)]
 
     def begin(self, number: int, rng: np.random.Generator) -> None:
@@ -143,7 +144,7 @@ class Fingertips:
         away = rng.uniform(-0.02, 0.02) if task == "find" else rng.uniform(-0.01, 0.01)
         place = self.goal()[number, 0] + away
         self.place[number] = self.start_place[number] = np.clip(place, REACH[0] * length, REACH[1] * length)
-        self.truth[number] = {}
+        self._begun[number], self.truth[number] = True, {}
 
     def goal(self) -> Floats:
         """Return place in m and force in N of each goal, (count, 2)."""
@@ -191,7 +192,7 @@ class Fingertips:
         Raises
         ------
         InputError
-            For actions of another shape or that are not numbers.
+            For actions of another shape or that are not numbers, or before an episode has begun.
         """
         count = len(self._strings)
         chosen = list(range(count)) if numbers_of is None else list(numbers_of)
@@ -199,6 +200,8 @@ class Fingertips:
         if moves.shape != (count, 2) or not np.isfinite(moves[chosen]).all():
             given = f"actions of the shape {moves.shape}" if moves.shape != (count, 2) else "an action of NaN"
             raise InputError(given, f"({count}, 2) finite numbers, -1 to 1")
+        if not self._begun[chosen].all():
+            raise InputError("a step before an episode", "reset() first")
         rewards, overloaded = np.zeros(count), np.zeros(count, bool)
         if not chosen:
             return rewards, overloaded

@@ -5,7 +5,7 @@ import itertools
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TypeAlias
 
 import numpy as np
 from msgspec import Meta
@@ -18,10 +18,12 @@ from monochord.physics.twin.virtual_sensor import VirtualSensor
 from monochord.physics.twin.world import World
 from monochord.sim.observation import ObservationKind, Observer, observe, observer
 
-__all__ = ["StringSettings", "WarmString", "warm_string"]
+__all__ = ["Hop", "StringSettings", "WarmString", "warm_string"]
 
 UNTOUCHED: Seconds = 0.6
 """How long at least a string sounds before an episode: the model takes its pitch from it."""
+Hop: TypeAlias = Annotated[Seconds, Meta(ge=0.01, le=0.1)]
+"""Time from one observation to the next."""
 MAX_KEPT = 256
 """Number of strings kept."""
 
@@ -50,7 +52,7 @@ class StringSettings(Checked):
     observation: ObservationKind = "estimates"
     model: str | Path = "demo"
     feature: str = "fft_harmonic"
-    hop: Annotated[Seconds, Meta(ge=0.01, le=0.1)] = 0.02
+    hop: Hop = 0.02
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
