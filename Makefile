@@ -16,7 +16,7 @@ VERSIONS := constraints.txt
 INSTALL := $(PIP) install --no-compile --constraint $(VERSIONS)
 TORCH := torch==2.13.0
 TORCH_INDEX := https://download.pytorch.org/whl/cpu
-EXTRAS := dev,ros,cluster,export,pandas,figures,train,sim
+EXTRAS := dev,ros,cluster,export,pandas,figures,train,sim,policy
 PACKAGES := --editable './packages/monochord-encoders[openvino]'
 REPOSITORY_RULES := tests/contract/test_layout.py tests/contract/test_identifiers.py
 SPELLED := src packages docs examples hardware ros studies README.md ARCHITECTURE.md CONTRIBUTING.md CHANGELOG.md Makefile

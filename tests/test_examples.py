@@ -147,6 +147,18 @@ def test_study_a_feature(output: Output) -> None:
     assert float(dict(rows)["position"]) > 0.5
 
 
+@pytest.mark.slow
+def test_train_a_policy(output: Output, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.argv", ["train_a_policy.py", "40960"])  # a quarter of the usual training
+    pattern = r"^(\w+): return ([\d.]+) \+- [\d.]+, off by ([\d.]+) mm and ([\d.]+) N, (\d+) of 32"
+    rows = re.findall(pattern, output("train_a_policy.py"), re.MULTILINE)
+    (reflex, policy) = ([float(number) for number in numbers] for _, *numbers in rows)
+    assert [name for name, *_ in rows] == ["reflex", "policy"]
+    assert reflex[0] > 140.0
+    assert reflex[1] < 1.0
+    assert policy[0] > 100.0
+
+
 def test_every_example_is_run_above() -> None:
     run = re.findall(r'output\("(\w+\.py)"\)', Path(__file__).read_text(encoding="utf-8"))
     assert sorted(run) == sorted(script.name for script in EXAMPLES.glob("*.py"))

@@ -96,8 +96,8 @@ def test_the_readmes_touch_is_simulated_and_found_again(
 
 
 SELF_CONTAINED = (
-    "index", "how-to/design", "how-to/identify", "how-to/publish", "how-to/robot", "how-to/tune",
-    "reference/physics", "reference/twin",
+    "index", "how-to/design", "how-to/identify", "how-to/publish", "how-to/robot",
+    "how-to/train-a-policy", "how-to/tune", "reference/physics", "reference/twin",
 )  # fmt: skip
 """Pages whose programs need nothing but Monochord; those of the tutorials run in `tests/e2e`."""
 
