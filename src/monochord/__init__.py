@@ -18,6 +18,8 @@ Models
 Recordings and datasets
     `record`, `collect`, `build`, `audit`, `read_session`, `load_dataset`, `split_dataset`, `windows`,
     `Augmentation`, `SessionReader`, `SessionWriter`, `Description`
+A hand of strings
+    `load_skin`, `Skin`, `SkinString`
 Simulation and presets
     `design`, `simulate`, `VirtualSensor`, `VirtualSensors`, `load_sensor`, `load_string`, `load_material`,
     `available`
@@ -96,6 +98,7 @@ if TYPE_CHECKING:
     from monochord.physics.twin.virtual_sensor import VirtualSensor
     from monochord.physics.twin.virtual_sensors import VirtualSensors
     from monochord.sessions import Description, SessionReader, SessionWriter, read_session
+    from monochord.skin import Skin, SkinString, load_skin
 
 __version__ = version("monochord")
 
@@ -126,6 +129,8 @@ __all__ = [
     "SessionWriter",
     "Signal",
     "Sink",
+    "Skin",
+    "SkinString",
     "Source",
     "Stream",
     "StringParams",
@@ -154,6 +159,7 @@ __all__ = [
     "load_dataset",
     "load_material",
     "load_sensor",
+    "load_skin",
     "load_string",
     "locate",
     "locate_from_segments",
@@ -215,6 +221,7 @@ _NAMES = {
     "monochord.physics.twin.virtual_sensor": "VirtualSensor",
     "monochord.physics.twin.virtual_sensors": "VirtualSensors",
     "monochord.sessions": "Description SessionReader SessionWriter read_session",
+    "monochord.skin": "Skin SkinString load_skin",
 }
 """The names that each module gives to the front door."""
 _HOMES = {name: home for home, names in _NAMES.items() for name in names.split()}

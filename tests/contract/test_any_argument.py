@@ -268,6 +268,17 @@ def table() -> mc.PredictionTable:
     return mc.PredictionTable.of([0, 441], 44100, [{"position": place()}, {"position": place()}])
 
 
+FIELDS = ("start", "end", "press", "sensor")
+
+
+def skin_string() -> mc.SkinString:
+    return mc.SkinString(start=(0, 0, 0), end=(0.2, 0, 0), press=(0, 0, -1), sensor="prototype")
+
+
+def skin() -> mc.Skin:
+    return mc.Skin(link="fingertip", strings={"top": skin_string()})
+
+
 def pressed() -> mc.VirtualSensor:
     twin = mc.VirtualSensor("prototype", seed=1)
     twin.press(0.08, 1.0)
@@ -383,6 +394,16 @@ DOORS: dict[str, Callable[[World], Door]] = {
     "SessionWriter.clocks": method(writer, "clocks", time=0.0, offsets=lambda: {"wall": 0.0}),
     "SessionWriter.flush": method(writer, "flush"),
     "Signal": simple("Signal", sample_rate=44100, channels=2),
+    "Skin": simple("Skin", link="fingertip", strings=lambda: {"top": skin_string()}),
+    "Skin.combine": method(lambda _: skin(), "combine", estimates=lambda: {"top": prediction()}),
+    "Skin.listen": lambda _: Door(
+        call=lambda: skin().listen,
+        usual=usual(source=sound, model="closed_form", sample_rate=44100),
+        more=("sample_rate",),
+    ),
+    "SkinString": lambda _: Door(
+        call=lambda: mc.SkinString, usual={name: partial(getattr, skin_string(), name) for name in FIELDS}
+    ),
     "StringParams": simple("StringParams", **STRING),
     "Task": simple("Task", label="force", loss="laplace"),
     "Update": simple(
@@ -498,6 +519,7 @@ DOORS: dict[str, Callable[[World], Door]] = {
     "FeatureRows.column": method(lambda _: mc.features(sound()), "column", name="mic 1 own 1 level"),
     "load_material": simple("load_material", name="wood"),
     "load_sensor": simple("load_sensor", name="prototype"),
+    "load_skin": simple("load_skin", path="missing.toml"),
     "load_string": simple("load_string", name="appendix"),
     "locate": lambda _: Door(
         call=lambda: mc.locate,

@@ -40,7 +40,7 @@ INTERRUPTED = 130
 """Exit status of an interrupted command."""
 GROUPS: Mapping[str, tuple[str, ...]] = {
     "Try it": ("demo", "simulate", "design"),
-    "Use a sensor": ("tune", "identify", "live", "locate", "calibrate"),
+    "Use a sensor": ("tune", "identify", "live", "locate", "calibrate", "skin"),
     "Record and collect": ("record", "collect", "sessions"),
     "Train and test": ("build", "audit", "train", "evaluate", "publish"),
     "Look and check": ("list", "doctor", "figure", "bench"),

@@ -21,7 +21,7 @@ from monochord.cli._options import (
     window_options,
 )
 from monochord.cli._output import echo
-from monochord.core.config import Tree, dump_toml, load_toml, override, table
+from monochord.core.config import Tree, dump_toml, load_toml, override, table, to_tree
 from monochord.core.errors import InputError
 from monochord.front.page import with_page
 from monochord.live import LiveRun, run
@@ -32,6 +32,7 @@ from monochord.live.sinks import SINKS
 from monochord.live.sinks.base import Sink
 from monochord.perception.model.bundled import bundled_names
 from monochord.physics.sensors import sensor_names
+from monochord.skin import load_skin
 
 PAGE = "web"
 """The sink that --allow-host configures."""
@@ -50,6 +51,12 @@ LINES = "jsonl"
     help="Sensor: a name from 'monochord list sensors', or a file of 'monochord tune'. Repeat it with "
     "names: several strings, of two channels each in this order.",
     **completes(sensor_names),
+)
+@click.option(
+    "--skin",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Several strings on one link, from the file of 'monochord skin'.",
 )
 @string_options
 @window_options
@@ -92,6 +99,10 @@ def live(inputs: tuple[str, ...], **options: Any) -> int:
     options["sensor"] = " --sensor ".join(options["sensors"])
     refuse_string_twice(*(options[name] for name in ("string", "sensor", "length", "open_frequency")))
     options["sensor"], strings = _sensors(options["sensors"])
+    if options["skin"]:
+        if options["sensors"]:
+            raise InputError("--skin with --sensor", "only one of them", "a skin names its sensors")
+        strings = to_tree(load_skin(options["skin"]).settings)
     model, opened = model_and_input(inputs)
     tree = _tree(model, opened, options)
     if options["allow_host"]:

@@ -347,6 +347,7 @@ class Reason(StrEnum):
     LOST = "lost"
     NOT_A_NUMBER = "not a number"
     NOT_TRACKED = "not tracked"
+    UNDECIDED = "undecided"
 
     # Closed form and stopped strings.
     NO_STRUCTURE = "no harmonic structure"

@@ -2,7 +2,7 @@
 
 import asyncio
 import math
-from collections.abc import AsyncIterator, Generator, Iterator
+from collections.abc import AsyncIterator, Generator, Iterator, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated, Any, TypeAlias
@@ -12,22 +12,32 @@ from numpy.typing import NDArray
 
 from monochord.capture.sources import SOURCES
 from monochord.capture.sources._array import ArraySource
-from monochord.capture.sources._virtual_sensor import VirtualSensorSource
+from monochord.capture.sources._virtual_sensor import VirtualSensorSource, VirtualSensorsSource
 from monochord.capture.sources.base import Source
 from monochord.core.errors import InputError
 from monochord.core.ranges import Positive, checked
 from monochord.core.units import Hertz, Seconds
 from monochord.live.loop import opened
-from monochord.live.settings import MODEL, Hop, LiveRun, WindowLength, WindowSettings, recording_source
+from monochord.live.settings import (
+    MODEL,
+    ONE_STRING,
+    Hop,
+    LiveRun,
+    StringSettings,
+    WindowLength,
+    WindowSettings,
+    recording_source,
+)
 from monochord.live.update import Update
 from monochord.perception.estimators import ESTIMATORS
 from monochord.perception.estimators._loaded import LoadedModel
 from monochord.perception.estimators.base import Estimator
 from monochord.perception.model import Model, load
 from monochord.physics.twin.virtual_sensor import VirtualSensor
+from monochord.physics.twin.virtual_sensors import VirtualSensors
 
-Listenable: TypeAlias = str | Path | Source | VirtualSensor | NDArray[Any]
-"""Inputs of `listen`: a source's name, a recording, a source object, a virtual sensor, or sound."""
+Listenable: TypeAlias = str | Path | Source | VirtualSensor | VirtualSensors | NDArray[Any]
+"""Inputs of `listen`: a source's name, a recording, a source object, virtual sensors, or sound."""
 Answering: TypeAlias = str | Path | Model | Estimator
 """What answers in `listen`: a model, its name or folder, or another estimator or its name."""
 
@@ -99,7 +109,7 @@ def listen(
     >>> print(f"{update.position.value:.2f} m, truly {update.truth['position']:.2f} m")
     0.09 m, truly 0.09 m
     """
-    return _updates(_live_run(source, model, seconds, hop, window, string, sensor, options))
+    return _updates(live_run(source, model, seconds, hop, window, string, sensor, options))
 
 
 async def listen_async(
@@ -122,7 +132,7 @@ async def listen_async(
     names = ("seconds", "hop", "window", "string", "sensor")
     given = {name: options.pop(name) for name in names if name in options}
     defaults: dict[str, Any] = {"seconds": math.inf, "hop": 0.01, "window": None, "string": "", "sensor": ""}
-    setup = _live_run(source, model, **{**defaults, **given}, options=options)
+    setup = live_run(source, model, **{**defaults, **given}, options=options)
     with ExitStack() as stack:
         live = await asyncio.to_thread(stack.enter_context, opened(setup))
         updates, waiting = iter(live), None
@@ -145,7 +155,7 @@ def _updates(setup: LiveRun) -> Generator[Update]:
 
 
 @checked
-def _live_run(
+def live_run(
     source: Listenable,
     model: Answering,
     seconds: Annotated[Seconds, Meta(ge=0.0)],
@@ -154,17 +164,21 @@ def _live_run(
     string: str | Path,
     sensor: str | Path,
     options: dict[str, Any],
+    strings: Mapping[str, StringSettings] = ONE_STRING,
 ) -> LiveRun:
+    """Return the run of `listen` for its arguments, of several `strings` where they are given."""
     estimator, length = _estimator(model)
     settings = WindowSettings(length=length if window is None else window, hop=hop)
-    return LiveRun(
+    run = LiveRun(
         source=source_of(source, options, settings, seconds),
         estimator=estimator,
         window=settings,
         string=str(string),
         sensor=str(sensor),
+        strings=strings,
         seconds=seconds,
     )
+    return run.with_channels()
 
 
 def source_of(
@@ -177,13 +191,16 @@ def source_of(
 
     An array or a virtual sensor is read by the hop of `window`, and a virtual sensor for `seconds`.
     """
-    if isinstance(source, (Source, VirtualSensor)):
+    if isinstance(source, (Source, VirtualSensor, VirtualSensors)):
         if options:
             what = "a source object" if isinstance(source, Source) else "a virtual sensor"
             given = f"options {', '.join(options)} with {what}"
             raise InputError(given, "none", "pass them to the source")
         if isinstance(source, Source):
             return source
+        if isinstance(source, VirtualSensors):
+            _, hop = window.frames(source[0].sample_rate)
+            return VirtualSensorsSource(sensors=source, block=hop, seconds=seconds)
         _, hop = window.frames(source.sample_rate)
         return VirtualSensorSource(sensor=source, block=hop, seconds=seconds)
     if not isinstance(source, (str, Path)):

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated, Any, TypeAlias, TypeVar
+from typing import Annotated, Any, TypeAlias, TypeVar, cast
 
 from msgspec import Meta
 
@@ -184,11 +184,14 @@ class LiveRun:
             "estimator": _build(ESTIMATORS, table(given, "estimator")),
             "sinks": [SINKS.build(name, table(sinks, name), where=f"sinks.{name}") for name in sinks],
         }
-        run = from_tree(cls, {**given, **built})
-        needed = max((max(each) for each in channels_of(run.strings).values()), default=0)
-        if needed > getattr(run.source, "channels", needed):
-            return replace(run, source=_build(SOURCES, {**source, "channels": needed}))
-        return run
+        return from_tree(cls, {**given, **built}).with_channels()
+
+    def with_channels(self) -> "LiveRun":
+        """Return the run with as many channels of its source as the strings need, if it has that option."""
+        needed = max((max(each) for each in channels_of(self.strings).values()), default=0)
+        if needed <= getattr(self.source, "channels", needed):
+            return self
+        return replace(self, source=replace(cast("Any", self.source), channels=needed))
 
     def resolved(self) -> Tree:
         """Return every option with its value, defaults included, in the format of `read`.

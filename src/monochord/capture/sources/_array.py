@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from monochord.capture.sources._paced_stream import PacedStream
-from monochord.capture.sources.base import Source, refuse_other_rates
+from monochord.capture.sources.base import MAX_CHANNELS, Source, refuse_other_rates
 from monochord.core.errors import InputError
 from monochord.core.ranges import Count
 from monochord.core.shapes import sound
@@ -16,7 +16,7 @@ from monochord.core.types import Audio, Signal
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ArraySource(Source):
-    """Samples (channels, n) or (n,) of one or two channels in full scale, delivered as fast as they are read.
+    """Samples (channels, n) or (n,) in full scale, delivered as fast as they are read.
 
     `sample_rate` is in Hz; a block has `block` frames, the last one possibly fewer.
     """
@@ -33,9 +33,9 @@ class ArraySource(Source):
             raise InputError(f"sound at {self.sample_rate} Hz", "a whole number of Hz")
         given = np.atleast_1d(self.samples)
         samples = sound(given[None] if given.ndim == 1 else given)
-        if samples.shape[0] > 2:
+        if samples.shape[0] > MAX_CHANNELS:
             shape = f"sound of shape {samples.shape}"
-            raise InputError(shape, "(channels, samples), 1 or 2 channels", "transpose (samples, channels)")
+            raise InputError(shape, "(channels, samples)", "transpose (samples, channels)")
         stream = _ArrayStream(self, samples)
         try:
             yield stream

@@ -1,4 +1,4 @@
-"""A virtual sensor touched from Python; not available on the command line."""
+"""Virtual sensors touched from Python, one or several; not available on the command line."""
 
 import math
 from collections.abc import Generator
@@ -16,6 +16,7 @@ from monochord.core.types import Audio, Signal, Truth
 from monochord.core.units import Samples, Seconds
 from monochord.physics.sensors import with_sensor
 from monochord.physics.twin.virtual_sensor import VirtualSensor
+from monochord.physics.twin.virtual_sensors import VirtualSensors
 
 LABELS = ("contact", "contacts", "position", "force", "slip", "slip_velocity", "settled")
 
@@ -35,6 +36,27 @@ class VirtualSensorSource(Source):
     def open(self) -> Generator["_SensorStream"]:
         """Open at the sensor's present time, which is frame 0."""
         stream = _SensorStream(self)
+        try:
+            yield stream
+        finally:
+            stream.release()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class VirtualSensorsSource(Source):
+    """Virtual sensors of one rate whose time advances together, two channels each; as `VirtualSensorSource`.
+
+    They have no truth: a source's truth names no string.
+    """
+
+    sensors: VirtualSensors
+    block: Count = 441
+    seconds: Seconds = math.inf
+
+    @contextmanager
+    def open(self) -> Generator["_SensorsStream"]:
+        """Open at the sensors' present time, which is frame 0."""
+        stream = _SensorsStream(self)
         try:
             yield stream
         finally:
@@ -65,3 +87,19 @@ class _SensorStream(PacedStream):
         sound, labels = self._sensor.advance(max(frames, 0) / self._signal.sample_rate)
         self._labels.add(labels, sound.shape[1])
         return sound
+
+
+class _SensorsStream(PacedStream):
+    def __init__(self, options: VirtualSensorsSource) -> None:
+        sensors, rate = options.sensors, options.sensors[0].sample_rate
+        end = round(options.seconds * rate) if options.seconds < math.inf else math.inf
+        signal = Signal(sample_rate=rate, channels=2 * len(sensors))
+        super().__init__(signal, block=options.block, speed=0.0, end=end)
+        self._sensors, self._origin = sensors, round(sensors[0].time * rate)
+
+    def _lost(self) -> Samples:
+        return round(self._sensors[0].time * self._signal.sample_rate) - self._origin - self._start
+
+    def _read(self, frames: Samples) -> Audio:
+        sound, _ = self._sensors.advance(max(frames, 0) / self._signal.sample_rate)
+        return sound.reshape(-1, sound.shape[-1])
