@@ -117,7 +117,7 @@ def adjoint_error(skin: mc.Skin) -> float:
 
 def covariances(skin: mc.Skin, draws: int, seed: int) -> tuple[Floats, Floats]:
     """Return the stated variances of a wrench, and those of many wrenches of drawn estimates."""
-    random, name = np.random.default_rng(seed), "s2"
+    random, name = np.random.default_rng(seed), list(skin.strings)[-1]
     stated = skin.combine({name: window(PLACE, FORCE)}).contacts[0].wrench_covariance
     places = PLACE + PLACE_STD * random.standard_normal(draws)
     forces = FORCE + FORCE_STD * random.standard_normal(draws)
