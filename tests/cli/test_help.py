@@ -92,6 +92,9 @@ def sessions(tmp_path_factory: pytest.TempPathFactory) -> Path:
             twin = VirtualSensor("prototype", seed=1)
             twin.drive(driven, driven)
             soundfile.write(name, twin.advance(2.0)[0].T, twin.sample_rate, subtype="FLOAT")
+        ends = "start = [0, 0, 0]\nend = [0.2, 0, 0]\npress = [0, 0, -1]\nsensor = 'prototype'\n"
+        Path("finger.toml").write_text(f"link = 'finger'\n[strings.top]\n{ends}", encoding="utf-8")
+        Path("arm.urdf").write_text("<robot name='arm'><link name='finger'/></robot>", encoding="utf-8")
         copy("take.csv", "touches.csv")
         copy("session.mcap", "touches.mcap")
     return path

@@ -132,6 +132,10 @@ class Reader(Newcomer):
         bench = bench.replace('"192.168.1.1"', '"{net_ft}"\nhttp_port = {http}'.format(**self.ports))
         (here / "bench.toml").write_text(self.typed(bench), encoding="utf-8")
         (here / "short.toml").write_text(group("hold") + group("slide", protocol="slide"), encoding="utf-8")
+        (finger,) = [text for text in blocks(PAGES[HOW_TO / "a-hand.md"], "toml") if "finger.toml" in text]
+        (here / "finger.toml").write_text(finger, encoding="utf-8")
+        robot = '<robot name="arm"><link name="fingertip"/></robot>'
+        (here / "arm.urdf").write_text(robot, encoding="utf-8")
         objects = [group(name, material=re.sub(r"_\d$|^music$", "", name) or "plastic") for name in OBJECTS]
         (here / "objects.toml").write_text("\n".join(objects), encoding="utf-8")
         builds = group("hold", sessions=8, builds=[*range(1, 9)], grid=[8, 1], world="plausible")

@@ -99,10 +99,9 @@ def live(inputs: tuple[str, ...], **options: Any) -> int:
     options["sensor"] = " --sensor ".join(options["sensors"])
     refuse_string_twice(*(options[name] for name in ("string", "sensor", "length", "open_frequency")))
     options["sensor"], strings = _sensors(options["sensors"])
-    if options["skin"]:
-        if options["sensors"]:
-            raise InputError("--skin with --sensor", "only one of them", "a skin names its sensors")
-        strings = to_tree(load_skin(options["skin"]).settings)
+    if options["skin"] and options["sensors"]:
+        raise InputError("--skin with --sensor", "only one of them", "a skin names its sensors")
+    strings = to_tree(load_skin(options["skin"]).settings) if options["skin"] else strings
     model, opened = model_and_input(inputs)
     tree = _tree(model, opened, options)
     if options["allow_host"]:

@@ -154,8 +154,8 @@ def _pair(first: str, second: str, one: SkinString, other: SkinString) -> Neighb
     across = float(np.linalg.norm(np.cross(one.direction, other.direction)))
     angle = math.atan2(across, float(one.direction @ other.direction))
     apart = 0.5 * (np.add(other.start, other.end) - np.add(one.start, one.end))
-    arched = float(apart @ (other.direction - one.direction)) < 0.0  # they are pressed towards each other
-    sink = 0.5 * distance * math.tan(0.25 * angle) if arched else 0.0
+    convex = float(apart @ (other.direction - one.direction)) < 0.0  # they are pressed towards each other
+    sink = 0.5 * distance * math.tan(0.25 * angle) if convex else 0.0
     return Neighbours(first=first, second=second, distance=distance, sink=sink, angle=angle)
 
 

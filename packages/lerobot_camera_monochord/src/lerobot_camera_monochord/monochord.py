@@ -11,7 +11,7 @@ from lerobot_camera_monochord.config_monochord import MonochordCameraConfig
 from lerobot_camera_monochord.datagrams import PATIENCE, Receiver
 from lerobot_camera_monochord.touches import Picture, names
 
-MILLI = 1e-3
+MILLISECOND = 1e-3
 
 
 class MonochordCamera(Camera):
@@ -62,17 +62,17 @@ class MonochordCamera(Camera):
         """Return the next picture, waiting for it up to a second."""
         return self.async_read()
 
-    def async_read(self, timeout_ms: float = PATIENCE / MILLI) -> NDArray[Any]:
+    def async_read(self, timeout_ms: float = PATIENCE / MILLISECOND) -> NDArray[Any]:
         """Return the latest picture that was not read yet, waiting for it up to `timeout_ms`.
 
         Raises `TimeoutError`, with the command that starts the datagrams, where none comes.
         """
-        image, self.vector = self._open().next(MILLI * timeout_ms)
+        image, self.vector = self._open().next(MILLISECOND * timeout_ms)
         return image
 
-    def read_latest(self, max_age_ms: int = round(PATIENCE / MILLI)) -> NDArray[Any]:
+    def read_latest(self, max_age_ms: int = round(PATIENCE / MILLISECOND)) -> NDArray[Any]:
         """Return the latest picture at once; raises `TimeoutError` for one older than `max_age_ms`."""
-        image, self.vector = self._open().latest(MILLI * max_age_ms)
+        image, self.vector = self._open().latest(MILLISECOND * max_age_ms)
         return image
 
     def disconnect(self) -> None:
