@@ -5,7 +5,6 @@ It runs as a script, so that its processor time is not that of the sink: domain,
 
 import sys
 import threading
-from pathlib import Path
 from typing import Any
 
 from cyclonedds.core import Listener, Policy, Qos
@@ -23,13 +22,14 @@ TOPICS = {
     "slip": "Bool",
     "estimates": "Touch",
     "events": "Event",
+    "markers": "MarkerArray",
 }
 
 
 def main() -> None:
     """Take messages until the input ends."""
     domain, places = int(sys.argv[1]), sys.argv[2:]
-    counts = dict.fromkeys((*TOPICS, "markers"), 0)
+    counts = dict.fromkeys(TOPICS, 0)
     qos = Qos(Policy.Reliability.Reliable(max_blocking_time=0), Policy.History.KeepLast(depth=10))
     with Participant(domain=domain):  # sets the configuration of the process
         here = DomainParticipant(domain)
@@ -47,7 +47,6 @@ def main() -> None:
             taken.set_listener(listener)
             readers.append(taken)
 
-        reader(str(Path(places[0]).parent), "markers", "MarkerArray")
         for place in places:
             for topic, kind in TOPICS.items():
                 reader(place, topic, kind)

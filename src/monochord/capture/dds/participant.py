@@ -160,7 +160,8 @@ class Participant(Closing):
 class TopicWriter:
     """Writes messages to a topic with reliable delivery, the ROS 2 default.
 
-    `name` is the ROS 2 name of their type.
+    `name` is the ROS 2 name of their type; `is_read` tells whether a message would reach anybody, now or
+    later.
     """
 
     def __init__(self, participant: Any, topic: str, message: str, *, latched: bool = False) -> None:
@@ -173,7 +174,7 @@ class TopicWriter:
         self.name = ros_name(self.message)
         user_data = Policy.Userdata(data=f"typehash={_hash(self.message)};".encode())
         qos = Qos(*_delivery(latched=latched), user_data)
-        self._latched, self._readers = latched, 0
+        self._latched = self.is_read = latched
         listener: Any = Listener()
         listener.set_on_publication_matched(lambda _, status: self._match(status))
         self._writer: Any = DataWriter(participant, place, qos=qos, listener=listener)
@@ -185,11 +186,6 @@ class TopicWriter:
     def listeners(self) -> int:
         """Number of readers."""
         return len(self._writer.get_matched_subscriptions())
-
-    @property
-    def is_read(self) -> bool:
-        """Whether a message would reach anybody, now or later."""
-        return self._latched or self._readers > 0
 
     @property
     def identity(self) -> Any:
@@ -214,7 +210,7 @@ class TopicWriter:
         self._writer = None
 
     def _match(self, status: Any) -> None:
-        self._readers = status.current_count
+        self.is_read = self._latched or status.current_count > 0
 
 
 class TopicReader:
