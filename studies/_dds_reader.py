@@ -12,17 +12,17 @@ from cyclonedds.domain import DomainParticipant
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 
-from monochord.capture.dds import messages
+from monochord.capture.dds.messages import message_type
 from monochord.capture.dds.participant import Participant
 
 TOPICS = {
-    "touch": "PointStamped",
-    "wrench": "WrenchStamped",
-    "contact": "Bool",
-    "slip": "Bool",
-    "estimates": "Touch",
-    "events": "Event",
-    "markers": "MarkerArray",
+    "touch": "geometry_msgs/msg/PointStamped",
+    "wrench": "geometry_msgs/msg/WrenchStamped",
+    "contact": "std_msgs/msg/Bool",
+    "slip": "std_msgs/msg/Bool",
+    "estimates": "monochord_msgs/msg/Touch",
+    "events": "monochord_msgs/msg/Event",
+    "markers": "visualization_msgs/msg/MarkerArray",
 }
 
 
@@ -36,7 +36,7 @@ def main() -> None:
         readers: list[Any] = []
 
         def reader(place: str, topic: str, kind: str) -> None:
-            of = Topic(here, f"rt/{place.strip('/')}/{topic}", getattr(messages, kind))
+            of = Topic(here, f"rt/{place.strip('/')}/{topic}", message_type(kind))
             taken = DataReader(here, of, qos=qos)
             listener: Any = Listener()
 

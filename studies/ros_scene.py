@@ -25,7 +25,7 @@ from monochord.core.units import Metres, Seconds
 from monochord.figures import style
 from monochord.figures.base import Figure, require_matplotlib
 from monochord.live.delivery import Delivery
-from monochord.live.sinks.ros2 import Ros2
+from monochord.live.sinks import SINKS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -91,7 +91,8 @@ def scene(
     }
     command = [python, str(READER), NAMESPACE, *(f"{NAMESPACE}/{name}" for name in strings)]
     run = Run(signal=SIGNAL, strings=dict.fromkeys(strings, SIGNAL), length=0.2)
-    sink = Ros2(namespace=NAMESPACE, domain=DOMAIN, link=LINK, poses=POSES)
+    options = {"namespace": NAMESPACE, "domain": DOMAIN, "link": LINK, "poses": POSES}
+    sink = SINKS.build("ros2", options)
     pipe, environment = subprocess.PIPE, {**(environment or os.environ), **ros}
     with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, env=environment) as process:  # noqa: S603  (the Python that the user named)  # nosec B603
         if process.stdout is None or process.stdout.readline() != "ready\n":

@@ -36,7 +36,7 @@ A killed reader never confirms, and a sensor has seven writers.
 NODES = "ros_discovery_info"
 """DDS topic on which each participant of ROS 2 lists its nodes with their writers and readers."""
 ENCLAVE = b"enclave=/;"
-"""User data by which ROS 2 takes a participant for one of its own."""
+"""User data by which ROS 2 takes a participant for one of its own: the enclave of its security."""
 
 FAST_DDS = "1.15"
 """Vendor whose type descriptions are ignored.
@@ -178,8 +178,8 @@ class TopicWriter:
         listener: Any = Listener()
         listener.set_on_publication_matched(lambda _, status: self._match(status))
         self._writer: Any = DataWriter(participant, place, qos=qos, listener=listener)
-        # The library turns a message into bytes by walking through its type at each call. Here the bytes
-        # are made, and this message hands them over.
+        # To serialize a message, the library walks through its type at each call. Here the bytes are made
+        # before, and this message hands them over.
         self._encoded: Any = object.__new__(self.message)
 
     @property
@@ -315,10 +315,10 @@ def _node_writer(participant: Any) -> Any:
     return DataWriter(participant, topic, qos=Qos(*_delivery(latched=True)))
 
 
-def _identity(entity: Any) -> Any:
+def _identity(part: Any) -> Any:
     from monochord.capture.dds import messages  # noqa: PLC0415
 
-    return messages.Gid(data=list(entity.guid.bytes))
+    return messages.Gid(data=list(part.guid.bytes))
 
 
 def _hash(message: type[Any]) -> str:
