@@ -151,7 +151,7 @@ def test_the_launched_sensor_is_understood_by_a_node_with_these_messages(workspa
         assert 0.0 <= data["confidence"] <= 1.0
 
 
-def test_a_node_reads_the_frames_of_the_strings(workspace: Path) -> None:
+def test_a_node_that_comes_later_reads_the_frames_of_the_strings(workspace: Path) -> None:
     shell = ["bash", "-c", "source install/setup.bash && env -0"]
     printed = subprocess.run(
         shell, cwd=workspace, env=environment(), stdout=subprocess.PIPE, text=True, check=True
