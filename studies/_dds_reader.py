@@ -5,7 +5,6 @@ It runs as a script, so that its processor time is not that of the sink: domain,
 
 import sys
 import threading
-from pathlib import Path
 from typing import Any
 
 from cyclonedds.core import Listener, Policy, Qos
@@ -13,30 +12,31 @@ from cyclonedds.domain import DomainParticipant
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 
-from monochord.capture.dds import messages
+from monochord.capture.dds.messages import message_type
 from monochord.capture.dds.participant import Participant
 
 TOPICS = {
-    "touch": "PointStamped",
-    "wrench": "WrenchStamped",
-    "contact": "Bool",
-    "slip": "Bool",
-    "estimates": "Touch",
-    "events": "Event",
+    "touch": "geometry_msgs/msg/PointStamped",
+    "wrench": "geometry_msgs/msg/WrenchStamped",
+    "contact": "std_msgs/msg/Bool",
+    "slip": "std_msgs/msg/Bool",
+    "estimates": "monochord_msgs/msg/Touch",
+    "events": "monochord_msgs/msg/Event",
+    "markers": "visualization_msgs/msg/MarkerArray",
 }
 
 
 def main() -> None:
     """Take messages until the input ends."""
     domain, places = int(sys.argv[1]), sys.argv[2:]
-    counts = dict.fromkeys((*TOPICS, "markers"), 0)
+    counts = dict.fromkeys(TOPICS, 0)
     qos = Qos(Policy.Reliability.Reliable(max_blocking_time=0), Policy.History.KeepLast(depth=10))
     with Participant(domain=domain):  # sets the configuration of the process
         here = DomainParticipant(domain)
         readers: list[Any] = []
 
         def reader(place: str, topic: str, kind: str) -> None:
-            of = Topic(here, f"rt/{place.strip('/')}/{topic}", getattr(messages, kind))
+            of = Topic(here, f"rt/{place.strip('/')}/{topic}", message_type(kind))
             taken = DataReader(here, of, qos=qos)
             listener: Any = Listener()
 
@@ -47,7 +47,6 @@ def main() -> None:
             taken.set_listener(listener)
             readers.append(taken)
 
-        reader(str(Path(places[0]).parent), "markers", "MarkerArray")
         for place in places:
             for topic, kind in TOPICS.items():
                 reader(place, topic, kind)

@@ -25,7 +25,7 @@ from monochord.core.units import Metres, Seconds
 from monochord.figures import style
 from monochord.figures.base import Figure, require_matplotlib
 from monochord.live.delivery import Delivery
-from monochord.live.sinks.ros2 import Ros2
+from monochord.live.sinks import SINKS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -81,7 +81,10 @@ class RosScene(Figure):
 def scene(
     python: str, strings: Mapping[str, Sequence[Update]], environment: Mapping[str, str] | None = None
 ) -> dict[str, Any]:
-    """Return what rclpy reads while the sink publishes the updates of some strings, a hundred a second."""
+    """Return what rclpy reads of a sink that publishes the updates of some strings, a hundred a second.
+
+    The reader comes after the sink has begun.
+    """
     if not Path(python).is_file():
         raise InputError(f"python {python} (does not exist)", "an interpreter with rclpy", "run: make ros")
     ros = {
@@ -91,21 +94,24 @@ def scene(
     }
     command = [python, str(READER), NAMESPACE, *(f"{NAMESPACE}/{name}" for name in strings)]
     run = Run(signal=SIGNAL, strings=dict.fromkeys(strings, SIGNAL), length=0.2)
-    sink = Ros2(namespace=NAMESPACE, domain=DOMAIN, link=LINK, poses=POSES)
+    options = {"namespace": NAMESPACE, "domain": DOMAIN, "link": LINK, "poses": POSES}
+    sink = SINKS.build("ros2", options)
     pipe, environment = subprocess.PIPE, {**(environment or os.environ), **ros}
-    with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, env=environment) as process:  # noqa: S603  (the Python that the user named)  # nosec B603
+    with (
+        Delivery([sink], run, paced=True) as delivery,
+        subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, env=environment) as process,  # noqa: S603  (the Python that the user named)  # nosec B603
+    ):
         if process.stdout is None or process.stdout.readline() != "ready\n":
             process.kill()
             raise DeviceError("the reader of the scene did not start")
-        with Delivery([sink], run, paced=True) as delivery:
-            time.sleep(FINDING)
-            due = time.monotonic()
-            for together in zip(*strings.values(), strict=True):
-                for name, update in zip(strings, together, strict=True):
-                    delivery.hand_over(replace(update, string=name))
-                due += HOP
-                time.sleep(max(due - time.monotonic(), 0.0))
-            return json.loads(process.communicate(timeout=30)[0])
+        time.sleep(FINDING)
+        due = time.monotonic()
+        for together in zip(*strings.values(), strict=True):
+            for name, update in zip(strings, together, strict=True):
+                delivery.hand_over(replace(update, string=name))
+            due += HOP
+            time.sleep(max(due - time.monotonic(), 0.0))
+        return json.loads(process.communicate(timeout=30)[0])
 
 
 def _updates(seed: int, moves: Mapping[int, Callable[[VirtualSensor], object]]) -> list[Update]:

@@ -1,6 +1,6 @@
 """Processor time of the sinks that send datagrams, for each window and string.
 
-Prints its rows in some forty seconds: ``python -m studies.sink_cost``.
+Prints its rows in a minute: ``python -m studies.sink_cost``.
 """
 
 import subprocess
@@ -41,7 +41,7 @@ class SinkCost(Benchmark):
 
     A model estimates a touched virtual sensor at 100 windows a second, as in a live run, so that the
     processor is neither asleep nor busy; the updates of all strings are handed over at once. Another process
-    reads all topics of `ros2` by reliable delivery.
+    reads the topics of `ros2` by reliable delivery.
 
     Parameters
     ----------
@@ -58,12 +58,17 @@ class SinkCost(Benchmark):
         """Measure each sink."""
         for count in self.strings:
             names = [f"s{number}" for number in range(count)]
-            for kind, read in (("udp", False), ("ros2", False), ("ros2", True)):
-                options = {"namespace": NAMESPACE, "domain": DOMAIN} if kind == "ros2" else {}
-                with _reader(names) if read else nullcontext():
-                    cost = self._cost(SINKS.build(kind, options), names)
-                topics = {"udp": "", "ros2": ", all topics read" if read else ", not read"}[kind]
-                yield row(f"{kind}{topics}, strings: {count}", cost, "ms", "bound", BOUND)
+            below = [f"{NAMESPACE}/{name}" for name in names]
+            ros2 = SINKS.build("ros2", {"namespace": NAMESPACE, "domain": DOMAIN})
+            for name, sink, places in (
+                ("udp", SINKS.build("udp"), []),
+                ("ros2, not read", ros2, []),
+                ("ros2, every window read", ros2, below),
+                ("ros2, markers read too", ros2, [*below, NAMESPACE]),
+            ):
+                with _reader(places) if places else nullcontext():
+                    cost = self._cost(sink, names)
+                yield row(f"{name}, strings: {count}", cost, "ms", "bound", BOUND)
 
     def _cost(self, sink: Sink, names: Sequence[str]) -> float:
         """Return the processor time for a window and string in ms."""
@@ -102,9 +107,9 @@ def _spent(others: Container[str]) -> int:
 
 
 @contextmanager
-def _reader(names: Sequence[str]) -> Generator[None]:
-    """Read all topics in another process."""
-    command = [sys.executable, str(READER), str(DOMAIN), *(f"{NAMESPACE}/{name}" for name in names)]
+def _reader(places: Sequence[str]) -> Generator[None]:
+    """Read all topics of some namespaces in another process."""
+    command = [sys.executable, str(READER), str(DOMAIN), *places]
     pipe = subprocess.PIPE
     with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as process:  # noqa: S603  (our own module)  # nosec B603
         if process.stdout is None or process.stdout.readline() != "ready\n":

@@ -116,7 +116,8 @@ def test_rclpy_subscribes_to_a_live_sensor() -> None:
     assert heard["topics"]["/sensor/estimates"] == ["monochord_msgs/msg/Touch"]
     assert heard["topics"]["/sensor/events"] == ["monochord_msgs/msg/Event"]
     assert heard["topics"]["/diagnostics"] == ["diagnostic_msgs/msg/DiagnosticArray"]
-    assert len(heard["hashes"]) == 6
+    assert heard["topics"]["/sensor/markers"] == ["visualization_msgs/msg/MarkerArray"]
+    assert len(heard["hashes"]) == 7
     for name, seen in heard["hashes"].items():
         assert typestore().hash_rihs01(name).removeprefix("RIHS01_") in seen.lower()
 

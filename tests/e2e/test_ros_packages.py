@@ -62,8 +62,8 @@ def test_the_nodes_command_line_is_one_that_monochord_takes() -> None:
     options = {key.removeprefix("sinks.ros2."): value for key, value in settings.items() if "sinks" in key}
     tree = {"sinks": {"ros2": {"namespace": words[words.index("--sink") + 1].split("=")[1], **options}}}
     (sink,) = LiveRun.read({**tree, "estimator": {"name": "closed_form"}}).sinks
-    options = {"namespace": "/lab/left", "frame": "nut", "interface": "lo", "node": "/lab/left_strings"}
-    assert sink == Ros2(**options, tracked=False)
+    place, node = "/lab/left", "/lab/left_strings"
+    assert sink == Ros2(namespace=place, frame="nut", interface="lo", tracked=False, node=node)
 
 
 def test_rviz_shows_what_the_sink_publishes_as_it_is_started_without_options() -> None:

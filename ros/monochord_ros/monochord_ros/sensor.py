@@ -1,8 +1,8 @@
 """The node: starts ``monochord live`` with its parameters, and ends with it.
 
 The sensor publishes over DDS by itself, below this node's name: ``~/touch``, ``~/wrench``, ``~/contact``,
-``~/slip``, ``~/estimates``, ``~/events`` and ``~/markers``, ``/diagnostics`` and ``/tf_static``. They belong to
-the node ``NAME_strings``. Monochord may be in a Python environment of its own.
+``~/slip``, ``~/estimates``, ``~/events`` and ``~/markers``, and ``/diagnostics`` and ``/tf_static``. They are
+topics of the node ``NAME_strings``. Monochord may be in a Python environment of its own.
 """
 
 import shlex

@@ -17,6 +17,8 @@ from monochord.core.units import Seconds
 from monochord.live.health import Note
 from monochord.live.sinks.base import Listener, NotDeliveredError, Run, Sink, Update
 
+__all__ = ["Delivered", "Delivery"]
+
 CLOSING: Seconds = 5.0
 """Time for all sinks together to write their backlog at the end of a run, in s."""
 SWITCH_INTERVAL: Seconds = 5e-4

@@ -22,7 +22,7 @@ def pack(name: str, *values: object) -> bytes:
     The bytes are those of `monochord.sessions.codec.encode`, without an object for each part. The type has no
     sequences and arrays. Raises `struct.error` for another number of values, or one that is not of its kind.
 
-    >>> pack("std_msgs/msg/Header", 1, 500, "string").hex(" ", 4)
+    >>> pack("std_msgs/msg/Header", 1, 500, "string").hex(" ", -4)
     '00010000 01000000 f4010000 07000000 73747269 6e6700'
     """
     flat: list[object] = [LITTLE_ENDIAN]

@@ -3,7 +3,7 @@
 import math
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from typing import Any
 
@@ -38,7 +38,7 @@ HAND = Run(signal=SIGNAL, strings={"left": SIGNAL, "right": SIGNAL}, length=LENG
 
 
 @contextmanager
-def latched(topic: str, kind: str) -> Iterator[list[Any]]:
+def latched(topic: str, kind: str) -> Generator[list[Any]]:
     """The messages of a topic that a reader takes which asks for those before it, too."""
     qos = Qos(
         Policy.Reliability.Reliable(max_blocking_time=0),

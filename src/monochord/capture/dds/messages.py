@@ -8,6 +8,8 @@ from typing import Any
 
 from monochord.sessions.codec import typestore
 
+__all__ = ["header", "message_type", "ros_name"]
+
 PACKAGES = [
     "monochord_msgs",
     "builtin_interfaces",

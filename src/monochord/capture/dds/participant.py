@@ -36,7 +36,7 @@ A killed reader never confirms, and a sensor has seven writers.
 NODES = "ros_discovery_info"
 """DDS topic on which each participant of ROS 2 lists its nodes with their writers and readers."""
 ENCLAVE = b"enclave=/;"
-"""User data by which ROS 2 takes a participant for one of its own."""
+"""User data by which ROS 2 takes a participant for one of its own: the enclave of its security."""
 
 FAST_DDS = "1.15"
 """Vendor whose type descriptions are ignored.
@@ -160,7 +160,8 @@ class Participant(Closing):
 class TopicWriter:
     """Writes messages to a topic with reliable delivery, the ROS 2 default.
 
-    `name` is the ROS 2 name of their type.
+    `name` is the ROS 2 name of their type; `is_read` tells whether a message would reach anybody, now or
+    later.
     """
 
     def __init__(self, participant: Any, topic: str, message: str, *, latched: bool = False) -> None:
@@ -173,23 +174,18 @@ class TopicWriter:
         self.name = ros_name(self.message)
         user_data = Policy.Userdata(data=f"typehash={_hash(self.message)};".encode())
         qos = Qos(*_delivery(latched=latched), user_data)
-        self._latched, self._readers = latched, 0
+        self._latched = self.is_read = latched
         listener: Any = Listener()
         listener.set_on_publication_matched(lambda _, status: self._match(status))
         self._writer: Any = DataWriter(participant, place, qos=qos, listener=listener)
-        # The library turns a message into bytes by walking through its type at each call. Here the bytes
-        # are made, and this message hands them over.
+        # To serialize a message, the library walks through its type at each call. Here the bytes are made
+        # before, and this message hands them over.
         self._encoded: Any = object.__new__(self.message)
 
     @property
     def listeners(self) -> int:
         """Number of readers."""
         return len(self._writer.get_matched_subscriptions())
-
-    @property
-    def is_read(self) -> bool:
-        """Whether a message would reach anybody, now or later."""
-        return self._latched or self._readers > 0
 
     @property
     def identity(self) -> Any:
@@ -214,7 +210,7 @@ class TopicWriter:
         self._writer = None
 
     def _match(self, status: Any) -> None:
-        self._readers = status.current_count
+        self.is_read = self._latched or status.current_count > 0
 
 
 class TopicReader:
@@ -319,10 +315,10 @@ def _node_writer(participant: Any) -> Any:
     return DataWriter(participant, topic, qos=Qos(*_delivery(latched=True)))
 
 
-def _identity(entity: Any) -> Any:
+def _identity(part: Any) -> Any:
     from monochord.capture.dds import messages  # noqa: PLC0415
 
-    return messages.Gid(data=list(entity.guid.bytes))
+    return messages.Gid(data=list(part.guid.bytes))
 
 
 def _hash(message: type[Any]) -> str:

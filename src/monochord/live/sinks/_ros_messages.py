@@ -3,8 +3,7 @@
 import json
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 from monochord.core.reasons import Reason
 from monochord.core.types import Estimate
@@ -15,35 +14,36 @@ from monochord.live.update import Update
 Values: TypeAlias = Sequence[object]
 """A message's values, those of its parts included."""
 DECIDED = {None: -1, False: 0, True: 1}
+NOT_ESTIMATED = Estimate.abstain("", Reason.NOT_ESTIMATED)
 NOT_TRACKED = Estimate.abstain("", Reason.NOT_TRACKED)
 
 
-@dataclass(frozen=True, slots=True)
-class Answer:
+class Answer(NamedTuple):
     """What a robot reads of an update: tracked values where known, else those of the window alone.
 
-    `contact` and `slip` are None while unknown.
+    `contact` and `slip` are None while unknown; `alone` are the window's contact, position, force and slip.
     """
 
     contact: bool | None
     slip: bool | None
     position: Estimate
     force: Estimate
+    alone: tuple[Estimate, ...] = ()
 
     @classmethod
     def of(cls, update: Update, *, tracked: bool) -> "Answer":
         """Return the answer of an update, with `tracked` values or without."""
-        alone = update.prediction
-        if not tracked:
-            return cls(_likely(alone.contact), _likely(alone.slip), alone.position, alone.force)
-        contact, slip = update.decided.get("contact"), update.decided.get("slip")
-        position, force = (update.tracked.estimates.get(name) for name in ("position", "force"))
-        return cls(
-            contact=_likely(alone.contact) if contact is None else contact,
-            slip=_likely(alone.slip) if slip is None else slip,
-            position=position if position and position.valid else alone.position,
-            force=force if force and force.valid else alone.force,
-        )
+        get = update.prediction.estimates.get
+        contact, position = get("contact", NOT_ESTIMATED), get("position", NOT_ESTIMATED)
+        force, slip = get("force", NOT_ESTIMATED), get("slip", NOT_ESTIMATED)
+        alone = contact, position, force, slip
+        touches, slides = _likely(contact), _likely(slip)
+        if tracked:
+            touches, slides = update.decided.get("contact", touches), update.decided.get("slip", slides)
+            over_time = update.tracked.estimates
+            place, newtons = over_time.get("position", position), over_time.get("force", force)
+            position, force = place if place.valid else position, newtons if newtons.valid else force
+        return cls(touches, slides, position, force, alone)
 
 
 def head(stamp: int, frame: str) -> tuple[int, int, str]:
@@ -54,7 +54,7 @@ def head(stamp: int, frame: str) -> tuple[int, int, str]:
 def messages(update: Update, answer: Answer, stamp: int, frame: str) -> Iterator[tuple[str, Values]]:
     """Yield the topics of a window with their messages; one whose quantity is unknown is left out."""
     contact, slip, position, header = answer.contact, answer.slip, answer.position, head(stamp, frame)
-    yield "estimates", _touch(update, header)
+    yield "estimates", _touch(update, answer, header)
     if contact is not None:
         yield "contact", (contact,)
     if slip is not None or contact is False:
@@ -90,11 +90,11 @@ def event(each: Event, update: Update, stamp: int, frame: str) -> tuple[int, Val
     return onset, (*head(onset, frame), each.kind, "", data)
 
 
-def _touch(update: Update, header: Values) -> Values:
+def _touch(update: Update, answer: Answer, header: Values) -> Values:
     """Return the message of all estimates."""
-    alone, decided, tracked = update.prediction, update.decided, update.tracked.estimates
-    values = [*header, alone.start, update.window.duration, alone.latency]
-    for each in (alone.contact, alone.position, alone.force, alone.slip):
+    prediction, decided, tracked = update.prediction, update.decided, update.tracked.estimates
+    values = [*header, prediction.start, update.window.duration, prediction.latency]
+    for each in answer.alone:
         values += each.value, each.std, each.valid, each.reason
     values += DECIDED[decided.get("contact")], DECIDED[decided.get("slip")]
     for each in (tracked.get("position", NOT_TRACKED), tracked.get("force", NOT_TRACKED)):

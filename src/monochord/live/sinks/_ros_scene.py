@@ -43,8 +43,9 @@ LENGTH_OF_NEWTON: Metres = 0.04
 """Length of the arrow of 1 N."""
 TEXT_BELOW: Metres = 0.015
 LIFETIME: Seconds = 1.0
-"""Time after which RViz drops the markers of a sensor that ended."""
+"""Lifetime of markers: RViz drops those of a sensor that ended."""
 LINE_STRIP, SPHERE, ARROW, TEXT_FACING = 4, 2, 0, 9
+"""Types of markers: a line, a sphere, an arrow, and a text that faces the camera."""
 ADD, DELETE = 0, 2
 NO_SIZE = 0.0, 0.0, 0.0
 SMALLEST: Newtons = 1e-3
