@@ -106,6 +106,17 @@ def test_touch_the_twin(output: Output) -> None:
     assert settled[5] >= 95.0
 
 
+def test_grasp_by_sound(output: Output) -> None:
+    *rows, sunk, end = output("grasp_by_sound.py").splitlines()
+    grips = [float(re.findall(r"([\d.]+) N", row)[0]) for row in rows]
+    assert grips == sorted(grips)
+    assert len(grips) >= 2
+    (drop,) = (float(number) for number in re.findall(r"[\d.]+", sunk))
+    grip, needed = (float(number) for number in re.findall(r"[\d.]+", end))
+    assert drop < 15.0
+    assert needed < grip < 2.0 * needed
+
+
 def test_build_a_dataset(output: Output) -> None:
     head, *rows, batch, force, noise = output("build_a_dataset.py").splitlines()
     assert head.split()[0] == "simulated"

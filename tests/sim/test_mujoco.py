@@ -59,7 +59,7 @@ def test_a_string_has_a_frame_at_its_start() -> None:
     axes = np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1]])
     assert np.allclose(site.xmat.reshape(3, 3).T, axes)
     backing = data.geom("left_backing").xpos - data.geom("left").xpos
-    assert backing == pytest.approx([0, 0, 0.003])
+    assert backing == pytest.approx([0, 0, 0.004])
 
 
 @pytest.mark.parametrize(

@@ -29,7 +29,11 @@ __all__ = ["Counts", "SimulatedContact", "SimulatedString", "Strings", "add_stri
 RADIUS: Metres = 2e-3
 """Of a string in the scene: through one of its true 0.13 mm a fast finger passes."""
 BACKING: Metres = 4e-3
-"""Half the thickness of what a string lies on, whose surface is half a radius below the string's."""
+"""Half the thickness of what lies behind a string, from its middle on."""
+YIELD: Seconds = 0.01
+"""Time constant of a string's contacts: below it, what slides at steps of 1 ms chatters."""
+BACKING_YIELD: Seconds = 0.004
+"""Time constant of the contacts of what lies behind it: no fast finger passes."""
 NEAR: Metres = 5e-3
 """Distance up to which an object that does not touch yet is known."""
 SHORTEST: Metres = 0.05
@@ -59,7 +63,7 @@ Vector: TypeAlias = Sequence[float] | Floats
 def add_string(spec: Spec, *, body: str, start: Vector, end: Vector, press: Vector, name: str) -> None:
     """Add a string to a body of a MuJoCo scene, with what it lies on and its contact sensor.
 
-    The string is a capsule of 2 mm radius, stiff in contact, and a box lies behind it, so that no object
+    The string is a capsule of 2 mm radius, and a stiff box lies behind it, so that no object
     passes it. What touches the box is not felt. Friction is that of the touching geom. A site has the
     string's name: its origin is `start`, its x axis points to `end` and its z axis against `press`.
 
@@ -110,24 +114,26 @@ def add_string(spec: Spec, *, body: str, start: Vector, end: Vector, press: Vect
     frame = np.column_stack((along, np.cross(up, along), up))
     quaternion = np.empty(4)
     mujoco.mju_mat2Quat(quaternion, frame.ravel())
-    stiff: dict[str, Any] = {"solref": [0.004, 1.0], "solmix": 1e6, "friction": [0.0] * 3, "mass": 1e-3}
+    shared: dict[str, Any] = {"solmix": 1e6, "friction": [0.0] * 3, "mass": 1e-3}
     holder.add_geom(
         name=name,
         type=mujoco.mjtGeom.mjGEOM_CAPSULE,
         fromto=[*first, *last],
         size=[RADIUS, 0.0, 0.0],
         gap=NEAR,
+        solref=[YIELD, 1.0],
         rgba=STEEL,
-        **stiff,
+        **shared,
     )
     holder.add_geom(
         name=f"{name}_backing",
         type=mujoco.mjtGeom.mjGEOM_BOX,
-        pos=0.5 * (first + last) + (0.5 * RADIUS - BACKING) * up,
+        pos=0.5 * (first + last) - BACKING * up,
         quat=quaternion,
         size=[0.5 * length, RADIUS, BACKING],
+        solref=[BACKING_YIELD, 1.0],
         rgba=BLACK,
-        **stiff,
+        **shared,
     )
     holder.add_site(name=name, pos=first, quat=quaternion, size=[1e-4, 0.0, 0.0])
     data = sum(1 << int(getattr(mujoco.mjtConDataField, f"mjCONDATA_{each}")) for each in CONTACT_DATA)
