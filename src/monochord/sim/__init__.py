@@ -5,7 +5,7 @@ whose sound is heard as a real sensor's sound is. All of it is simulated.
 
 ``import monochord.sim`` registers the Gymnasium environments where Gymnasium is installed, so that
 ``gymnasium.make("monochord/Touch-v0")`` makes one; ``gymnasium.make("monochord.sim:monochord/Touch-v0")``
-does both in one line.
+does both in one line. ``monochord/Grasp-v0`` is the other one.
 """
 
 from importlib.util import find_spec

@@ -17,3 +17,5 @@ def register() -> None:
             vector_entry_point="monochord.sim.touch_env:TouchVectorEnv",
             max_episode_steps=EPISODE_STEPS,
         )
+    if "monochord/Grasp-v0" not in registration.registry:
+        registration.register(id="monochord/Grasp-v0", entry_point="monochord.sim.grasp_env:GraspEnv")
