@@ -1,5 +1,8 @@
 """The grasp between two strings: what the scene does, and that the reflex catches."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -78,3 +81,17 @@ def test_what_cannot_be_is_refused() -> None:
     for grip in (-0.1, 6.1, np.nan):
         with pytest.raises(mc.InputError, match="grip"):
             scene.step(grip)
+
+
+def test_the_page_runs_as_shown(capsys: pytest.CaptureFixture[str]) -> None:
+    page = Path(__file__).parents[2] / "docs" / "how-to" / "simulate-a-robot.md"
+    blocks = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+    exec("\n".join(blocks), {})  # noqa: S102  (the page's own code)
+    *places, end = capsys.readouterr().out.splitlines()
+    errors = [
+        abs(float(found) - float(truth))
+        for found, truth in re.findall(r"([\d.]+) \+- .*truth ([\d.]+) mm", "\n".join(places))
+    ]
+    assert len(errors) > 30
+    assert np.median(errors) < 0.5
+    assert re.fullmatch(r"sunk by [\d.]+ mm, [\d.]+ N hold it, [\d.]+ N would", end)
