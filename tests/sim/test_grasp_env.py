@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-import monochord.sim  # noqa: F401  (registers it)
 from monochord.core.errors import InputError
 from monochord.sim.grasp_env import GraspEnv
 
@@ -14,7 +13,7 @@ HARDER, SAME = np.array([1.0], np.float32), np.array([0.0], np.float32)
 
 @pytest.mark.parametrize("observation", ["estimates", "sound", "features"])
 def test_gymnasium_finds_no_fault_with_it(observation: str) -> None:
-    env = gymnasium.make("monochord/Grasp-v0", observation=observation)
+    env = gymnasium.make("monochord.sim:monochord/Grasp-v0", observation=observation)
     check_env(env.unwrapped, skip_render_check=True)  # a warning is an error here
 
 

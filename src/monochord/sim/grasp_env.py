@@ -86,10 +86,9 @@ class GraspEnv(gymnasium.Env[Observation, Audio]):
         signal = with_sensor(Signal(sample_rate=44100, channels=2), load_sensor("prototype"))
         self._observer = observer(observation, signal)
         one = self._observer.space
-        self.observation_space = Dict(
-            touch=Box(np.stack([one.low] * 2), np.stack([one.high] * 2), dtype=np.float32),
-            grip=Box(0.0, MAX_GRIP, (1,), np.float32),
-        )
+        both = Box(np.stack([one.low] * 2), np.stack([one.high] * 2), dtype=np.float32)
+        spaces: Any = Dict(touch=both, grip=Box(0.0, MAX_GRIP, (1,), np.float32))
+        self.observation_space = spaces
         self.action_space = Box(-1.0, 1.0, (1,), np.float32)
         self._state: Grasp | None = None
 
