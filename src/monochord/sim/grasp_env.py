@@ -95,11 +95,13 @@ class GraspEnv(gymnasium.Env[Observation, Audio]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Begin an episode; ``options={"object": NAME}`` says which object of `OBJECTS`, else it is drawn."""
+        """Begin an episode, with a seed that of `GraspScene.reset`.
+
+        ``options={"object": NAME}`` says which object of `OBJECTS`, else it is drawn.
+        """
         super().reset(seed=seed)
-        self._state = self._scene.reset(
-            int(self.np_random.integers(2**31)), None if options is None else options.get("object")
-        )
+        drawn = int(self.np_random.integers(2**31)) if seed is None else seed
+        self._state = self._scene.reset(drawn, None if options is None else options.get("object"))
         return self._observation(self._state), self._truth(self._state)
 
     def step(self, action: Audio) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
