@@ -81,7 +81,7 @@ def test_a_reset_makes_no_string_anew_and_hears_nothing_of_the_episode_before() 
 
 
 def test_episodes_draw_from_the_builds_asked_for() -> None:
-    def sounds(**options: int) -> set[bytes]:
+    def sounds(**options: Any) -> set[bytes]:
         env = TouchEnv(observation="sound", **options)
         return {env.reset(seed=seed)[0]["touch"].tobytes() for seed in range(16)}
 
