@@ -55,29 +55,35 @@ class TouchEnv(gymnasium.Env[Any, Audio]):
 
     def __init__(self, render_mode: str | None = None, **settings: Any) -> None:
         self.render_mode = _render_mode(render_mode)
-        self._tips = Fingertips(1, _settings(settings))
-        self.action_space = self._tips.action_space
-        self.observation_space = self._tips.observation_space
+        self._fingertips = Fingertips(1, _settings(settings))
+        self.action_space = self._fingertips.action_space
+        self.observation_space = self._fingertips.observation_space
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
         """Begin an episode, and return its first observation."""
         super().reset(seed=seed, options=options)
-        self._tips.begin(0, self.np_random)
+        self._fingertips.begin(0, self.np_random)
         return self._observation(), {}
 
     def step(self, action: Audio) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Move for one hop."""
-        rewards, overloaded = self._tips.step(np.asarray(action)[np.newaxis])
-        return self._observation(), float(rewards[0]), bool(overloaded[0]), False, dict(self._tips.truth[0])
+        rewards, overloaded = self._fingertips.step(np.asarray(action)[np.newaxis])
+        return (
+            self._observation(),
+            float(rewards[0]),
+            bool(overloaded[0]),
+            False,
+            dict(self._fingertips.truth[0]),
+        )
 
     def render(self) -> NDArray[np.uint8] | None:  # pyright: ignore[reportIncompatibleMethodOverride]
         """Return a picture (160, 480, 3)."""
-        return None if self.render_mode is None else _picture(self._tips, 0)
+        return None if self.render_mode is None else _picture(self._fingertips, 0)
 
     def _observation(self) -> Observation:
-        return {name: rows[0] for name, rows in self._tips.observation().items()}
+        return {name: rows[0] for name, rows in self._fingertips.observation().items()}
 
 
 class TouchVectorEnv(VectorEnv[Observation, Audio, NDArray[Any]]):
@@ -126,9 +132,9 @@ class TouchVectorEnv(VectorEnv[Observation, Audio, NDArray[Any]]):
         self.render_mode, self.num_envs = _render_mode(render_mode), num_envs
         self._max_steps, self._mode = max_episode_steps, _autoreset_mode(autoreset_mode)
         self.metadata = {**self.metadata, "autoreset_mode": self._mode}
-        self._tips = Fingertips(num_envs, _settings(settings))
-        self.single_action_space = self._tips.action_space
-        self.single_observation_space = self._tips.observation_space
+        self._fingertips = Fingertips(num_envs, _settings(settings))
+        self.single_action_space = self._fingertips.action_space
+        self.single_observation_space = self._fingertips.observation_space
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self._generators: list[np.random.Generator] = []
@@ -156,44 +162,46 @@ class TouchVectorEnv(VectorEnv[Observation, Audio, NDArray[Any]]):
             for generator, each in zip(before, seeds, strict=True)
         ]
         self._begin(range(self.num_envs))
-        return self._tips.observation(), {}
+        return self._fingertips.observation(), {}
 
     def step(self, actions: Audio) -> tuple[Observation, Floats, Flags, Flags, dict[str, Any]]:
         """Move all for one hop."""
         ended = np.flatnonzero(self._ended).tolist()
         self._begin(ended)
         moving = sorted({*range(self.num_envs)} - {*ended})
-        rewards, terminated = self._tips.step(actions, moving)
+        rewards, terminated = self._fingertips.step(actions, moving)
         self._steps[moving] += 1
         late = self._max_steps is not None and self._steps >= self._max_steps
         truncated = np.broadcast_to(late, self.num_envs).copy()
         self._ended = terminated | truncated
-        observations = self._tips.observation()
+        observations = self._fingertips.observation()
         if self._mode is not AutoresetMode.SAME_STEP:
             return observations, rewards, terminated, truncated, self._truth(moving)
         over = np.flatnonzero(self._ended).tolist()
         infos = self._truth([number for number in moving if number not in over])
         for number in over:
             final = {"final_obs": {name: rows[number] for name, rows in observations.items()}}
-            infos = self._add_info(infos, {**final, "final_info": dict(self._tips.truth[number])}, number)
+            infos = self._add_info(
+                infos, {**final, "final_info": dict(self._fingertips.truth[number])}, number
+            )
         self._begin(over)
-        return self._tips.observation() if over else observations, rewards, terminated, truncated, infos
+        return self._fingertips.observation() if over else observations, rewards, terminated, truncated, infos
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """Return a picture (160, 480, 3) of each."""
         if self.render_mode is None:
             return None
-        return tuple(_picture(self._tips, number) for number in range(self.num_envs))
+        return tuple(_picture(self._fingertips, number) for number in range(self.num_envs))
 
     def _begin(self, chosen: Iterable[int]) -> None:
         for number in chosen:
-            self._tips.begin(number, self._generators[number])
+            self._fingertips.begin(number, self._generators[number])
             self._steps[number], self._ended[number] = 0, False
 
     def _truth(self, chosen: Iterable[int]) -> dict[str, Any]:
         infos: dict[str, Any] = {}
         for number in chosen:
-            infos = self._add_info(infos, self._tips.truth[number], number)
+            infos = self._add_info(infos, self._fingertips.truth[number], number)
         return infos
 
 
@@ -215,15 +223,15 @@ def _autoreset_mode(given: AutoresetMode | str) -> AutoresetMode:
     raise InputError(f"autoreset_mode {given!r}", " or ".join(mode.value for mode in taken))
 
 
-def _picture(tips: Fingertips, number: int) -> NDArray[np.uint8]:
+def _picture(fingertips: Fingertips, number: int) -> NDArray[np.uint8]:
     """Return the picture of a fingertip, with what is estimated of it."""
-    truth, watching = tips.truth[number], tips.observer(number)
+    truth, watching = fingertips.truth[number], fingertips.observer(number)
     place = watching.tracked.estimates.get("position") if isinstance(watching, EstimateObserver) else None
-    goal_place, goal_force = tips.goal()[number].tolist()
+    goal_place, goal_force = fingertips.goal()[number].tolist()
     return touch_picture(
-        length=float(tips.length[number]),
-        place=float(tips.place[number]),
-        height=tips.height(number),
+        length=float(fingertips.length[number]),
+        place=float(fingertips.place[number]),
+        height=fingertips.height(number),
         force=truth.get("force", 0.0),
         goal=(goal_place, goal_force),
         told=(place.value, place.std) if place is not None and place.valid else None,

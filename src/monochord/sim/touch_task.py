@@ -37,7 +37,7 @@ STIFFNESS = 600.0, 1800.0
 """Of the fingertip, in N/m, drawn evenly over its logarithm."""
 PLACE_TOLERANCE: Metres = 0.01
 """Distance from the goal at which place is worth nothing."""
-SUBSTEP: Seconds = 5e-3
+PIECE: Seconds = 5e-3
 """Longest time over which the fingertip's motion is taken as linear."""
 
 
@@ -105,7 +105,7 @@ class Fingertips:
     def __init__(self, count: int, settings: TouchSettings) -> None:
         self.settings = settings
         first = warm_string(settings.string(0))
-        self._substeps = ceil(settings.hop / SUBSTEP - 1e-9)
+        self._pieces = ceil(settings.hop / PIECE - 1e-9)
         self.action_space = Box(-1.0, 1.0, (2,), np.float32)
         self.observation_space = Dict(
             touch=first.observer.space,
@@ -217,7 +217,7 @@ class Fingertips:
 
     def _move(self, moves: Floats, chosen: Sequence[int]) -> None:
         """Lead the strings' objects by the fingertips' motion over a step."""
-        hop, steps = self.settings.hop, self._substeps
+        hop, steps = self.settings.hop, self._pieces
         share = np.arange(1, steps + 1) / steps
         low, high = REACH[0] * self.length, REACH[1] * self.length
         place = np.clip(self.place + ALONG * hop * moves[:, 0], low, high)
