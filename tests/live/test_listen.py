@@ -160,6 +160,20 @@ def test_sound_that_the_program_takes_itself_is_a_gap() -> None:
     assert twin.time == pytest.approx(0.16)
 
 
+def test_a_sensor_that_is_restored_is_a_gap_of_a_frame() -> None:
+    twin = mc.VirtualSensor("prototype", seed=1)
+    begun = twin.snapshot()
+    updates = mc.listen(twin, "closed_form", seconds=0.5)
+    *_, before = (next(updates) for _ in range(4))
+    twin.restore(begun)
+    update = next(updates)
+    assert update.window.has_gap
+    assert update.health.dropped == 1
+    later = [each.time - before.time for each in (update, *updates)]
+    assert later == sorted(later)
+    assert later[0] > 0.0
+
+
 def test_a_virtual_sensor_is_touched_from_asyncio() -> None:
     async def places() -> list[float]:
         twin, values = mc.VirtualSensor("prototype", seed=1), list[float]()

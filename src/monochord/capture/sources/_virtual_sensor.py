@@ -25,7 +25,8 @@ LABELS = ("contact", "contacts", "position", "force", "slip", "slip_velocity", "
 class VirtualSensorSource(Source):
     """A virtual sensor whose time advances by `block` frames whenever a block is read.
 
-    It ends after `seconds`. Time skipped by the program with `VirtualSensor.advance` is a gap.
+    It ends after `seconds`. Time skipped by the program with `VirtualSensor.advance` is a gap, and so is a
+    jump back by `VirtualSensor.restore`, of one frame.
     """
 
     sensor: VirtualSensor
@@ -63,6 +64,25 @@ class VirtualSensorsSource(Source):
             stream.release()
 
 
+class _Clock:
+    """The frames of a stream by a virtual sensor's time, which may have gone on, or back, between blocks."""
+
+    def __init__(self, sensor: VirtualSensor, sample_rate: int) -> None:
+        self._sensor, self._rate = sensor, sample_rate
+        self._origin = self._now
+
+    @property
+    def _now(self) -> Samples:
+        return round(self._sensor.time * self._rate)
+
+    def lost(self, start: Samples) -> Samples:
+        """Return how many frames are lost before the next one, which is frame `start` otherwise."""
+        lost = self._now - self._origin - start
+        if lost < 0:
+            self._origin, lost = self._now - start - 1, 1
+        return lost
+
+
 class _SensorStream(PacedStream):
     def __init__(self, options: VirtualSensorSource) -> None:
         sensor, rate = options.sensor, options.sensor.sample_rate
@@ -70,7 +90,7 @@ class _SensorStream(PacedStream):
         signal = with_sensor(Signal(sample_rate=rate, channels=2, sensor=identity), sensor.design)
         end = round(options.seconds * rate) if options.seconds < math.inf else math.inf
         super().__init__(signal, block=options.block, speed=0.0, end=end)
-        self._sensor, self._origin = sensor, round(sensor.time * rate)
+        self._sensor, self._clock = sensor, _Clock(sensor, rate)
         self._labels = LabelMemory(LABELS, rate)
 
     def truth(self, start: Samples, stop: Samples) -> Truth:
@@ -78,7 +98,7 @@ class _SensorStream(PacedStream):
         return self._labels.over(start, stop)
 
     def _lost(self) -> Samples:
-        lost = round(self._sensor.time * self._signal.sample_rate) - self._origin - self._start
+        lost = self._clock.lost(self._start)
         if lost:
             self._labels.add({name: np.full(lost, np.nan) for name in LABELS}, lost)
         return lost
@@ -95,10 +115,10 @@ class _SensorsStream(PacedStream):
         end = round(options.seconds * rate) if options.seconds < math.inf else math.inf
         signal = Signal(sample_rate=rate, channels=2 * len(sensors))
         super().__init__(signal, block=options.block, speed=0.0, end=end)
-        self._sensors, self._origin = sensors, round(sensors[0].time * rate)
+        self._sensors, self._clock = sensors, _Clock(sensors[0], rate)
 
     def _lost(self) -> Samples:
-        return round(self._sensors[0].time * self._signal.sample_rate) - self._origin - self._start
+        return self._clock.lost(self._start)
 
     def _read(self, frames: Samples) -> Audio:
         sound, _ = self._sensors.advance(max(frames, 0) / self._signal.sample_rate)
