@@ -15,6 +15,7 @@ from tests.cli.running import Capture, records, refusal
 
 import monochord as mc
 from monochord.cli import run
+from monochord.cli._skin import with_skin
 from monochord.core.config import dump_toml
 from monochord.core.reasons import Reason
 from monochord.core.types import StreamHealth, Tracked
@@ -409,6 +410,20 @@ def test_the_command_prints_geometry_and_writes_frames(tmp_path: Path, capsys: C
     macro = tmp_path / "finger.urdf.xacro"
     assert run(["skin", str(file), "--out", str(macro)]) == 0
     assert "finger_strings" in macro.read_text(encoding="utf-8")
+
+
+def test_ros_has_the_strings_where_the_skin_says(tmp_path: Path) -> None:
+    file = file_of(tmp_path)
+    skin = mc.load_skin(file)
+    ros = with_skin({"sinks": {"ros2": {"frame": "wire"}}}, file)["sinks"]["ros2"]
+    assert ros["link"] == skin.link
+    assert list(ros["poses"]) == [f"{name}_wire" for name in skin.strings]
+    for string, pose in zip(skin.strings.values(), ros["poses"].values(), strict=True):
+        turn = Rotation.from_euler("xyz", pose[3:])
+        assert pose[:3] + turn.apply((0.08, 0.0, 0.0)) == pytest.approx(string.at(0.08))
+        assert -turn.apply((0.0, 0.0, 1.0)) == pytest.approx(string.direction)
+    mine = with_skin({"sinks": {"ros2": {"link": "tip", "poses": {}}, "udp": {}}}, file)["sinks"]
+    assert mine == {"ros2": {"link": "tip", "poses": {}}, "udp": {}}
 
 
 def test_live_runs_the_strings_of_a_skin(tmp_path: Path, capsys: Capture) -> None:

@@ -21,7 +21,8 @@ from monochord.cli._options import (
     window_options,
 )
 from monochord.cli._output import echo
-from monochord.core.config import Tree, dump_toml, load_toml, override, table, to_tree
+from monochord.cli._skin import with_skin
+from monochord.core.config import Tree, dump_toml, load_toml, override, table
 from monochord.core.errors import InputError
 from monochord.front.page import with_page
 from monochord.live import LiveRun, run
@@ -32,7 +33,6 @@ from monochord.live.sinks import SINKS
 from monochord.live.sinks.base import Sink
 from monochord.perception.model.bundled import bundled_names
 from monochord.physics.sensors import sensor_names
-from monochord.skin import load_skin
 
 PAGE = "web"
 """The sink that --allow-host configures."""
@@ -101,12 +101,12 @@ def live(inputs: tuple[str, ...], **options: Any) -> int:
     options["sensor"], strings = _sensors(options["sensors"])
     if options["skin"] and options["sensors"]:
         raise InputError("--skin with --sensor", "only one of them", "a skin names its sensors")
-    strings = to_tree(load_skin(options["skin"]).settings) if options["skin"] else strings
     model, opened = model_and_input(inputs)
     tree = _tree(model, opened, options)
     if options["allow_host"]:
         _allow(tree["sinks"], [*options["allow_host"]])
     tree |= {"strings": strings} if strings else {}
+    tree = with_skin(tree, options["skin"]) if options["skin"] else tree
     tree = override(tree, options["assignments"])
     tree = calibrated(tree, options["calibrate"])
     setup = LiveRun.read(tree)

@@ -6,7 +6,7 @@ touches it, as the sink `ros2` has its frames. It has a visual and no mass.
 
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from html import escape
 from pathlib import Path
 
@@ -88,11 +88,21 @@ def frame_of(string: SkinString) -> Floats:
     return np.column_stack([x, np.cross(z, x), z]) + 0.0  # 0.0 for -0.0
 
 
+def pose_of(string: SkinString) -> tuple[float, ...]:
+    """Return where a string's frame is in its link: x, y, z in m, roll, pitch, yaw in rad, as in URDF.
+
+    >>> side = SkinString(start=(0.03, 0, 0), end=(0.03, 0.2, 0), press=(0, 0, -1), sensor="prototype")
+    >>> [round(each, 4) for each in pose_of(side)]
+    [0.03, 0.0, 0.0, 0.0, 0.0, 1.5708]
+    """
+    return (*map(float, string.start), *_roll_pitch_yaw(frame_of(string)))
+
+
 def _elements(link: str, strings: Mapping[str, SkinString], prefix: str, indent: str) -> str:
     """Return a link and a fixed joint for each string."""
     lines: list[str] = []
     for name, string in strings.items():
-        frame = f'"{prefix}{name}_string"'
+        frame, pose = f'"{prefix}{name}_string"', pose_of(string)
         length = float(np.linalg.norm(np.subtract(string.end, string.start)))
         lines += [
             f"<link name={frame}>",
@@ -104,7 +114,7 @@ def _elements(link: str, strings: Mapping[str, SkinString], prefix: str, indent:
             f'<joint name="{prefix}{name}_string_joint" type="fixed">',
             f'  <parent link="{escape(link)}"/>',
             f"  <child link={frame}/>",
-            f'  <origin xyz="{_numbers(string.start)}" rpy="{_numbers(_roll_pitch_yaw(frame_of(string)))}"/>',
+            f'  <origin xyz="{_numbers(pose[:3])}" rpy="{_numbers(pose[3:])}"/>',
             "</joint>",
         ]
     return "".join(f"{indent}{line}\n" for line in lines)
@@ -119,7 +129,7 @@ def _roll_pitch_yaw(axes: Floats) -> tuple[float, float, float]:
     return float(np.arctan2(axes[2, 1], axes[2, 2])), pitch, float(np.arctan2(axes[1, 0], axes[0, 0]))
 
 
-def _numbers(values: tuple[float, float, float]) -> str:
+def _numbers(values: Iterable[float]) -> str:
     return " ".join(f"{each + 0.0:.9g}" for each in values)
 
 
