@@ -95,7 +95,8 @@ def pose_of(string: SkinString) -> tuple[float, ...]:
     >>> [round(each, 4) for each in pose_of(side)]
     [0.03, 0.0, 0.0, 0.0, 0.0, 1.5708]
     """
-    return (*map(float, string.start), *_roll_pitch_yaw(frame_of(string)))
+    place = (*map(float, string.start), *_roll_pitch_yaw(frame_of(string)))
+    return tuple(each + 0.0 for each in place)  # 0.0 for -0.0
 
 
 def _elements(link: str, strings: Mapping[str, SkinString], prefix: str, indent: str) -> str:
