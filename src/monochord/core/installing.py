@@ -25,7 +25,7 @@ PACKAGES: Mapping[str, tuple[str, ...]] = {
     "monochord-encoders": ("monochord-encoders",),
     "monochord-yamnet": ("monochord-encoders", "monochord-yamnet"),
 }
-"""Packages in the repository's folder `packages`, each with those that are installed for it."""
+"""Packages in the folder `packages` that add to Monochord, each with those that are installed for it."""
 
 
 def installation(extra: str) -> str:
