@@ -18,11 +18,11 @@ from stable_baselines3.common.vec_env import VecEnv
 from monochord.sim.observation import ESTIMATES
 from monochord.sim.touch_reflex import touch_reflex
 
-STEPS = 150_000
-ENVIRONMENTS = 32
+STEPS = 200_000
+ENVIRONMENTS, EPISODES = 32, 128
 WINDOWS = 3
 """Windows that the policy sees at once."""
-SETTINGS = {"task": "follow", "world": "plausible", "builds": 16}
+SETTINGS = {"task": "follow", "world": "plausible", "builds": 32}
 UNSEEN = 201
 """First of the builds that both are compared on."""
 COLUMN = {name: number for number, name in enumerate(ESTIMATES)}
@@ -119,29 +119,34 @@ def policy_of(model: PPO) -> Policy:
     return act
 
 
-def score(name: str, act: Policy) -> NDArray[Any]:
+def score(name: str, begin: Callable[[], Policy]) -> NDArray[Any]:
     """Return what each episode brings on builds not trained on, and print it with errors after 1 s."""
-    envs = environments(first_build=UNSEEN)
-    observation, _ = envs.reset(seed=1000)
-    returns, running = np.zeros(ENVIRONMENTS), np.ones(ENVIRONMENTS, bool)
-    errors: list[Any] = []
-    for step in range(199):
-        observation, rewards, terminated, _, infos = envs.step(act(observation))
-        returns += rewards * running
-        running &= ~terminated
-        if step >= 50:
-            errors += [np.abs([infos["position_error"], infos["force_error"]])[:, running]]
+    envs, scores, errors = environments(first_build=UNSEEN), list[Any](), list[Any]()
+    for first in range(0, EPISODES, ENVIRONMENTS):
+        act, (observation, _) = begin(), envs.reset(seed=1000 + first)
+        returns, running = np.zeros(ENVIRONMENTS), np.ones(ENVIRONMENTS, bool)
+        for step in range(199):
+            observation, rewards, terminated, _, infos = envs.step(act(observation))
+            returns += rewards * running
+            running &= ~terminated
+            if step >= 50:
+                errors += [np.abs([infos["position_error"], infos["force_error"]])[:, running]]
+        scores += returns.tolist()
     place, force = np.concatenate(errors, axis=1).mean(axis=1)
-    spread = returns.std() / np.sqrt(ENVIRONMENTS)
-    ends = f"{ENVIRONMENTS - running.sum()} of {ENVIRONMENTS} overloaded"
-    reached = f"return {returns.mean():.1f} +- {spread:.1f}, off by {1e3 * place:.2f} mm and {force:.2f} N"
-    print(f"{name}: {reached}, {ends}", flush=True)
-    return returns
+    print(
+        f"{name}: return {shown(np.array(scores))}, off by {1e3 * place:.2f} mm and {force:.2f} N", flush=True
+    )
+    return np.array(scores)
+
+
+def shown(values: NDArray[Any]) -> str:
+    """Return a mean with its standard error."""
+    return f"{values.mean():.1f} +- {values.std() / np.sqrt(len(values)):.1f}"
 
 
 def main(steps: int) -> None:
     """Print what reflex and policy reach. All of it is simulated."""
-    scripted = score("reflex", touch_reflex)
+    scripted = score("reflex", lambda: touch_reflex)
     model = PPO(
         "MlpPolicy",
         Environments(),
@@ -155,8 +160,8 @@ def main(steps: int) -> None:
         device="cpu",
     )
     model.learn(steps)
-    more = score("policy", policy_of(model)) - scripted
-    print(f"more in the same episodes: {more.mean():.1f} +- {more.std() / np.sqrt(ENVIRONMENTS):.1f}")
+    more = score("policy", lambda: policy_of(model)) - scripted
+    print(f"more in the same episodes: {shown(more)}")
 
 
 if __name__ == "__main__":

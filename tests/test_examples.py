@@ -159,9 +159,10 @@ def test_study_a_feature(output: Output) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(900)
 def test_train_a_policy(output: Output, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.argv", ["train_a_policy.py", "40960"])  # a quarter of the usual training
-    pattern = r"^(\w+): return ([\d.]+) \+- [\d.]+, off by ([\d.]+) mm and ([\d.]+) N, (\d+) of 32"
+    pattern = r"^(\w+): return ([\d.]+) \+- [\d.]+, off by ([\d.]+) mm and ([\d.]+) N$"
     rows = re.findall(pattern, output("train_a_policy.py"), re.MULTILINE)
     (reflex, policy) = ([float(number) for number in numbers] for _, *numbers in rows)
     assert [name for name, *_ in rows] == ["reflex", "policy"]
