@@ -201,7 +201,8 @@ class Reason(StrEnum):
         self.finding, self.remedy, self.brief = row.finding, row.remedy, row.brief
         return self
 
-    __repr__ = str.__repr__
+    def __repr__(self) -> str:
+        return str.__repr__(self)
 
     NONE = _Row("", None)
     OTHER = "for a reason of its own"
