@@ -303,8 +303,11 @@ def ros_messages(line: str) -> Generator[list[object]]:
         return
     domain = re.search(r"ros2\.domain=(\d+)", line)
     with Participant(domain=int(domain[1]) if domain else None) as here:
-        topic = f"{sink[1] or '/monochord'}/wrench"
-        here.reader(topic, "WrenchStamped", lambda message, _: received.append(message))
+        place = sink[1] or "/monochord"
+        for string in ("/left", "/right") if "--skin" in line else ("",):
+            here.reader(
+                f"{place}{string}/wrench", "WrenchStamped", lambda message, _: received.append(message)
+            )
         yield received
 
 
