@@ -124,6 +124,9 @@ class Group(Checked):
         Number of strokes of a touch of "slide", each with its own speed and, after the first, force.
     speeds
         Range of the strokes' speeds in m/s.
+    dwell
+        Range in s of how long the object rests where each stroke ends. By default the next one follows, or
+        the release.
     lifted
         Clearance offset in m with which the motion is repeated without contact; 0 for contact.
     clearances
@@ -175,6 +178,7 @@ class Group(Checked):
     detuned: Pair[Annotated[float, Meta(ge=-MAX_TUNING, le=MAX_TUNING)]] | None = None
     strokes: Amount = 4
     speeds: Pair[Annotated[MetresPerSecond, Meta(gt=0.0, le=0.4)]] = (0.001, 0.03)
+    dwell: Pair[Duration] | None = None
     lifted: Annotated[Metres, Meta(ge=0.0, le=0.05)] = 0.0
     clearances: Pair[Annotated[Metres, Meta(gt=0.0)]] = (0.05e-3, 0.5e-3)
     like: str = ""
@@ -193,6 +197,7 @@ class Group(Checked):
             places=self.places,
             forces=self.forces,
             speeds=self.speeds,
+            dwell=self.dwell,
             clearances=self.clearances,
             second=ends(self.second),
             in_turn=self.in_turn,
@@ -218,6 +223,8 @@ class Group(Checked):
         if (self.protocol, self.approach) != ("hold", "robot") and (self.again or self.swing or self.vibrato):
             given = f"group {self.name}: again, swing or vibrato of {self.protocol} by {self.approach}"
             raise InputError(given, "protocol hold by robot")
+        if self.dwell and self.protocol != "slide":
+            raise InputError(f"group {self.name}: dwell of {self.protocol}", "protocol slide")
         if isinstance(self.second, tuple) and (self.second[0] <= 0.0 or self.again):
             raise InputError(f"group {self.name}: second {self.second}", "distances above 0, and no again")
         if self.in_turn is not None:

@@ -251,12 +251,15 @@ class _Touches:
             distance = speed * drawn(group.hold, self._pace)
             if number % 2 == 0 and not group.rolls:
                 yield Slide(across=distance if i % 2 == 0 else -distance, speed=speed)
-                continue
-            space = high - place, place - low
-            distance = min(distance, max(space))
-            distance = distance if space[0] >= distance and (i % 2 == 0 or space[1] < distance) else -distance
-            yield Slide(along=distance, speed=speed)
-            place += distance
+            else:
+                space = high - place, place - low
+                distance = min(distance, max(space))
+                ahead = space[0] >= distance and (i % 2 == 0 or space[1] < distance)
+                distance = distance if ahead else -distance
+                yield Slide(along=distance, speed=speed)
+                place += distance
+            if group.dwell is not None:
+                yield Stay(seconds=drawn(group.dwell, self._pace), kind="hold")
 
     def _depth(self, place: Metres, force: Newtons) -> Metres:
         return float(depth_under(self._string, place, force))
