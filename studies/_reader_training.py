@@ -138,17 +138,11 @@ def train_network(
     epochs: int,
     seed: int,
     report: Callable[[int, float], None],
-    start: ReaderNetwork | None = None,
 ) -> ReaderNetwork:
-    """Return the reader's network, trained on examples; `report` is called with each epoch and its loss.
-
-    It begins with random weights, or with those of `start`.
-    """
+    """Return the reader's network, trained on examples; `report` is called with each epoch and its loss."""
     torch: Any = torch_library()
     torch.manual_seed(seed)
     module = _module(torch)
-    if start is not None:
-        _load(torch, module, start)
     cells, kind = torch.from_numpy(examples.cells), torch.from_numpy(examples.kind)
     position = torch.tensor(examples.position, dtype=torch.float32)
     is_placed = torch.tensor(np.isin(examples.kind, PLACED))
@@ -265,20 +259,6 @@ def _arrays(module: Any) -> dict[str, Any]:
     """Return a network's weights and biases by the names of the package's arrays."""
     named: dict[str, Any] = dict(module.named_parameters())
     return {NAMES.get(name, name.removesuffix(".weight")): own for name, own in named.items()}
-
-
-def _load(torch: Any, module: Any, network: ReaderNetwork) -> None:
-    """Give a module the weights of a network; it sees no difference yet where the input is swapped."""
-    for name, own in _arrays(module).items():
-        array = torch.from_numpy(getattr(network, name).T.copy())
-        with torch.no_grad():
-            own.zero_()
-            if own.ndim > 2:
-                array = array.reshape(len(own), own.shape[-1], -1).transpose(1, 2)
-                array = array.reshape(*array.shape[:2], *own.shape[2:])
-                own[:, : array.shape[1]] = array
-            else:
-                own[: len(array)] = array
 
 
 def _expected(torch: Any, position: Any) -> Any:

@@ -1,11 +1,13 @@
 """Make the bundled model from nothing: simulate, train the reader's networks, then the heads.
 
     python -m studies.bundled_model FOLDER
+    python -m studies.bundled_model FOLDER --start src/monochord/perception/reader/network.safetensors
 
-FOLDER receives all parts, each of which is kept, so an interrupted run continues. Three quarters of the
-builds train the reader: first its network of single windows, then its memory, on what that network makes of
-every window. Sessions of the other builds validate both, and train and calibrate the heads: to these the
-reader is as it is to an unknown sensor. Networks and model replace those of the package.
+FOLDER receives all parts, each of which is kept, so an interrupted run continues. With `--start` the network
+of single windows is kept, and the memory learns on. Three quarters of the builds train the reader: first its
+network of single windows, then its memory, on what that network makes of every window. Sessions of the other
+builds validate both, and train and calibrate the heads: to these the reader is as it is to an unknown sensor.
+Networks and model replace those of the package.
 """
 
 import json
@@ -33,13 +35,27 @@ from monochord.perception.model import bundled_folder
 from monochord.perception.reader import FILE, ReaderNetwork
 from studies import _memory_figures
 
-PLANS: Mapping[str, tuple[str, ...]] = {"studies/plans/builds_3.toml": ()}
+PLANS: Mapping[str, tuple[str, ...]] = {"studies/plans/builds_3.toml": (), "studies/plans/grips.toml": ()}
 """Plans and their overrides."""
 CORRECTIONS = '{force = ["position", "open - rest"]}'
 """What an unknown build and object add to the uncertainty, and what known touches take away again."""
 READER, HEADS = 0.75, 0.88
 """Share of the builds up to which they train the reader's networks, and up to which they train heads."""
-OFTEN = frozenset({"slid", "slid_fast", "swung", "swayed", "pressed_hard"})
+OFTEN = frozenset(
+    {
+        "slid",
+        "slid_fast",
+        "swung",
+        "swayed",
+        "pressed_hard",
+        "swung_slowly",
+        "swung_fast",
+        "swung_by_motors",
+        "slid_and_rested",
+        "slid_fast_and_rested",
+        "pressed_firmly",
+    }
+)
 """Groups chosen twice as often: few windows have a force that swings, a place that moves, or a hard press."""
 REPORTED = 250
 """Updates between two reports."""
@@ -88,7 +104,11 @@ def group_weights(groups: Sequence[str], rows: Rows) -> Floats:
 @click.option("--takes", default=2, show_default=True, help="Variants of a session, each changed otherwise.")
 @click.option("--epochs", default=14, show_default=True, help="Passes of the network of single windows.")
 @click.option("--updates", default=20_000, show_default=True, help="Updates of the memory.")
-@click.option("--start", type=click.Path(path_type=Path), help="Networks to begin with; by default random.")
+@click.option(
+    "--start",
+    type=click.Path(path_type=Path),
+    help="Networks: that of windows is kept, the memory learns on.",
+)
 @click.option("--seed", default=0, show_default=True, help="Random seed.")
 @click.option("--workers", type=int, help="Worker processes; by default one a core.")
 @click.option("--only", type=click.Choice(("reader", "heads")), help="Make only the networks, or the heads.")
@@ -152,8 +172,10 @@ def train_reader(
     heard = [one for one in work if share_of(one.build or 0, seed) < READER]
     unheard = [one for one in work if share_of(one.build or 0, seed) >= READER]
     taught = [Variant(file=sound_file(one, sounds), take=take) for one in heard for take in range(takes)]
-    begin, file = load_file(start) if start else {}, folder / "windows.safetensors"
-    if not file.exists():
+    file = folder / "windows.safetensors"
+    if not file.exists() and start:
+        save_file(_network(load_file(start))._asdict(), file)
+    elif not file.exists():
         make = partial(write_examples, folder=windows, count=count // takes, seed=seed)
         in_turn("windows", taught, make, workers=workers)
         examples = read_examples([variant.within(windows) for variant in taught])
@@ -164,8 +186,7 @@ def train_reader(
                 progress("epochs", number, epochs)
                 report(f"reader, epoch {number} of {epochs}: loss {loss:.3f}")
 
-            own = _network(begin) if start else None
-            network = train_network(examples, epochs=epochs, seed=seed, report=epoch, start=own)
+            network = train_network(examples, epochs=epochs, seed=seed, report=epoch)
         save_file(network._asdict(), file)
     arrays = load_file(file)
     tests = {
@@ -186,8 +207,9 @@ def train_reader(
                 report(f"memory, update {number} of {updates}: loss {loss:.3f}")
 
         weight = group_weights([one.group.name for one in heard for _ in range(takes)], rows)
-        own = begin if "memory_last" in begin else None
-        memory = train_memory(rows, weight, updates=updates, seed=seed, report=update, start=own)
+        memory = train_memory(
+            rows, weight, updates=updates, seed=seed, report=update, start=load_file(start) if start else None
+        )
     save_file({**arrays, **memory}, folder / "network.safetensors")
     groups, result = [one.group.name for one in unheard], dict[str, Any]()
     for name, own in tests.items():

@@ -12,7 +12,7 @@ from monochord.lab.plans import load_plan, plan_names
 FOLDER = Path(__file__).parents[2] / "studies" / "plans"
 NAMES = sorted(file.stem for file in FOLDER.glob("*.toml"))
 SEALED = [name for name in NAMES if name.startswith("sealed")]
-SIZES = {"sealed_9": (24, 13)}
+SIZES = {"sealed_9": (24, 13), "sealed_10": (24, 13)}
 """Builds of one design and objects of a sealed plan; of those before, 20 and 10."""
 OURS = plan_names()
 
@@ -51,9 +51,8 @@ def test_a_sealed_plan_shares_no_build_day_or_made_up_object_with_any_other(plan
     assert not builds & {build for group in others for build in _builds(group)}
     assert not builds & {*range(FIRST_BUILD, FIRST_BUILD + 1000)}  # those of the hardware suite
     assert not days & {day for group in others for day in group.days}
-    # The ninth has the eighth's objects again: no model learned from either.
-    apart = [*SEALED, plan] if plan == "sealed_9" else ["sealed_9", plan]
-    trained = [group for name in every() if name not in apart for group in plan_of(name).groups]
+    # The three have the same objects: no model learned from any.
+    trained = [group for name in every() if name not in SEALED for group in plan_of(name).groups]
     known = {"plastic", "metal_tube", "wood", "allen_key"}
     assert materials & {group.material for group in trained} == known
     assert len(materials) == objects
@@ -85,19 +84,20 @@ def test_each_build_of_a_sealed_plan_has_100_touches_to_know_and_100_to_score(pl
     assert max(pitch) > 0.02
 
 
-def test_the_training_of_builds_3_has_a_build_a_session_and_shares_nothing_with_a_test() -> None:
-    plan = plan_of("builds_3")
+@pytest.mark.parametrize("training", ["builds_3", "grips"])
+def test_training_has_a_build_a_session_and_shares_nothing_with_a_test(training: str) -> None:
+    plan = plan_of(training)
     sessions = assignments(plan)
     builds = [one.build or 0 for one in sessions]
     assert len(builds) == len(set(builds)) == max(builds) - min(builds) + 1
-    others = [group for name in every() if name != "builds_3" for group in plan_of(name).groups]
+    others = [group for name in every() if name != training for group in plan_of(name).groups]
     assert not {*builds} & {build for group in others for build in _builds(group)}
     assert not {one.day for one in sessions} & {day for group in others for day in group.days}
     # What a session draws depends on its name: equal names would be equal speech, songs and strokes.
     tests = {group.name for name in SEALED for group in plan_of(name).groups}
     assert not {group.name for group in plan.groups} & tests
     ideal = [one for one in sessions if one.world == "ideal"]
-    assert 0 < len(ideal) < 0.03 * len(sessions)
+    assert 0 < len(ideal) < 0.1 * len(sessions)
 
 
 @pytest.mark.parametrize("name", ["sealed_9", "builds_3"])
