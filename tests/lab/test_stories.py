@@ -25,6 +25,8 @@ STORIES = (
     replace(HELD, name="swing", swing=(3.0, 10.0), hold=1.0),
     replace(HELD, name="strong", forces=(7.0, 10.0), hold=0.3),
     replace(HELD, name="fast", protocol="slide", grid=(2, 2), speeds=(0.1, 0.3), strokes=2, hold=0.4),
+    replace(HELD, name="stops", protocol="slide", grid=(2, 1), strokes=2, hold=0.4, speeds=(0.01, 0.03),
+            dwell=(0.3, 0.6)),
     replace(HELD, name="rolled", protocol="slide", grid=(2, 1), speeds=(0.1, 0.3), strokes=2, hold=0.4,
             rolls=True),
     replace(HELD, name="taps", protocol="tap", grid=(6, 1), hold=(0.02, 0.08), pause=(0.1, 0.3)),
@@ -110,6 +112,19 @@ def test_a_force_swings_at_its_rate_without_sliding() -> None:
         assert np.ptp(forces) > 0.2
         expected = np.interp(time[after], [key.time for key in keys], [key.force for key in keys])
         assert np.abs(forces - expected).max() < 0.05
+
+
+def test_a_stroke_may_end_in_a_rest() -> None:
+    timing, sound = performed("stops")
+    slip, time = sound.labels["slip"], sound.label_time
+    rests = 0
+    for stroke, rest in pairwise(timing.motion.phases):
+        if (stroke.kind, rest.kind) == ("slide", "hold"):
+            assert 0.3 <= rest.stop - rest.start <= 0.6
+            assert slip[(time > stroke.start + 0.1) & (time < stroke.stop - 0.1)].min() == 1.0
+            assert slip[(time > rest.start + 0.1) & (time < rest.stop)].max() == 0.0
+            rests += 1
+    assert rests == 4
 
 
 def test_a_press_may_have_ten_newtons() -> None:
@@ -286,6 +301,7 @@ def test_a_story_is_a_session_that_aligns_and_has_its_labels(name: str, tmp_path
     [
         {"protocol": "slide", "swing": (1.0, 2.0)},
         {"approach": "hand", "vibrato": (1e-3, 2e-3)},
+        {"dwell": (0.1, 0.2)},
         {"second": 0.02, "in_turn": (0.1, 0.2), "hold": 1.0, "pause": 1.0},
         {"second": (0.01, 0.02), "in_turn": (0.1, 0.6), "hold": 1.0, "pause": 2.0},
         {"second": (0.01, 0.02), "in_turn": (0.1, 0.4), "hold": 1.0},
