@@ -19,7 +19,7 @@ Output = Callable[[str], str]
 @pytest.fixture(scope="module")
 def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of the sessions that several scripts collect, which are simulated once."""
-    return mc.collect("small", tmp_path_factory.mktemp("examples") / "sessions").out
+    return mc.collect("small", tmp_path_factory.mktemp("examples") / "sessions", workers=1).out
 
 
 @pytest.fixture

@@ -73,13 +73,16 @@ def test_every_example_names_a_command_and_options_that_parse(line: str) -> None
         assert parsed.command is command
 
 
+FEW = "groups=[{name='hold', sessions=2, grid=[3, 1], hold=0.3}]"
+
+
 @pytest.fixture(scope="module")
 def sessions(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with simulated sessions, and one of them under the name that the examples use."""
+    """Return a folder with short sessions, and one of them under the name that the examples use."""
     path = tmp_path_factory.mktemp("sessions")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(path)
-        assert cli.run(["collect", "quick", "--out", "sessions"]) == 0
+        assert cli.run(["collect", "quick", "--out", "sessions", "--set", FEW, "--workers", "1"]) == 0
         copy("sessions/hold_000.mcap", "session.mcap")
         assert cli.run(["sessions", "export", "wav-csv", "session.mcap", "--out", "tables"]) == 0
         assert cli.run(["sessions", "resample", "session.mcap", "--out", "slow.mcap", "--rate", "22050"]) == 0
@@ -102,9 +105,11 @@ def sessions(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def folder(sessions: Path) -> Path:
-    """Return that folder with a dataset, another split of it, a trained model, and its report."""
+    """Return that folder with longer sessions, a dataset, another split of it, a model, and its report."""
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(sessions)
+        rmtree("sessions")
+        assert cli.run(["collect", "quick", "--out", "sessions"]) == 0
         assert cli.run(["build", "sessions", "--out", "dataset"]) == 0
         copy("dataset/split.json", "other.json")
         assert cli.run(["train", "--dataset", "dataset", "--out", "run"]) == 0

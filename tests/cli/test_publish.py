@@ -34,7 +34,7 @@ def sums_hold(folder: Path) -> bool:
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with sessions, a dataset of them, and a report of the bundled model on them."""
     folder = tmp_path_factory.mktemp("made")
-    sessions = mc.collect("quick", folder / "sessions", settings=PLAN)
+    sessions = mc.collect("quick", folder / "sessions", settings=PLAN, workers=1)
     mc.build(sessions, folder / "dataset")
     report = mc.evaluate("demo", sessions=sessions, baselines=False)
     (folder / "report").mkdir()

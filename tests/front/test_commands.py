@@ -95,7 +95,7 @@ def test_build_and_audit(collected: Path, tmp_path: Path, capsys: Capture) -> No
 def test_build_takes_sessions_paths_and_patterns_and_raises_on_leaks(
     collected: Path, tmp_path: Path, capsys: Capture
 ) -> None:
-    sessions = mc.collect("quick", collected / "sessions", settings=[HOLD])
+    sessions = mc.collect("quick", collected / "sessions", settings=[HOLD], workers=1)
     of_paths = mc.build([session.path for session in sessions], tmp_path / "paths", seed=1)
     of_pattern = mc.build(f"{collected}/sessions/*.mcap", tmp_path / "pattern", seed=1)
     assert of_paths.dataset.checksum == of_pattern.dataset.checksum
