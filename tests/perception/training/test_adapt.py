@@ -22,6 +22,7 @@ from monochord.perception.model.faults import NAMES
 from monochord.perception.model.network import quantity
 from monochord.perception.model.stepping import with_length_error
 from monochord.perception.training.adapt import adapt, desensitised, judge
+from monochord.perception.training.adaptation import Adaptation
 from monochord.perception.training.calibration import calibrated
 from monochord.perception.training.correct import with_prior, with_variables
 from monochord.perception.training.examples import touches_of
@@ -38,6 +39,12 @@ BIAS = 0.5
 @pytest.fixture(scope="module")
 def made() -> list[Model]:
     """The model of `correctable`, once a test asked for it: it is a value, and its prior takes a second."""
+    return []
+
+
+@pytest.fixture(scope="module")
+def adaptations() -> list[Adaptation]:
+    """The result of `adapted`, once a test asked for it."""
     return []
 
 
@@ -84,6 +91,14 @@ def foreign(foreign_session: Path, tmp_path: Path) -> Dataset:
     return build_dataset([foreign_session], tmp_path / "foreign")
 
 
+@pytest.fixture
+def adapted(correctable: Model, foreign: Dataset, adaptations: list[Adaptation]) -> Adaptation:
+    """The adaptation of `correctable` by all touches of `foreign`."""
+    if not adaptations:
+        adaptations.append(adapt(correctable, foreign))
+    return adaptations[0]
+
+
 def test_known_touches_of_another_build_take_its_bias_away(correctable: Model, foreign: Dataset) -> None:
     result = adapt(correctable, foreign, touches=8)
     force = result.heads["force"]
@@ -98,16 +113,16 @@ def test_known_touches_of_another_build_take_its_bias_away(correctable: Model, f
 
 
 def test_the_touch_to_make_next_lies_within_the_sensing_range(correctable: Model, foreign: Dataset) -> None:
-    anywhere = adapt(correctable, foreign).next_touch
+    anywhere = adapt(correctable, foreign, touches=8).next_touch
     assert anywhere is not None
     span = (0.05, 0.1) if anywhere.position > 0.1 else (0.1, 0.15)
     for result in (
-        adapt(correctable, foreign, sensing_range=span),
+        adapt(correctable, foreign, touches=8, sensing_range=span),
         judge(correctable, foreign, sensing_range=span),
     ):
         assert result.next_touch is not None
         assert span[0] <= result.next_touch.position <= span[1]
-    assert adapt(correctable, foreign, sensing_range=(0.3, 0.4)).next_touch is None
+    assert adapt(correctable, foreign, touches=8, sensing_range=(0.3, 0.4)).next_touch is None
 
 
 @pytest.mark.parametrize("touches", [None, 0])
@@ -190,10 +205,10 @@ def test_an_object_is_judged_by_the_others_where_there_are_several(
 
 
 def test_an_adapted_model_is_saved_and_remembers_what_it_heard(
-    correctable: Model, foreign: Dataset, tmp_path: Path
+    adapted: Adaptation, foreign: Dataset, tmp_path: Path
 ) -> None:
-    adapted = adapt(correctable, foreign).model
-    again = load(tmp_path / "model") if adapted.save(tmp_path / "model") else adapted
+    model = adapted.model
+    again = load(tmp_path / "model") if model.save(tmp_path / "model") else model
     record = again.definition.heads["force"].correction
     assert record is not None
     assert (record.touches, record.variables) == (12, ())
@@ -341,8 +356,10 @@ def test_the_command_writes_a_model_that_live_takes(
     assert str(out) in capsys.readouterr().err
 
 
-def test_a_model_that_is_judged_stays_as_it_is(correctable: Model, foreign: Dataset) -> None:
-    result, adapted = judge(correctable, foreign), adapt(correctable, foreign)
+def test_a_model_that_is_judged_stays_as_it_is(
+    correctable: Model, adapted: Adaptation, foreign: Dataset
+) -> None:
+    result = judge(correctable, foreign)
     assert result.model is correctable
     assert not result.learned
     for name, head in result.heads.items():
@@ -403,7 +420,9 @@ def test_forces_of_a_string_tuned_otherwise_are_known_as_of_the_design(
         labels={**foreign.labels, "force": foreign.label("force") * force_scale(looser, design)},
         manifest=replace(foreign.manifest, parts=(part,)),
     )
-    known, expected = (adapt(model, dataset).model.correction("force") for dataset in (tuned, foreign))
+    known, expected = (
+        adapt(model, dataset, touches=8).model.correction("force") for dataset in (tuned, foreign)
+    )
     assert known is not None
     assert expected is not None
     np.testing.assert_allclose(known.mean, expected.mean, atol=1e-6)

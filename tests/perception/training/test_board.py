@@ -61,7 +61,7 @@ def test_a_run_has_its_history_on_the_board_also_when_asked_for_it_later(
     lesson: dict[str, Any], tmp_path: Path
 ) -> None:
     pytest.importorskip("tensorboard")
-    short = {**lesson, "optimiser": {"epochs": 2, "batch": 64}}
+    short = {**lesson, "methods": ["network"], "optimiser": {"epochs": 2, "batch": 64}}
     train(TrainingSettings.read(short), tmp_path)
     assert not (tmp_path / "board").exists()
     for again in range(2):

@@ -10,6 +10,7 @@ from typing import Any, get_args
 
 import numpy as np
 import pytest
+from tests.conftest import shared
 
 from monochord.core.errors import InputError, MissingLibraryError
 from monochord.core.installing import TORCH_INDEX
@@ -31,11 +32,26 @@ from monochord.perception.training.train import TrainingResult, train, window_of
 
 pytestmark = pytest.mark.usefixtures("made_up_features")
 WITHOUT_NETWORK = {"methods": ["ridge", "extra_trees"]}
-ALONE = pytest.mark.parametrize("method", ["ridge", "extra_trees"])
+ALONE = pytest.mark.parametrize("method", ["ridge", "extra_trees"], indirect=True)
 
 
 def learned(lesson: dict[str, Any], out: Path, **settings: Any) -> TrainingResult:
     return train(TrainingSettings.read({**lesson, **settings}), out)
+
+
+@pytest.fixture
+def method(request: pytest.FixtureRequest) -> Method:
+    return request.param
+
+
+@pytest.fixture
+def alone(lesson: dict[str, Any], method: Method, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a training run of `lesson` by one method, to be read alone."""
+
+    def fill(home: Path) -> None:
+        learned(lesson, home / "run", methods=[method])
+
+    return shared(tmp_path_factory, f"lesson_by_{method}", fill) / "run"
 
 
 @pytest.fixture(scope="module")
@@ -227,13 +243,10 @@ def drawn_definition() -> Definition:
 
 
 @ALONE
-def test_each_method_is_calibrated_and_beats_the_mean_label(
-    lesson: dict[str, Any], learnable: Path, tmp_path: Path, method: Method
-) -> None:
-    learned(lesson, tmp_path / "run", methods=[method])
+def test_each_method_is_calibrated_and_beats_the_mean_label(alone: Path, learnable: Path) -> None:
     dataset = open_dataset(learnable)
     test = Split.read(dataset.path / "split.json").test
-    model, state = load(tmp_path / "run"), ModelState()
+    model, state = load(alone), ModelState()
     errors, stds = dict[str, list[float]](), dict[str, list[float]]()
     abstained = 0
     for row in test.tolist():
@@ -254,10 +267,8 @@ def test_each_method_is_calibrated_and_beats_the_mean_label(
 
 
 @ALONE
-def test_equal_rows_give_equal_bits_in_any_batch(
-    lesson: dict[str, Any], tmp_path: Path, method: Method
-) -> None:
-    model = learned(lesson, tmp_path / "run", methods=[method]).model
+def test_equal_rows_give_equal_bits_in_any_batch(alone: Path) -> None:
+    model = load(alone)
     mean, scale = model.weights["scaler.mean"], model.weights["scaler.scale"]
     rows = (mean + scale * np.random.default_rng(0).normal(size=(7, len(mean)))).astype(np.float32)
     network = HeadNetwork.of(model.definition, model.weights)
@@ -282,7 +293,7 @@ def test_without_pytorch_the_network_is_left_out_and_says_how_to_have_it(
     lesson: dict[str, Any], tmp_path: Path
 ) -> None:
     given = [f"{name}={lesson[name]!r}".replace("'", '"') for name in ("title", "cache")]
-    settings = [*given, 'feature={name="bands"}']
+    settings = [*given, 'feature={name="bands"}', "noise.copies=0"]
     model = front_train(lesson["dataset"], tmp_path / "run", config="paper", settings=[*settings, *HEADS])
     assert isinstance(model, TrainedModel)
     assert model.epochs == 0
@@ -308,8 +319,9 @@ def test_methods_that_make_no_sense_are_refused(lesson: dict[str, Any], methods:
         TrainingSettings.read({**lesson, "methods": methods})
 
 
-def test_a_damaged_forest_is_refused_or_ends(lesson: dict[str, Any], tmp_path: Path) -> None:
-    model = learned(lesson, tmp_path / "run", methods=["extra_trees"]).model
+@pytest.mark.parametrize("method", ["extra_trees"], indirect=True)
+def test_a_damaged_forest_is_refused_or_ends(alone: Path) -> None:
+    model = load(alone)
     name = next(name for name in model.weights if name.endswith(".forest"))
     nodes = model.weights[name].copy()
     nodes[:, [0, 2]] = np.random.default_rng(0).normal(scale=1e6, size=(len(nodes), 2))
