@@ -20,6 +20,8 @@ OTHER_MEANS = (
     "sessions label",
 )  # fmt: skip
 """Words of examples that need a device, a person, a download or minutes: these are parsed, not run."""
+RUN_ELSEWHERE = ("demo --seconds", "design --range", "doctor --sensor")
+"""Words of examples that run whole in `test_demo.py`, `tests/front/test_design.py` and `test_doctor.py`."""
 UNENDING = ("monochord demo", "monochord live demo --source twin", "--estimator closed_form")
 """Ends of examples that run until Control-C."""
 
@@ -140,8 +142,8 @@ def work(line: str, place: Path, here: Path) -> None:
 
 
 def is_run(line: str) -> bool:
-    """Return whether an example needs no device and no download, ends by itself, and takes seconds."""
-    return not line.endswith(UNENDING) and not any(word in line for word in OTHER_MEANS)
+    """Return whether an example needs no device and no download, ends by itself, and runs nowhere else."""
+    return not line.endswith(UNENDING) and not any(word in line for word in OTHER_MEANS + RUN_ELSEWHERE)
 
 
 LASTS = re.compile(

@@ -17,7 +17,7 @@ COLOUR = re.compile(rb"\x1b\[(?:[39]\d|38;|1;3\d)[\d;]*m")
 FEW = "groups=[{name='hold', sessions=1, grid=[1, 1], hold=0.3}]"
 DRAWING = {
     "demo": ["demo", "--no-browser", "--seconds", "1"],
-    "live": ["live", "demo", "--source", "twin", "--seconds", "1"],
+    "live": ["live", "--estimator", "closed_form", "--source", "twin", "--seconds", "0.5"],
     "record": ["record", "take.mcap", "--source", "twin", "--seconds", "1"],
     "collect": ["collect", "quick", "--out", "sessions", "--set", FEW],
     "doctor": ["doctor"],
