@@ -41,21 +41,7 @@ CORRECTIONS = '{force = ["position", "open - rest"]}'
 """What an unknown build and object add to the uncertainty, and what known touches take away again."""
 READER, HEADS = 0.75, 0.88
 """Share of the builds up to which they train the reader's networks, and up to which they train heads."""
-OFTEN = frozenset(
-    {
-        "slid",
-        "slid_fast",
-        "swung",
-        "swayed",
-        "pressed_hard",
-        "swung_slowly",
-        "swung_fast",
-        "swung_by_motors",
-        "slid_and_rested",
-        "slid_fast_and_rested",
-        "pressed_firmly",
-    }
-)
+OFTEN = frozenset({"slid", "slid_fast", "swung", "swayed", "pressed_hard"})
 """Groups chosen twice as often: few windows have a force that swings, a place that moves, or a hard press."""
 REPORTED = 250
 """Updates between two reports."""

@@ -23,6 +23,7 @@ HELD = Group(name="held", grid=(3, 1), forces=(0.5, 1.5), hold=(0.3, 0.8))
 STORIES = (
     HELD,
     replace(HELD, name="swing", swing=(3.0, 10.0), hold=1.0),
+    replace(HELD, name="steps", swing=(3.0, 10.0), steps=(0.01, 0.02), hold=1.0),
     replace(HELD, name="strong", forces=(7.0, 10.0), hold=0.3),
     replace(HELD, name="fast", protocol="slide", grid=(2, 2), speeds=(0.1, 0.3), strokes=2, hold=0.4),
     replace(HELD, name="stops", protocol="slide", grid=(2, 1), strokes=2, hold=0.4, speeds=(0.01, 0.03),
@@ -112,6 +113,23 @@ def test_a_force_swings_at_its_rate_without_sliding() -> None:
         assert np.ptp(forces) > 0.2
         expected = np.interp(time[after], [key.time for key in keys], [key.force for key in keys])
         assert np.abs(forces - expected).max() < 0.05
+
+
+def test_a_force_may_swing_in_the_steps_of_a_controller() -> None:
+    timing, sound = performed("steps")
+    pairs = [(one, other) for one, other in pairwise(timing.motion.keys) if other.force > 0.1 < one.force]
+    rests = [other.time - one.time for one, other in pairs if one.force == other.force]
+    steps = [
+        (other.time - one.time, abs(other.force - one.force))
+        for one, other in pairs
+        if one.force != other.force
+    ]
+    assert len(rests) > 100
+    assert 0.001 < np.median(rests) < 0.02
+    assert 0.001 < np.median([time for time, _ in steps]) < 0.02
+    assert np.median([size for _, size in steps]) < 0.25
+    pressed = sound.labels["force"] > 0.3
+    assert sound.labels["slip"][pressed].mean() < 0.02
 
 
 def test_a_stroke_may_end_in_a_rest() -> None:
@@ -302,6 +320,7 @@ def test_a_story_is_a_session_that_aligns_and_has_its_labels(name: str, tmp_path
         {"protocol": "slide", "swing": (1.0, 2.0)},
         {"approach": "hand", "vibrato": (1e-3, 2e-3)},
         {"dwell": (0.1, 0.2)},
+        {"steps": (0.01, 0.02)},
         {"second": 0.02, "in_turn": (0.1, 0.2), "hold": 1.0, "pause": 1.0},
         {"second": (0.01, 0.02), "in_turn": (0.1, 0.6), "hold": 1.0, "pause": 2.0},
         {"second": (0.01, 0.02), "in_turn": (0.1, 0.4), "hold": 1.0},

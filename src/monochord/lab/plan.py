@@ -110,6 +110,9 @@ class Group(Checked):
     swing
         Range in N/s of the rate at which the force of "hold" rises and falls between the touch's force and
         another one of `forces`, a quarter of that range away or more. By default it is constant.
+    steps
+        Range in s of the time between two commands of the robot's controller: the force of `swing` goes in
+        steps, each of them over a tenth of that time or more. By default it goes evenly.
     vibrato
         Range in m by which a touch of "hold" swings along the string to either side, at `VIBRATO_RATES` of
         `monochord.lab.schedule`, within `places`. It slides or, with `rolls`, rolls.
@@ -172,6 +175,7 @@ class Group(Checked):
     pause: Duration | Pair[Duration] | None = None
     again: Pair[Duration] | None = None
     swing: Pair[Annotated[float, Meta(gt=0.0, le=100.0)]] | None = None
+    steps: Pair[Annotated[Seconds, Meta(ge=0.002, le=0.1)]] | None = None
     vibrato: Pair[Annotated[Metres, Meta(gt=0.0, le=0.01)]] | None = None
     on_touched: Pair[Annotated[Seconds, Meta(ge=-1.0, le=10.0)]] | None = None
     driver_dies: Pair[Share] | None = None
@@ -205,6 +209,7 @@ class Group(Checked):
             pause=None if self.pause is None else ends(self.pause),
             again=self.again,
             swing=self.swing,
+            steps=self.steps,
             vibrato=self.vibrato,
             on_touched=self.on_touched,
             driver_dies=self.driver_dies,
@@ -220,15 +225,21 @@ class Group(Checked):
             raise InputError(f"group {self.name}: a hand and protocol {self.protocol}", "protocol hold")
         if not self.days:
             raise InputError(f"group {self.name} without days", "one day or more")
-        if (self.protocol, self.approach) != ("hold", "robot") and (self.again or self.swing or self.vibrato):
-            given = f"group {self.name}: again, swing or vibrato of {self.protocol} by {self.approach}"
-            raise InputError(given, "protocol hold by robot")
-        if self.dwell and self.protocol != "slide":
-            raise InputError(f"group {self.name}: dwell of {self.protocol}", "protocol slide")
+        self._refuse_other_protocols()
         if isinstance(self.second, tuple) and (self.second[0] <= 0.0 or self.again):
             raise InputError(f"group {self.name}: second {self.second}", "distances above 0, and no again")
         if self.in_turn is not None:
             self._refuse_crossing(self.in_turn[1])
+
+    def _refuse_other_protocols(self) -> None:
+        """Raise `InputError` for stories that the group's protocol does not have."""
+        if (self.protocol, self.approach) != ("hold", "robot") and (self.again or self.swing or self.vibrato):
+            given = f"group {self.name}: again, swing or vibrato of {self.protocol} by {self.approach}"
+            raise InputError(given, "protocol hold by robot")
+        if self.steps and not self.swing:
+            raise InputError(f"group {self.name}: steps without swing", "both")
+        if self.dwell and self.protocol != "slide":
+            raise InputError(f"group {self.name}: dwell of {self.protocol}", "protocol slide")
 
     def _refuse_crossing(self, longest: Seconds) -> None:
         """Raise `InputError` unless the second object may come and go by `longest` beside the first."""

@@ -66,6 +66,8 @@ TAP_SPEED = (0.03, 0.3)
 """Range of the speed of a tap of the protocol "tap" in m/s: assumed."""
 SWING_SHARE = (0.25, 0.75)
 """Range of how far apart the two forces of a swing are, as a share of the group's range of forces."""
+RISE_SHARE = (0.1, 0.9)
+"""Range of how much of the time between two commands a step of the force takes."""
 VIBRATO_RATES: tuple[Hertz, Hertz] = (3.0, 7.0)
 """Range of the rate of a vibrato, from a slow swing to a violinist's."""
 ELSEWHERE = 0.5
@@ -198,8 +200,19 @@ class _Touches:
             low, high = group.forces
             other = low + (force - low + float(pace.uniform(*SWING_SHARE)) * (high - low)) % (high - low)
             leg = abs(other - force) / drawn(group.swing, pace)
-            for target in islice(cycle((other, force)), max(1, round(seconds / leg))):
-                yield Load(force=target, seconds=leg)
+            for first, last in islice(cycle(((force, other), (other, force))), max(1, round(seconds / leg))):
+                yield from self._loaded(first, last, leg)
+
+    def _loaded(self, first: Newtons, last: Newtons, seconds: Seconds) -> Iterator[Move]:
+        """Lead the force from one to another: evenly, or by a controller's steps."""
+        if self._group.steps is None:
+            yield Load(force=last, seconds=seconds)
+            return
+        count = max(1, round(seconds / drawn(self._group.steps, self._pace)))
+        rise = seconds / count * float(self._pace.uniform(*RISE_SHARE))
+        for force in np.linspace(first, last, count + 1)[1:].tolist():
+            yield Load(force=force, seconds=rise)
+            yield Stay(seconds=seconds / count - rise, kind="hold")
 
     def _again(self, place: Metres, force: Newtons) -> Iterator[Move]:
         """Release, and press again soon: at the same place, or at another one."""
