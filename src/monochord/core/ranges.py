@@ -176,7 +176,7 @@ def fitting(kind: Any) -> Callable[[Any], bool]:
     bare, metadata = bare_type(kind)
     origin, parts = get_origin(bare) or bare, get_args(bare)
     if (number := array_type(bare)) is not None:
-        return lambda value: getattr(value, "dtype", None) == number and value.ndim > 0
+        return _array(number)
     if isinstance(bare, TypeVar) or is_union(bare):
         parts = union_parts([bare])
         return _any([part for part in parts if part is not str] if Path in parts else parts)
@@ -187,6 +187,20 @@ def fitting(kind: Any) -> Callable[[Any], bool]:
     if origin in (list, tuple, Sequence):
         return _list(origin, parts)
     return _single(bare, origin, parts)
+
+
+def _array(number: Any) -> Callable[[Any], bool]:
+    """Return the test of an array of a type of number, of any ordered numbers for `Any`."""
+    import numpy as np  # noqa: PLC0415  (an annotated array has loaded it)
+
+    from monochord.core.shapes import NUMBERS  # noqa: PLC0415
+
+    def fits(value: Any) -> bool:
+        if not isinstance(value, np.ndarray) or value.ndim == 0:
+            return False
+        return value.dtype.kind in NUMBERS if number is Any else value.dtype == number
+
+    return fits
 
 
 def _single(bare: Any, origin: Any, parts: tuple[Any, ...]) -> Callable[[Any], bool]:

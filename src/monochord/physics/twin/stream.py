@@ -274,14 +274,9 @@ def advance_many(
 def _side_by_side(twins: Sequence[Twin], frames: Samples, cores: int | None) -> list[tuple[Take, Twin]]:
     from monochord.physics.twin.kernel import kernel  # noqa: PLC0415  (numba loads on use)
 
-    longest = max(twin.parameters.keys.shape[2] for twin in twins)
-    padded_parameters: list[Parameters] = []
-    for twin in twins:
-        keys = twin.parameters.keys
-        wide = np.zeros((*keys.shape[:2], longest), keys.dtype)
-        wide[:, :, : keys.shape[2]] = keys
-        padded_parameters.append(twin.parameters._replace(keys=wide))
-    parameters = Parameters(*(_stacked(arrays) for arrays in zip(*padded_parameters, strict=True)))
+    keys = _padded([twin.parameters.keys for twin in twins])
+    each = [twin.parameters._replace(keys=own) for twin, own in zip(twins, keys, strict=True)]
+    parameters = Parameters(*map(_stacked, zip(*each, strict=True)))
     state = State(*(_stacked(arrays) for arrays in zip(*(twin.state for twin in twins), strict=True)))
     additions = [twin.plausible for twin in twins if twin.plausible is not None]
     more = Plausible(*(_stacked(arrays) for arrays in zip(*additions, strict=True))) if additions else None
@@ -429,6 +424,16 @@ def _stacked(arrays: Sequence[np.ndarray]) -> np.ndarray:
     for i, array in enumerate(arrays):
         stacked[i] = array[0]
     return stacked
+
+
+def _padded(arrays: Sequence[Records]) -> list[Records]:
+    """Return arrays (1, touches, n) as long as the longest of them, with zeros at the end."""
+    longest = max(array.shape[2] for array in arrays)
+    missing = [longest - array.shape[2] for array in arrays]
+    return [
+        np.pad(array, ((0, 0), (0, 0), (0, each))) if each else array
+        for array, each in zip(arrays, missing, strict=True)
+    ]
 
 
 def _plausible(

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from msgspec import Meta
@@ -420,16 +420,18 @@ class VirtualSensor:
             raise InputError("lead without objects", 'VirtualSensor(..., objects=["plastic"])')
         arrays = [numbers(value, float, name) for name, value in zip(LED, values, strict=True)]
         try:
-            size = np.broadcast_shapes((self._slots, 1), *(array.shape for array in arrays))
+            size = np.broadcast(np.empty((self._slots, 1)), *arrays).shape
         except ValueError:
             size = ()
         if len(size) != 2 or size[0] != self._slots or not size[1]:
             shapes = ", ".join(str(array.shape) for array in arrays)
             raise InputError(f"arrays {shapes}", f"({self._slots}, k), k steps of {self._slots} object(s)")
-        rows = np.stack([np.broadcast_to(array, size) for array in arrays])
+        rows = np.empty((len(arrays), *size))
+        for row, array in zip(rows, arrays, strict=True):
+            row[:] = array
         length = self.sensor.string.length
-        low = np.array([0.02 * length, 0.0, 0.0, -MAX_ACROSS])[:, np.newaxis, np.newaxis]
-        high = np.array([0.98 * length, MAX_FORCE, MAX_CLEARANCE, MAX_ACROSS])[:, np.newaxis, np.newaxis]
+        low = np.array([0.02 * length, 0.0, 0.0, -MAX_ACROSS]).reshape(-1, 1, 1)
+        high = np.array([0.98 * length, MAX_FORCE, MAX_CLEARANCE, MAX_ACROSS]).reshape(-1, 1, 1)
         allowed = (rows >= low) & (rows <= high)
         if not allowed.all():
             wrong = np.argwhere(~allowed)[0]
@@ -474,10 +476,11 @@ def _columns(labels: Labels) -> dict[str, Floats]:
     touched = labels.contact > 0
     columns["contacts"] = touched.sum(axis=0).astype(np.float64)
     columns["contact"] = np.minimum(columns["contacts"], 1.0)
-    hardest = np.argmax(np.where(touched, labels.force, -1.0), axis=0) if len(touched) > 1 else 0
-    frames = np.arange(count)
+    away = columns["contact"] == 0.0
+    chosen: Any = 0
+    if len(touched) > 1:
+        chosen = np.argmax(np.where(touched, labels.force, -1.0), axis=0), np.arange(count)
     for name, values in known.items():
-        column = values[hardest, frames].astype(np.float64)
-        column[columns["contact"] == 0.0] = np.nan
-        columns[name] = column
+        columns[name] = values[chosen].astype(np.float64)
+        columns[name][away] = np.nan
     return columns
