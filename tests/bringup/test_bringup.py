@@ -13,18 +13,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-from monochord.bringup import (
-    STEPS,
-    BringUp,
-    Live,
-    Take,
-    Virtual,
-    examine,
-    record,
-    recordings,
-    steps,
-    write,
-)
+from monochord.bringup import STEPS, BringUp, Live, Take, Virtual, examine, record, recordings, steps, write
 from monochord.bringup.drawing import LEFT, RIGHT, drawing
 from monochord.bringup.inputs import dropped_check, inputs_check, level_checks, order_check, rate_check
 from monochord.bringup.noise import hum_checks
@@ -81,9 +70,7 @@ def test_the_sensor_file_is_read_with_the_measured_pitch(healthy: BringUp, tmp_p
     assert not re.search(r"(src|href)=|@import|url\(", text)
 
 
-def test_a_rehearsal_says_so_wherever_it_is_written(
-    healthy: BringUp, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_rehearsal_says_so_wherever_it_is_written(healthy: BringUp, tmp_path: Path) -> None:
     file, report = write(healthy, tmp_path / "mine.toml")
     assert healthy.simulated
     assert file
@@ -92,12 +79,6 @@ def test_a_rehearsal_says_so_wherever_it_is_written(
     assert "simulated</title>" in html
     assert "simulated</h1>" in html
     assert healthy.verdict in html
-    assert run(["doctor", "--sensor", "prototype", "--source", "twin"]) == 0
-    lines = capsys.readouterr().out.splitlines()
-    assert lines[0] == "Simulated: a rehearsal on the virtual sensor."
-    assert "Simulated" in lines[-1]
-    assert run(["doctor", "--sensor", "prototype", "--source", "twin", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["simulated"] is True
 
 
 def test_what_was_recorded_is_not_called_simulated(healthy: BringUp, tmp_path: Path) -> None:
@@ -109,7 +90,7 @@ def test_what_was_recorded_is_not_called_simulated(healthy: BringUp, tmp_path: P
 
 @pytest.mark.parametrize("simulated", [True, False])
 def test_what_a_session_and_its_exported_sound_say_of_themselves_is_kept(
-    tmp_path: Path, *, simulated: bool
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], *, simulated: bool
 ) -> None:
     session, folder = tmp_path / "pluck.mcap", tmp_path / "exported"
     about = Description(name="pluck", sample_rate=RATE, simulated=simulated)
@@ -123,6 +104,14 @@ def test_what_a_session_and_its_exported_sound_say_of_themselves_is_kept(
     (take_of_it,) = recordings(tmp_path, STEPS).values()
     assert take_of_it.simulated is simulated
     assert np.array_equal(take_of_it.samples, played.samples)
+    doctor = ["doctor", "--sensor", "prototype", "--recordings", str(tmp_path)]
+    capsys.readouterr()
+    assert run(doctor) == 1  # it is no pluck
+    first, *_, last = capsys.readouterr().out.splitlines()
+    assert (first == "Simulated: a rehearsal on the virtual sensor.") is simulated
+    assert ("Simulated" in last) is simulated
+    assert run([*doctor, "--json"]) == 1
+    assert json.loads(capsys.readouterr().out)["simulated"] is simulated
 
 
 @pytest.mark.parametrize("name", sensor_names())

@@ -129,9 +129,7 @@ class Running:
 @contextmanager
 def running(source: Hum, out: Path | None = None, token: str = "") -> Generator[Running]:
     page = BringUpPage(
-        "prototype",
-        (QUIET, PLUCK, TAP),
-        write=None if out is None else lambda result: write(result, out),
+        "prototype", (QUIET, PLUCK, TAP), write=None if out is None else lambda result: write(result, out)
     )
     source.on_audio = page.on_audio
 
@@ -206,11 +204,7 @@ def test_a_lost_device_is_said_and_the_step_is_asked_again() -> None:
     with running(source) as run:
         run.wait(step="quiet", phase="ready", error="")
         run.send("record", "quiet")
-        run.wait(
-            step="quiet",
-            phase="ready",
-            error="device 'USB Audio' is lost",
-        )
+        run.wait(step="quiet", phase="ready", error="device 'USB Audio' is lost")
         run.send("record", "quiet")
         run.wait(step="pluck", phase="ready", error="")
 

@@ -16,7 +16,7 @@ from monochord.datasets.checksums import FileSums
 from monochord.datasets.manifest import TABLE, DatasetSession, Manifest, audio_name
 from monochord.datasets.records import PackedFiles
 
-FEW, MANY = 200, 2000
+FEW, MANY = 100, 500
 A_SESSION = 1000
 """Bytes that a session may take while its manifest is read or written; objects of all of it take 2.3 kB."""
 

@@ -10,7 +10,7 @@ from tests.sessions.made import plain_readings
 
 from monochord.core.errors import InputError
 from monochord.core.types import POSE, WRENCH, Block, Feed
-from monochord.datasets.truth import truth_of
+from monochord.datasets.truth import SessionTruth, truth_of
 from monochord.sessions import (
     Description,
     ReadingTrack,
@@ -34,10 +34,14 @@ def test_labels_of_a_session_without_instruments_are_on_the_microphones_clock(wr
     assert truth.calibrating == ()
 
 
-def test_measured_labels_agree_with_those_of_the_bench(slide: Path) -> None:
-    session = read_session(slide)
-    recorded, measured = (truth_of(session, source).labels for source in ("recorded", "measured"))
-    assert truth_of(session).source == "recorded"
+@pytest.fixture(scope="module", name="truth")
+def _truth(slide: Path) -> SessionTruth:
+    return truth_of(read_session(slide))
+
+
+def test_measured_labels_agree_with_those_of_the_bench(slide: Path, truth: SessionTruth) -> None:
+    assert truth.source == "recorded"
+    recorded, measured = truth.labels, truth_of(read_session(slide), "measured").labels
     at = np.rint((measured.time - recorded.time[0]) * 1000).astype(int)
     inside = (at >= 0) & (at < recorded.time.size)
 
@@ -54,18 +58,16 @@ def test_measured_labels_agree_with_those_of_the_bench(slide: Path) -> None:
     assert np.mean((exact == estimated)[deep]) > 0.93
 
 
-def test_sound_is_late_by_what_the_taps_tell(slide: Path) -> None:
-    session = read_session(slide)
-    truth = truth_of(session)
+def test_sound_is_late_by_what_the_taps_tell(truth: SessionTruth) -> None:
     late = truth.alignment.lateness["audio"].offsets[0].value
     assert abs(late) > 1e-3
     assert truth.time_of(np.array([10.0]))[0] == pytest.approx(10.0 - late, abs=5e-4)
 
 
-def test_the_string_is_calibrated_while_its_drivers_are_off(slide: Path) -> None:
-    session = read_session(slide)
-    switched = {event.text: event.time for event in session.events if event.kind == "drivers"}
-    assert truth_of(session).calibrating == ((-np.inf, switched["on"]), (switched["off"], np.inf))
+def test_the_string_is_calibrated_while_its_drivers_are_off(slide: Path, truth: SessionTruth) -> None:
+    events = read_session(slide).events
+    switched = {event.text: event.time for event in events if event.kind == "drivers"}
+    assert truth.calibrating == ((-np.inf, switched["on"]), (switched["off"], np.inf))
 
 
 def test_readings_with_a_fault_measure_nothing(slide: Path, monkeypatch: pytest.MonkeyPatch) -> None:

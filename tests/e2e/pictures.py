@@ -131,10 +131,7 @@ def of_the_page(address: str, folder: Path) -> None:
 
 def of_the_design() -> None:
     """Take a picture of the design's sliders and figures in light, and of its charts in dark."""
-    with (
-        Server([design_page()]) as server,
-        opened(f"{server.address}design#tension=40&gap=2") as page,
-    ):
+    with Server([design_page()]) as server, opened(f"{server.address}design#tension=40&gap=2") as page:
         page.size(1200, 900)
         page.scheme("light")
         page.wait("window.monochord?.own && monochord.advice && !monochord.busy ? 1 : 0", PATIENCE)

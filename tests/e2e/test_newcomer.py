@@ -50,12 +50,7 @@ class Process:
     def __init__(self, command: list[str], folder: Path, environment: dict[str, str]) -> None:
         pipe = subprocess.PIPE
         self.process = subprocess.Popen(
-            command,
-            cwd=folder,
-            env=environment,
-            stdin=pipe,
-            stdout=pipe,
-            stderr=pipe,
+            command, cwd=folder, env=environment, stdin=pipe, stdout=pipe, stderr=pipe
         )
         self.read = {"out": "", "err": ""}
         self.lines: list[tuple[float, str]] = []

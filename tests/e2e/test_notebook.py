@@ -15,16 +15,13 @@ import monochord as mc
 from monochord.core.errors import MissingLibraryError
 from monochord.datasets.build import build_dataset
 from monochord.datasets.split import split_dataset
-from monochord.lab.offline import make
-from monochord.lab.plan import assignments
-from monochord.lab.plans import load_plan
 from monochord.physics.strings import load_string
 
 
-@pytest.fixture(scope="module")
-def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+@pytest.fixture
+def recorded(small: Path) -> Path:
     """A simulated session, as ``monochord collect`` makes it."""
-    return make(assignments(load_plan("quick"))[0], tmp_path_factory.mktemp("sessions")).path
+    return small / "slide_000.mcap"
 
 
 @pytest.fixture

@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 import pytest
 import soundfile
-from tests.e2e.conftest import HOUR, ClockToSet, paced
+from tests.cli.running import refusal
+from tests.e2e.conftest import HOUR, MONOCHORD, ClockToSet, paced
 
 from monochord.sessions import SessionReader, check, read_session
 
 RATE = 44100
 BEGUN = 60_000
-MONOCHORD = str(Path(sys.executable).with_name("monochord"))
 
 
 def whole(recorder: Any, sound: Path) -> SessionReader:
@@ -62,14 +62,11 @@ def test_a_repair_leaves_a_file_alone_that_is_being_recorded(
 
 
 def test_a_second_recorder_on_the_same_file_is_refused(
-    start_recorder: Callable[..., Any], sound: Path
+    start_recorder: Callable[..., Any], sound: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     recorder = start_recorder(*paced(sound))
     recorder.wait_for_bytes(BEGUN)
-    second = start_recorder(*paced(sound), out=recorder.out)
-    _, shown = second.process.communicate(timeout=60)
-    assert second.process.returncode == 2
-    assert len(shown.splitlines()) == 1
+    assert refusal(capsys, "record", str(recorder.out), *paced(sound))
     recorder.wait_for_more(50_000)
     recorder.end(signal.SIGINT)
     whole(recorder, sound)

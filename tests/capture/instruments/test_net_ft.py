@@ -192,10 +192,7 @@ def test_leaving_ends_its_stream() -> None:
 def test_a_box_that_is_off_is_one_line() -> None:
     with NetFtDevice(RAMP) as device:
         gone = sensor(device)
-    with (
-        pytest.raises(DeviceError, match="127"),
-        gone.open(),
-    ):
+    with pytest.raises(DeviceError, match="127"), gone.open():
         pass
 
 
@@ -203,10 +200,7 @@ def test_a_box_that_does_not_stream_is_one_line() -> None:
     settings = NetFtSettings(silence=(0.0, 1e9))
     with NetFtDevice(RAMP, settings, begin=time.monotonic()) as device:
         deaf = sensor(device, timeout_seconds=0.1)
-        with (
-            pytest.raises(DeviceError, match="127"),
-            deaf.open(),
-        ):
+        with pytest.raises(DeviceError, match="127"), deaf.open():
             pass
 
 

@@ -216,10 +216,7 @@ def test_a_file_that_is_written_anew_is_read_from_its_top(file: Path, *, replace
 
 def test_a_file_without_its_columns_is_refused(file: Path) -> None:
     file.write_text("time,x,y\n")
-    with (
-        pytest.raises(InputError, match="z"),
-        PoseCsv(path=str(file)).open(),
-    ):
+    with pytest.raises(InputError, match="z"), PoseCsv(path=str(file)).open():
         pass
 
 

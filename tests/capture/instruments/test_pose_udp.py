@@ -168,10 +168,7 @@ def test_without_a_count_a_stamp_that_goes_back_is_counted_and_recorded(
 
 def test_a_port_that_is_taken_is_one_line(port: int) -> None:
     with PoseUdp(address=str(port)).open():  # noqa: SIM117
-        with (
-            pytest.raises(DeviceError, match=str(port)),
-            PoseUdp(address=str(port)).open(),
-        ):
+        with pytest.raises(DeviceError, match=str(port)), PoseUdp(address=str(port)).open():
             pass
 
 

@@ -31,8 +31,7 @@ def imported(audio: Path, table: str | None = None, **described: Any) -> Session
 
 
 @pytest.mark.parametrize(
-    ("name", "subtype", "channels"),
-    [("a.wav", "FLOAT", 2), ("a.wav", "PCM_16", 1), ("a.flac", "PCM_24", 2)],
+    ("name", "subtype", "channels"), [("a.wav", "FLOAT", 2), ("a.wav", "PCM_16", 1), ("a.flac", "PCM_24", 2)]
 )
 def test_audio_is_imported_bit_for_bit(tmp_path: Path, name: str, subtype: str, channels: int) -> None:
     sent = sound(tmp_path / name, subtype=subtype, channels=channels)

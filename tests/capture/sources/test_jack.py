@@ -28,12 +28,7 @@ def test_without_a_server_there_is_one_line_at_once(capfd: pytest.CaptureFixture
 
 
 @pytest.mark.parametrize(
-    ("options", "given"),
-    [
-        ({"channels": 0}, "0"),
-        ({"channels": 65}, "65"),
-        ({"client_name": ""}, "''"),
-    ],
+    ("options", "given"), [({"channels": 0}, "0"), ({"channels": 65}, "65"), ({"client_name": ""}, "''")]
 )
 def test_options_out_of_range_are_refused(options: Any, given: str) -> None:
     with pytest.raises(InputError, match=given), Jack(**options).open():

@@ -13,10 +13,7 @@ from monochord.core.errors import InputError
 from monochord.core.types import Contact, Floats, StringParams
 from monochord.physics.theory import far_segment_sensitivity, frequency_sensitivities
 from monochord.physics.theory.bounds import contact_bound, far_segment_bound, series_bound, tone_bound
-from monochord.physics.theory.segments import (
-    position_from_far_segment,
-    split_frequencies,
-)
+from monochord.physics.theory.segments import position_from_far_segment, split_frequencies
 from monochord.physics.theory.stiffness import inharmonicity, partial_numbers
 from monochord.physics.theory.tension import TensionLaw, tension_from_force
 

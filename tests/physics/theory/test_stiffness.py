@@ -14,11 +14,7 @@ from monochord.core.errors import InputError
 from monochord.core.types import StringParams
 from monochord.physics.strings import load_string
 from monochord.physics.theory import Losses, bending_stiffness, decay_rates, outer_diameter
-from monochord.physics.theory.stiffness import (
-    inharmonicity,
-    partial_numbers,
-    stiff_partials,
-)
+from monochord.physics.theory.stiffness import inharmonicity, partial_numbers, stiff_partials
 
 PLAIN = StringParams(length=0.65, linear_density=4e-4, tension=73.0, core_diameter=2.54e-4)
 

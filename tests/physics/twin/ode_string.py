@@ -116,12 +116,7 @@ def simulate(
     if not solution.success:
         raise ArithmeticError(solution.message)
     found_q, found_v = solution.y[:count], solution.y[count : 2 * count]
-    return ModalMotion(
-        time=time,
-        q=found_q,
-        v=found_v,
-        touch_force=_touch_forces(touch, found_q, found_v),
-    )
+    return ModalMotion(time=time, q=found_q, v=found_v, touch_force=_touch_forces(touch, found_q, found_v))
 
 
 def compression(touch: ModalTouch, gap: float) -> float:

@@ -455,12 +455,7 @@ def _predicted(
 
 
 def _pressed(
-    gap: float,
-    compliance: float,
-    own: ContactState,
-    touch: TouchParameters,
-    layer: Layer,
-    step: float,
+    gap: float, compliance: float, own: ContactState, touch: TouchParameters, layer: Layer, step: float
 ) -> tuple[float, float, float]:
     """Solve eta + compliance force(eta) = gap for one touch; return s, eta and the force held over the step.
 

@@ -129,9 +129,7 @@ def test_a_flat_object_feels_less_of_high_modes() -> None:
 
 
 @pytest.mark.parametrize(
-    ("mount", "law"),
-    [(Mount(), LAYER), (LOSSY, replace(LAYER, flat=2e-3))],
-    ids=["layer", "all"],
+    ("mount", "law"), [(Mount(), LAYER), (LOSSY, replace(LAYER, flat=2e-3))], ids=["layer", "all"]
 )
 def test_a_press_at_rest_is_what_was_prescribed(mount: Mount, law: ContactLaw) -> None:
     pressed = (replace(hold(0.08, 1.0, PLASTIC), mount=mount, law=law),)
