@@ -1,4 +1,4 @@
-"""A bring-up over a real JACK server: each step is played by another client and captured in real time."""
+"""A bring-up over a real JACK server, which another client plays into."""
 
 import threading
 from collections.abc import Callable
@@ -11,50 +11,10 @@ import pytest
 import soundfile
 from tests.waiting import wait_for
 
-from monochord.bringup import STEPS, BringUp, Guide, Live, Step, Virtual, bring_up
+from monochord.bringup import STEPS, Live
 from monochord.bringup.web import BringUpPage
 from monochord.capture.jack.server import JackServer
 from monochord.capture.sources import SOURCES
-from monochord.physics.sensors import load_sensor
-from monochord.physics.twin import sensor_of
-
-SECONDS = {"quiet": 3.0, "driver_1": 3.0, "driver_2": 3.0, "both": 3.0}
-
-
-@pytest.mark.slow
-@pytest.mark.jack
-@pytest.mark.real_time
-def test_a_sensor_is_brought_up_through_a_real_server(
-    jack_server: JackServer, play: Callable[..., psutil.Process], tmp_path: Path
-) -> None:
-    virtual = Virtual(sensor=sensor_of(load_sensor("prototype"), "plausible", build=1002), seed=1)
-    steps = [replace(step, seconds=SECONDS.get(step.name, 2.0)) for step in STEPS]
-    players: list[psutil.Process] = []
-    for step in steps:
-        longer = virtual.take(replace(step, seconds=step.seconds + 0.5))
-        soundfile.write(tmp_path / f"{step.name}.wav", longer.samples.T, longer.sample_rate)
-
-    seen: list[int] = []
-
-    class Playing(Guide):
-        def choose(self, step: Step | None, result: BringUp | None) -> str:
-            for player in players:
-                player.terminate()
-                player.wait(10.0)
-            players[:] = [play(tmp_path / f"{step.name}.wav")] if step else []
-            return super().choose(step, result)
-
-        def show(self, result: BringUp) -> None:
-            seen.append(len(result.takes))
-
-    options = {"ports": "player:out_1,player:out_2", "server": jack_server.name, "client_name": "doctor"}
-    live = Live(source=SOURCES.build("jack", options), name="jack")
-    result = bring_up("prototype", live, steps, Playing())
-    assert result.faults == ()
-    assert seen == list(range(1, len(steps) + 1))
-    assert result.pluck
-    assert result.pluck.tuning.frequency == pytest.approx(1020.2, rel=2e-3)
-    assert all(take.elapsed for take in result.takes.values())
 
 
 @pytest.mark.slow

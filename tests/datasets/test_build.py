@@ -153,20 +153,6 @@ def test_a_session_of_a_higher_rate_is_read_as_its_resampled_copy(write: Write, 
     assert one.manifest.parts[0].checksum == file_checksum(file)  # by which a model knows its training
 
 
-def test_a_damaged_session_of_a_higher_rate_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "a.mcap"
-    make_session(path, seconds=1.0)
-    content = bytearray(path.read_bytes())
-    content[len(content) // 2] ^= 1
-    path.write_bytes(content)
-    options = BuildOptions(sample_rate=RATE)
-    assert read_session(path).description.sample_rate > RATE
-    with pytest.raises(InputError, match=r"a\.mcap .*damaged"):
-        build_dataset([path], tmp_path / "refused", options)
-    forced = build_dataset([path], tmp_path / "forced", replace(options, force=True))
-    assert forced.manifest.sample_rate == RATE
-
-
 def test_nothing_and_nowhere_are_refused(write: Write, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no sessions"):
         build_dataset([], tmp_path / "out")
@@ -230,15 +216,21 @@ def test_a_folder_that_vanishes_is_passed_over(
     assert not gone.exists()
 
 
-def test_a_damaged_session_is_refused_unless_forced(tmp_path: Path) -> None:
+@pytest.mark.parametrize("rate", [None, RATE])
+def test_a_damaged_session_is_refused_unless_forced(tmp_path: Path, rate: int | None) -> None:
+    """As it is, or to be resampled."""
     path = tmp_path / "a.mcap"
     make_session(path, seconds=1.0)
     content = bytearray(path.read_bytes())
     content[len(content) // 2] ^= 1
     path.write_bytes(content)
-    assert read_session(path).damaged == 1
-    with pytest.raises(InputError, match="damaged"):
-        build_dataset([path], tmp_path / "refused")
+    session, options = read_session(path), BuildOptions(sample_rate=rate)
+    assert session.damaged == 1
+    assert session.description.sample_rate > RATE
+    with pytest.raises(InputError, match=r"a\.mcap .*damaged"):
+        build_dataset([path], tmp_path / "refused", options)
+    forced = build_dataset([path], tmp_path / "forced", replace(options, force=True))
+    assert forced.manifest.sample_rate == rate or session.description.sample_rate
 
 
 @pytest.mark.slow

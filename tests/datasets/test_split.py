@@ -14,6 +14,12 @@ from monochord.datasets.split import PARTS, Split, refuse_too_few, split_dataset
 from monochord.datasets.store import Dataset
 
 
+def held(dataset: Dataset, split: Split, what: str) -> dict[str, set[object]]:
+    """Return the objects, or the builds, of the sessions in each part."""
+    sessions = {name: dataset.session[rows] for name, rows in split.parts.items()}
+    return {name: {getattr(dataset.manifest.parts[n], what) for n in each} for name, each in sessions.items()}
+
+
 @pytest.mark.parametrize("by", ["session", "object", "time", "day", "build"])
 def test_a_split_is_clean_complete_and_determined_by_its_seed(several: Dataset, by: str) -> None:
     seed = 1
@@ -39,8 +45,7 @@ def test_shares_are_as_close_as_whole_sessions_allow(several: Dataset) -> None:
 
 def test_sessions_of_every_object_are_tested_where_there_are_enough(several: Dataset) -> None:
     split = split_dataset(several, by="session", fractions=(0.5, 0.0, 0.5))
-    bodies = {several.manifest.parts[number].body for number in several.session[split.test]}
-    assert bodies == {"plastic", "wood", "metal"}
+    assert held(several, split, "body")["test"] == {"plastic", "wood", "metal"}
     assert not split.validation.size
 
 
@@ -53,18 +58,14 @@ def test_every_part_gets_a_session_however_short_the_others_are(make: Callable[.
 
 def test_held_out_objects_are_in_the_test_alone(several: Dataset) -> None:
     split = split_dataset(several, by="object", held_out=["wood", "metal"])
-    bodies = {
-        name: {several.manifest.parts[n].body for n in several.session[split.parts[name]]} for name in PARTS
-    }
+    bodies = held(several, split, "body")
     assert bodies == {"train": {"plastic"}, "validation": {"plastic"}, "test": {"wood", "metal"}}
     assert split.groups["test"] == ("metal", "wood")
 
 
 def test_sessions_of_known_objects_may_stand_beside_held_out_ones_in_the_test(several: Dataset) -> None:
     split = split_dataset(several, by="session", held_out=["wood"])
-    bodies = {
-        name: {several.manifest.parts[n].body for n in several.session[split.parts[name]]} for name in PARTS
-    }
+    bodies = held(several, split, "body")
     assert bodies["test"] > {"wood"}
     assert "wood" not in bodies["train"] | bodies["validation"]
     assert audit(several, split, duplicates=False).clean
@@ -143,9 +144,7 @@ def test_sessions_without_a_day_are_not_split_by_day(make: Callable[..., Dataset
 def test_held_out_builds_are_in_the_test_alone(make: Callable[..., Dataset]) -> None:
     dataset = make({f"take_{build}_{i}": {"build": build} for build in range(4) for i in range(2)})
     split = split_dataset(dataset, by="build", held_out=["take_3_*"])
-    builds = {
-        name: {dataset.manifest.parts[n].build for n in dataset.session[split.parts[name]]} for name in PARTS
-    }
+    builds = held(dataset, split, "build")
     assert builds["test"] == {3}
     assert builds["train"] | builds["validation"] == {0, 1, 2}
     assert not builds["train"] & builds["validation"]

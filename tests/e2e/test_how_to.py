@@ -29,6 +29,7 @@ DOCS = ROOT / "docs"
 TRAIN, LEARNING = "train.md", 3
 """The page whose first commands make the sessions, the dataset and the run of the workshop."""
 DOMAIN = 97
+LIBRARIES = "torch", "transformers", "onnxscript", "distributed", "cyclonedds", "matplotlib", "pyarrow"
 TEXTS = {
     page.name: text
     for page, text in PAGES.items()
@@ -100,15 +101,7 @@ def shown(name: str) -> list[str]:
 @pytest.fixture(scope="module")
 def reader(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Reader]:
     """Somebody in the workshop, with the drivers on, a force sensor and a robot."""
-    for needed in (
-        "torch",
-        "transformers",
-        "onnxscript",
-        "distributed",
-        "cyclonedds",
-        "matplotlib",
-        "pyarrow",
-    ):
+    for needed in LIBRARIES:
         pytest.importorskip(needed)
     with ExitStack() as stack:
         patch = stack.enter_context(pytest.MonkeyPatch.context())

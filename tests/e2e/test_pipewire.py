@@ -230,28 +230,10 @@ def test_a_devices_ports_are_listed_and_the_doctor_says_who_serves(pipewire: Pip
 
 def test_a_name_of_jack_is_answered_with_pipewires(pipewire: PipeWire) -> None:
     for command in (
-        [
-            "live",
-            "--source",
-            "jack",
-            "system:capture_1,system:capture_2",
-            "--length",
-            "0.65",
-            "--seconds",
-            "1",
-        ],
-        [
-            "doctor",
-            "--sensor",
-            "prototype",
-            "--source",
-            "jack",
-            "--yes",
-            "--set",
-            "source.ports=system:capture_1",
-        ],
+        "live --source jack system:capture_1,system:capture_2 --length 0.65 --seconds 1",
+        "doctor --sensor prototype --source jack --yes --set source.ports=system:capture_1",
     ):
-        done = pipewire.run(*command)
+        done = pipewire.run(*command.split())
         line = done.stderr.splitlines()[-1]
         assert done.returncode == 2
         assert "Traceback" not in done.stderr

@@ -1,4 +1,4 @@
-"""A closed terminal, a second recorder, a repair too early, a clock that is set, a machine that sleeps."""
+"""A closed terminal, a second recorder, a clock that is set, a machine that sleeps."""
 
 import os
 import pty
@@ -34,31 +34,6 @@ def whole(recorder: Any, sound: Path) -> SessionReader:
     assert session.audio.gaps == ()
     assert np.array_equal(recorded, np.resize(expected, (recorded.shape[1], 2)).T)
     return session
-
-
-def sessions(*words: object) -> "subprocess.CompletedProcess[str]":
-    command = [MONOCHORD, "sessions", *map(str, words)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
-
-
-@pytest.mark.slow
-def test_a_repair_leaves_a_file_alone_that_is_being_recorded(
-    start_recorder: Callable[..., Any], sound: Path
-) -> None:
-    recorder = start_recorder(*paced(sound, 4))
-    recorder.wait_for_bytes(1_000_000)
-    early = sessions("recover", recorder.out)
-    assert early.returncode == 2
-    assert len(early.stderr.splitlines()) == 1
-    looked = sessions("check", recorder.out)
-    assert looked.returncode == 2
-    assert "sessions recover" not in looked.stdout
-    assert sessions("show", recorder.out).returncode == 0
-    recorder.wait_for_more(200_000)
-    summary = recorder.end(signal.SIGINT)
-    assert recorder.process.returncode == 0
-    assert whole(recorder, sound).audio.samples.shape[1] == summary["frames"]
-    assert sessions("recover", recorder.out).returncode == 0
 
 
 def test_a_second_recorder_on_the_same_file_is_refused(

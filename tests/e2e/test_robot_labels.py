@@ -8,7 +8,6 @@ import csv
 import json
 import os
 import shlex
-import socket
 import subprocess
 import sys
 import time
@@ -22,6 +21,7 @@ import numpy as np
 import pytest
 from tests.conftest import own_server
 from tests.devices.robot import UdpSettings
+from tests.ports import free_ports
 
 from monochord.core.config import from_tree
 from monochord.core.errors import InputError
@@ -81,20 +81,10 @@ class Bench:
             run = subprocess.run(command, cwd=self.folder, capture_output=True, text=True, check=False)
             assert run.returncode == 0, run.stderr
             return run.stdout
-        command += [
-            "--set",
-            f"source.server={self.server}",
-            "--set",
-            f"source.ports={','.join(player['ports'])}",
-        ]
-        command += ["--seconds", f"{self.rendering.seconds + 3.0:g}"]
+        sets = [f"source.server={self.server}", f"source.ports={','.join(player['ports'])}"]
         if "net_ft" in line:
-            command += [
-                "--set",
-                f"net_ft.http_port={net_ft['http_port']}",
-                "--set",
-                "net_ft.silence_seconds=5",
-            ]
+            sets += [f"net_ft.http_port={net_ft['http_port']}", "net_ft.silence_seconds=5"]
+        command += ["--seconds", f"{self.rendering.seconds + 3.0:g}", *(f"--set={each}" for each in sets)]
         with ExitStack() as stack:
             with first():
                 process = stack.enter_context(
@@ -120,9 +110,7 @@ class Bench:
 def bench(tmp_path: Path) -> Generator[Bench]:
     session = assignments(from_tree(Plan, PLAN))[0]
     rendering = render(session)
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
+    (port,) = free_ports(1)
     with own_server() as server, ExitStack() as stack:
         scripts: dict[str, tuple[dict[str, Any], Any]] = {
             "monochord.lab.player": (

@@ -20,10 +20,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.e2e.test_record_jack import sound_session
 from tests.play_count import BLOCK, RATE, SCALE
 from tests.ports import free_ports
 
-from monochord.sessions import SessionReader, check, read_session
+from monochord.sessions import SessionReader
 
 pytestmark = pytest.mark.jack
 SECONDS = float(os.environ.get("MONOCHORD_SOAK_SECONDS", "120"))
@@ -169,7 +170,7 @@ def test_a_long_recording_through_five_killed_servers_has_all_or_says_what_it_la
     looks = memory.close()
     summary = recorder.end(signal.SIGINT)
     player.end()
-    session = _sound(recorder.out)
+    session = sound_session(recorder.out)
     figures = {**_memory(looks), **_audio(session, summary, played, killed)}
     figures |= _wrench(session, summary) | _poses(session, summary, sent)
     for name, value in figures.items():
@@ -186,12 +187,6 @@ def _wait_until_recorded(player: Counter, recorder: Any) -> None:
         pytest.fail(
             f"not connected {BACK:g} s after the player was there:\n{recorder.process.communicate()[1]}"
         )
-
-
-def _sound(path: Path) -> SessionReader:
-    report = check(path)
-    assert report.sound, report.faults
-    return read_session(path)
 
 
 def _memory(looks: np.ndarray) -> dict[str, float]:

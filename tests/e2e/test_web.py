@@ -157,14 +157,9 @@ def test_a_press_is_estimated_where_it_is_and_a_drag_is_slip(page: Page) -> None
     check_estimated(page, 0.30 * length)
     words = page.ask("document.querySelector('#reading-position .value').textContent")
     assert float(words.split()[0]) == pytest.approx(300.0 * length, abs=5.0)
-    assert page.ask("monochord.history.rows.at(-1)")[-6:] == [
-        1.0,
-        0.0,
-        pytest.approx(0.30 * length, abs=1e-3),
-        pytest.approx(1.0, rel=0.1),
-        1,
-        0,
-    ]  # truth, and what is decided of contact and slip
+    truth = [1.0, 0.0, pytest.approx(0.30 * length, abs=1e-3), pytest.approx(1.0, rel=0.1)]
+    decided = [1, 0]  # contact and slip
+    assert page.ask("monochord.history.rows.at(-1)")[-6:] == [*truth, *decided]
     place = 0.30 + 0.002 * moved_until(
         lambda step: string.mouse("mouseMoved", 0.30 + 0.002 * step),
         lambda: shown(page)["decided"].get("slip"),

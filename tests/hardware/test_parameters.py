@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hardware.cad import __main__ as command
 from hardware.cad import coil, mechanics
 from hardware.cad.crosstalk import feedthrough, mutual_inductance
 from hardware.cad.ebow import BATTERY, refuse_ebows_that_do_not_fit, room_above, room_below
@@ -51,11 +52,11 @@ CASE = {
 """The EBow that `prototype_ebow` has room for, with the size that its pictures assume."""
 
 
-def run(*arguments: str, path: str = "") -> "subprocess.CompletedProcess[str]":
-    command = [sys.executable, "-m", "hardware.cad", *arguments]
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([path, str(ROOT), str(ROOT / "src")])}
+def run(*arguments: str) -> "subprocess.CompletedProcess[str]":
+    words = [sys.executable, "-m", "hardware.cad", *arguments]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "src")])}
     return subprocess.run(
-        command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False, timeout=240
+        words, cwd=ROOT, env=environment, capture_output=True, text=True, check=False, timeout=240
     )
 
 
@@ -320,19 +321,20 @@ def test_the_command_prints_figures_without_a_cad_library() -> None:
     assert re.search(r"^break_angle_deg +6\.143$", done.stdout, re.MULTILINE)
 
 
-def test_the_command_refuses_in_one_line(tmp_path: Path) -> None:
-    (tmp_path / "build123d.py").write_text("raise ImportError\n", encoding="utf-8")
+def test_the_command_refuses_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    done = run("nothing")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "nothing" in done.stderr
     for arguments, line in (
-        (["nothing"], "nothing"),
         (["prototype", "--set", "pole=1"], "dimension 'pole': expected one of"),
         (["prototype", "--set", "fit=wide"], "--set fit=wide: expected NAME=MM"),
         (["prototype", "--set", "fit=nan"], "fit = nan mm: expected 0.05 to 0.8 mm"),
         (["prototype", "--driver", "ebow"], "ebow_length (not measured)"),
     ):
-        done = run(*arguments)
-        assert done.returncode == 2
-        assert len(done.stderr.strip().splitlines()) == 1
-        assert line in done.stderr
+        assert command.main(arguments) == 2
+        error = capsys.readouterr().err
+        assert len(error.strip().splitlines()) == 1
+        assert line in error
 
 
 def test_the_examples_in_the_docstrings_run() -> None:

@@ -126,22 +126,6 @@ def test_slides_have_their_direction_and_friction() -> None:
         assert sound.labels["slip"][label].max() == 0.0
 
 
-@pytest.mark.parametrize("name", ["roll_000", "slid_000"])
-def test_what_rolls_moves_without_slip(name: str) -> None:
-    group = Group(
-        name="roll", protocol="slide", grid=(1, 1), forces=(0.8, 1.2), hold=0.5, strokes=2,
-        speeds=(0.02, 0.03), rolls=True,
-    )  # fmt: skip
-    other = Group(name="slid", like="roll")
-    one = session(name, quiet(groups=(group, other)))
-    sound, timing = render(one), schedule(one)
-    for mask in during(timing, "slide", sound.label_time, 0.02):
-        labels = {name: values[mask] for name, values in sound.labels.items()}
-        assert (labels["contact"] == 1.0).all()
-        assert np.ptp(labels["position"]) > 5e-3
-        assert (labels["slip"] == (0.0 if one.group.rolls else 1.0)).mean() > 0.95
-
-
 def test_pieces_of_any_length_make_the_same_session(monkeypatch: pytest.MonkeyPatch) -> None:
     one = session("hold_000")
     whole = render(one)

@@ -4,15 +4,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.ports import free_ports
 
 from monochord.capture.instruments.udp import Udp
 from monochord.core.errors import InputError
 
 
 def open_at_any_port(**options: Any) -> tuple[Udp, int]:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
-        sock.bind(("127.0.0.1", 0))
-        port = int(sock.getsockname()[1])
+    (port,) = free_ports(1)
     return Udp(address=str(port), **options), port
 
 

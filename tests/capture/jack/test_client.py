@@ -10,12 +10,6 @@ from monochord.core.errors import DeviceError
 pytestmark = pytest.mark.jack
 
 
-def test_without_a_server_there_is_one_line_and_no_other(capfd: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(DeviceError, match="'nobody'"):
-        JackClient("test", "nobody")
-    assert capfd.readouterr() == ("", "")
-
-
 def test_without_the_library_there_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(libjack, "NAMES", ("libjack-that-nobody-has.so.0",))
     with pytest.raises(DeviceError, match="libjack"):

@@ -1,17 +1,16 @@
 """`monochord record` interrupted while its devices are being opened: at once, and nothing is left behind."""
 
 import signal
-import socket
 import subprocess
 import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.capture.instruments.test_opening import serving, trickle
 
 MONOCHORD = str(Path(sys.executable).with_name("monochord"))
 
@@ -19,25 +18,14 @@ MONOCHORD = str(Path(sys.executable).with_name("monochord"))
 @pytest.fixture
 def slow_box() -> Iterator[tuple[int, threading.Event]]:
     """A Net F/T whose settings come byte by byte: its port, and an event once it is asked."""
-    ended, requested = threading.Event(), threading.Event()
+    requested = threading.Event()
 
-    def serve() -> None:
-        with suppress(OSError):
-            client, _ = server.accept()
-            with client:
-                client.recv(1000)
-                requested.set()
-                client.sendall(b"HTTP/1.1 200 OK\r\n\r\n<netft>")
-                while not ended.wait(0.5):
-                    client.sendall(b" ")
+    def reply() -> Iterator[bytes]:
+        requested.set()
+        yield from trickle(b"HTTP/1.1 200 OK\r\n\r\n<netft>")
 
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        server.settimeout(60.0)
-        thread = threading.Thread(target=serve)
-        thread.start()
-        yield int(server.getsockname()[1]), requested
-        ended.set()
-        thread.join()
+    with serving(reply) as port:
+        yield port, requested
 
 
 def interrupted(process: "subprocess.Popen[str]", number: signal.Signals) -> None:

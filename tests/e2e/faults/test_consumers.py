@@ -17,6 +17,7 @@ import pytest
 from tests.e2e.conftest import HOUR, ClockToSet
 from tests.e2e.faults.conftest import RATE, Live, StartLive, notes, touched
 from tests.e2e.test_ros import DOMAIN, rclpy_node
+from tests.live.web.test_server import free
 from tests.waiting import wait_for
 
 from monochord.sessions import check, read_session
@@ -167,9 +168,7 @@ def never_reading(stack: ExitStack, port: int) -> socket.socket:
 
 def test_browsers_that_never_read_delay_nothing(play: Any, touch: Path, start_live: StartLive) -> None:
     play(touch)
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
+    port = free()
     live = start_live("--sink", f"web=127.0.0.1:{port}")
     live.wait_for_touch()
     with ExitStack() as stack:
