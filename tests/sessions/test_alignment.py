@@ -36,7 +36,8 @@ Late = Mapping[str, tuple[Seconds, Seconds]]
 
 @cache
 def played(seed: int = 0, groups: tuple[float, ...] = (1.5, 8.0), taps: int = 5) -> Tapped:
-    return tapped(groups=groups, taps=taps, force=(1.0, 0.3, 2.0)[seed % 3], seed=seed)
+    truth = tapped(groups=groups, taps=taps, force=(1.0, 0.3, 2.0)[seed % 3], seed=seed)
+    return replace(truth, rates=(1000.0, 250.0))
 
 
 def recorded(folder: Path, truth: Tapped) -> SessionReader:

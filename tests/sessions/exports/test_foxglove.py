@@ -31,7 +31,7 @@ TYPES = {
 @pytest.fixture(scope="module")
 def session(tmp_path_factory: pytest.TempPathFactory) -> SessionReader:
     path = tmp_path_factory.mktemp("sessions") / "made.mcap"
-    make(path).close()
+    make(path, seconds=0.6)
     return read_session(path)
 
 
@@ -149,7 +149,7 @@ def poses_in(frame: str, path: Path, patch: pytest.MonkeyPatch) -> SessionReader
     """Return a session whose poses are in a frame, as another program may write them."""
     with patch.context() as context:
         context.setattr(codec, "encode_pose", partial(codec.encode_pose, frame=frame))
-        make(path).close()
+        make(path, seconds=0.1)
     return read_session(path)
 
 
