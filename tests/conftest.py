@@ -299,7 +299,7 @@ LESSON: dict[str, Any] = {
         "position": {"hidden": [24, 24, 24]},
         "force": {"hidden": [24, 24, 24]},
     },
-    "optimiser": {"rate": 5e-3, "decay": 1e-2, "batch": 64, "epochs": 120},
+    "optimiser": {"rate": 5e-3, "decay": 1e-2, "batch": 64, "epochs": 40},
 }
 
 

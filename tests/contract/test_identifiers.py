@@ -64,7 +64,7 @@ def is_word(part: str, words: set[str]) -> bool:
 
 def strange(sources: dict[Path, str], pages: list[str]) -> dict[str, set[str]]:
     """Return the parts of names that are no words, each with the places of its names."""
-    words, found = set(WORDS.read_text(encoding="utf-8").split()), defaultdict[str, set[str]](set)
+    words, places = set(WORDS.read_text(encoding="utf-8").split()), defaultdict[str, set[str]](set)
     trees = {file: ast.parse(source) for file, source in sources.items()}
     for file, source in sources.items():
         words.update(*map(parts, texts(source, trees[file])))
@@ -72,9 +72,8 @@ def strange(sources: dict[Path, str], pages: list[str]) -> dict[str, set[str]]:
     for file, tree in trees.items():
         for name in names(tree):
             for part in parts(name):
-                if not is_word(part, words):
-                    found[part].add(f"{file.name}: {name}")
-    return dict(found)
+                places[part].add(f"{file.name}: {name}")
+    return {part: found for part, found in places.items() if not is_word(part, words)}
 
 
 def test_a_spoiled_name_is_found() -> None:

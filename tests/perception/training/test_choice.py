@@ -6,11 +6,11 @@ import sys
 import tracemalloc
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 import pytest
-from tests.conftest import shared
+from tests.perception.conftest import LessonBy
 
 from monochord.core.errors import InputError, MissingLibraryError
 from monochord.core.installing import TORCH_INDEX
@@ -27,31 +27,15 @@ from monochord.perception.model.network import HeadNetwork
 from monochord.perception.training.choice import LearnedHeads, choose, head_error, regressions
 from monochord.perception.training.examples import Examples, scaled_heads, scaling
 from monochord.perception.training.regression import FittedRegression, RegressionWindows, fit_regression
-from monochord.perception.training.settings import METHODS, TrainingSettings
+from monochord.perception.training.settings import TrainingSettings
 from monochord.perception.training.train import TrainingResult, train, window_of
 
 pytestmark = pytest.mark.usefixtures("made_up_features")
-WITHOUT_NETWORK = {"methods": ["ridge", "extra_trees"]}
-ALONE = pytest.mark.parametrize("method", ["ridge", "extra_trees"], indirect=True)
+EACH = pytest.mark.parametrize("method", ["ridge", "extra_trees"])
 
 
 def learned(lesson: dict[str, Any], out: Path, **settings: Any) -> TrainingResult:
     return train(TrainingSettings.read({**lesson, **settings}), out)
-
-
-@pytest.fixture
-def method(request: pytest.FixtureRequest) -> Method:
-    return request.param
-
-
-@pytest.fixture
-def alone(lesson: dict[str, Any], method: Method, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of a training run of `lesson` by one method, to be read alone."""
-
-    def fill(home: Path) -> None:
-        learned(lesson, home / "run", methods=[method])
-
-    return shared(tmp_path_factory, f"lesson_by_{method}", fill) / "run"
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +47,7 @@ def rows() -> tuple[Audio, Floats, Floats]:
     return inputs, 0.7 * inputs[:, 0] + spread * rng.laplace(size=2000), spread
 
 
-@ALONE
+@EACH
 def test_a_regression_learns_the_quantity_and_its_spread(
     rows: tuple[Audio, Floats, Floats], method: Method
 ) -> None:
@@ -79,7 +63,7 @@ def test_a_regression_learns_the_quantity_and_its_spread(
     assert 0.7 < np.mean(np.abs(target[1500:] - fitted.first(inputs[1500:])) / stated) < 1.4
 
 
-@ALONE
+@EACH
 def test_a_regression_learns_a_probability(rows: tuple[Audio, Floats, Floats], method: Method) -> None:
     inputs, task = rows[0], Task(label="slip", loss="logistic")
     label = (inputs[:, 0] + inputs[:, 2] > 0.0).astype(np.float64)
@@ -90,7 +74,7 @@ def test_a_regression_learns_a_probability(rows: tuple[Audio, Floats, Floats], m
     assert fitted.weight.shape == (1, 3)
 
 
-@ALONE
+@EACH
 def test_a_wrong_position_does_not_disturb_what_is_learned_of_right_ones(method: Method) -> None:
     rng = np.random.default_rng(0)
     inputs = rng.normal(size=(900, 2)).astype(np.float32)
@@ -141,7 +125,7 @@ def test_ridge_learns_from_all_windows_and_holds_a_block() -> None:
     np.testing.assert_allclose(fitted.bias, whole.bias, rtol=1e-4, atol=1e-6)
 
 
-@ALONE
+@EACH
 def test_one_window_or_one_group_is_enough(method: Method) -> None:
     task, one = Task(label="force", unit="N", loss="gauss"), np.ones((1, 2), np.float32)
     alone = fit_regression(method, task, RegressionWindows.of(one, np.ones(1), np.zeros(1, np.int64)))
@@ -151,19 +135,6 @@ def test_one_window_or_one_group_is_enough(method: Method) -> None:
     target = 2.0 * inputs[:, 0].astype(np.float64)
     fitted = fit_regression(method, task, RegressionWindows.of(inputs, target, np.zeros(60, np.int64)))
     assert np.abs(fitted.first(inputs) - 2.0 * inputs[:, 0]).mean() < 0.8
-
-
-def test_every_head_says_its_method_and_why(lesson: dict[str, Any], tmp_path: Path) -> None:
-    pytest.importorskip("torch")
-    result = learned(lesson, tmp_path / "run", optimiser={"epochs": 2, "batch": 64})
-    stored = json.loads((tmp_path / "run/metrics.json").read_text())["methods"]
-    for name, record in load(tmp_path / "run").definition.heads.items():
-        choice = result.choices[name]
-        assert set(choice.errors) == set(get_args(Method)) == set(METHODS)
-        assert record.method == choice.method == stored[name]["method"]
-        assert choice.errors[choice.method] <= min(choice.errors.values()) / 0.95
-        assert stored[name]["errors"] == choice.errors
-        assert (record.nodes > 0) == (choice.method == "extra_trees")
 
 
 def test_methods_are_compared_and_probabilities_calibrated_in_each_noise(
@@ -242,11 +213,13 @@ def drawn_definition() -> Definition:
     )
 
 
-@ALONE
-def test_each_method_is_calibrated_and_beats_the_mean_label(alone: Path, learnable: Path) -> None:
+@EACH
+def test_each_method_is_calibrated_and_beats_the_mean_label(
+    lesson_by: LessonBy, method: Method, learnable: Path
+) -> None:
     dataset = open_dataset(learnable)
     test = Split.read(dataset.path / "split.json").test
-    model, state = load(alone), ModelState()
+    model, state = load(lesson_by(method)), ModelState()
     errors, stds = dict[str, list[float]](), dict[str, list[float]]()
     abstained = 0
     for row in test.tolist():
@@ -266,20 +239,13 @@ def test_each_method_is_calibrated_and_beats_the_mean_label(alone: Path, learnab
     assert abstained > 0.9 * np.sum(dataset.label("contact")[test] == 0.0)
 
 
-@ALONE
-def test_equal_rows_give_equal_bits_in_any_batch(alone: Path) -> None:
-    model = load(alone)
+@EACH
+def test_equal_rows_give_equal_bits_in_any_batch(lesson_by: LessonBy, method: Method) -> None:
+    model = load(lesson_by(method))
     mean, scale = model.weights["scaler.mean"], model.weights["scaler.scale"]
     rows = (mean + scale * np.random.default_rng(0).normal(size=(7, len(mean)))).astype(np.float32)
     network = HeadNetwork.of(model.definition, model.weights)
     assert network.outputs(rows) == [network.outputs(rows[at : at + 1])[0] for at in range(7)]
-
-
-def test_equal_settings_give_equal_bytes(lesson: dict[str, Any], tmp_path: Path) -> None:
-    for name in ("one", "two"):
-        learned(lesson, tmp_path / name, **WITHOUT_NETWORK)
-    for name in ("model/weights.safetensors", "model/model.json", "metrics.json"):
-        assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes(), name
 
 
 @pytest.fixture
@@ -319,9 +285,8 @@ def test_methods_that_make_no_sense_are_refused(lesson: dict[str, Any], methods:
         TrainingSettings.read({**lesson, "methods": methods})
 
 
-@pytest.mark.parametrize("method", ["extra_trees"], indirect=True)
-def test_a_damaged_forest_is_refused_or_ends(alone: Path) -> None:
-    model = load(alone)
+def test_a_damaged_forest_is_refused_or_ends(lesson_by: LessonBy) -> None:
+    model = load(lesson_by("extra_trees"))
     name = next(name for name in model.weights if name.endswith(".forest"))
     nodes = model.weights[name].copy()
     nodes[:, [0, 2]] = np.random.default_rng(0).normal(scale=1e6, size=(len(nodes), 2))

@@ -9,7 +9,7 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -19,12 +19,9 @@ from monochord.core.errors import InputError
 from monochord.datasets.split import Split
 from monochord.datasets.store import open_dataset
 from monochord.perception.model import ModelState, load
-from monochord.perception.training.settings import TrainingSettings
-from monochord.perception.training.train import (
-    read_in_turn,
-    train,
-    window_of,
-)
+from monochord.perception.model.definition import Method
+from monochord.perception.training.settings import METHODS, TrainingSettings
+from monochord.perception.training.train import read_in_turn, train, window_of
 
 pytest.importorskip("torch")
 pytestmark = pytest.mark.usefixtures("made_up_features")
@@ -53,7 +50,9 @@ def test_it_beats_the_mean_label_by_far_on_sessions_not_trained_on(lesson_run: P
     assert scores["heads"]["slip"]["auc"] > 0.9
 
 
-def test_its_folder_is_complete(lesson: dict[str, Any], tmp_path: Path) -> None:
+def test_its_folder_is_complete_and_each_head_says_its_method_and_why(
+    lesson: dict[str, Any], tmp_path: Path
+) -> None:
     out = tmp_path / "run"
     result = train(TrainingSettings.read({**lesson, "optimiser": {"epochs": 3, "batch": 64}}), out)
     assert sorted(each.name for each in out.iterdir()) == [
@@ -69,7 +68,15 @@ def test_its_folder_is_complete(lesson: dict[str, Any], tmp_path: Path) -> None:
     assert "coverage_1" in metrics["calibration"]["force"]["measured"]
     with (out / "history.csv").open() as file:
         assert [line["epoch"] for line in csv.DictReader(file)] == ["1", "2", "3"]
-    assert load(out).definition == result.model.definition
+    definition = load(out).definition
+    assert definition == result.model.definition
+    for name, record in definition.heads.items():
+        choice, stored = result.choices[name], metrics["methods"][name]
+        assert set(choice.errors) == set(get_args(Method)) == set(METHODS)
+        assert record.method == choice.method == stored["method"]
+        assert choice.errors[choice.method] <= min(choice.errors.values()) / 0.95
+        assert stored["errors"] == choice.errors
+        assert (record.nodes > 0) == (choice.method == "extra_trees")
     assert result.model.definition.heads["force"].calibration.sessions == 2
 
 
@@ -120,9 +127,8 @@ train(TrainingSettings.read(load_toml(Path(sys.argv[2]))), Path(sys.argv[3]))
 """
 
 
-def test_a_session_is_a_stream_of_its_own(lesson: dict[str, Any], tmp_path: Path) -> None:
-    train(TrainingSettings.read({**lesson, "optimiser": {"epochs": 2}}), tmp_path / "run")
-    dataset, model = open_dataset(Path(lesson["dataset"])), load(tmp_path / "run")
+def test_a_session_is_a_stream_of_its_own(lesson_run: Path, learnable: Path) -> None:
+    dataset, model = open_dataset(learnable), load(lesson_run)
     rows = np.arange(len(dataset))
     both = read_in_turn(model, dataset, rows[dataset.session < 2]).outputs
     alone = read_in_turn(model, dataset, rows[dataset.session == 1]).outputs
