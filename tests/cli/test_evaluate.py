@@ -10,18 +10,11 @@ import numpy as np
 import pytest
 from tests.cli.running import refusal
 
-from monochord.capture.sources.session import SessionSource
 from monochord.cli import run
-from monochord.core.types import Estimates
 from monochord.datasets.split import Split
 from monochord.datasets.store import open_dataset
 from monochord.evaluation.results import read_results
 from monochord.figures import base
-from monochord.live import LiveRun
-from monochord.live import run as live
-from monochord.live.settings import WindowSettings
-from monochord.live.sinks.base import Listener, Update
-from monochord.perception.estimators.model import ModelEstimator
 from monochord.perception.training.settings import TrainingSettings
 from monochord.perception.training.train import train
 
@@ -83,31 +76,6 @@ def test_an_empty_test_and_a_split_of_another_dataset_are_refused(
     assert "dataset" in refusal(capsys, *command, "--split", tmp_path / "other.json")
 
 
-class Collector(Listener):
-    """Stores live estimates."""
-
-    def __init__(self) -> None:
-        self.estimates: list[Estimates] = []
-
-    def write(self, update: Update) -> None:
-        self.estimates.append(update.prediction.estimates)
-
-
-def assert_live_gives_the_same(folder: Path, learnable: Path, file: Path) -> None:
-    """Assert that a session's results are those that the live loop gives of it, to the bit."""
-    results, collector = read_results(file), Collector()
-    name = results.trials[0].session
-    source = SessionSource(path=learnable.parent / f"{name}.mcap", block=700)
-    window = WindowSettings(length=results.window, hop=results.hop)
-    live(LiveRun(source=source, estimator=ModelEstimator(path=folder), sinks=(collector,), window=window))
-    part = results.where(results.trial == 0)
-    assert len(collector.estimates) == len(part)
-    for estimate in ("contact", "slip", "position", "force"):
-        live_estimates = [each[estimate] for each in collector.estimates]
-        np.testing.assert_array_equal(part.estimate(estimate), [each.value for each in live_estimates])
-        np.testing.assert_array_equal(part.std[estimate], [each.std for each in live_estimates])
-
-
 @pytest.mark.slow
 def test_a_run_is_evaluated_on_sessions_that_it_was_not_trained_on(
     lesson_run: Path, learnable: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -122,7 +90,6 @@ def test_a_run_is_evaluated_on_sessions_that_it_was_not_trained_on(
     assert card["notes"] == []
     (row,) = [row for row in card["table"] if row["state"] == "touched"]
     assert row["position"]["r"]["value"] > 0.9
-    assert_live_gives_the_same(folder, learnable, tmp_path / "out" / "results.npz")
     assert run(["evaluate", str(folder), "--no-baselines", "--part", "validation"]) == 0
     trained_on, other = (
         open_dataset(learnable).manifest.parts[int(open_dataset(learnable).session[part[0]])].name

@@ -13,23 +13,15 @@ from monochord.core.types import Estimate, Estimates, Prepared, Signal, Window
 from monochord.datasets.store import Dataset
 from monochord.evaluation.noise import Disturbance
 from monochord.evaluation.replay import Selection, replay
-from monochord.live import LiveRun, run
+from monochord.live import LiveRun
+from monochord.live.loop import opened
 from monochord.live.settings import WindowSettings
-from monochord.live.sinks.base import Listener, Update
 from monochord.perception.estimators.base import Estimator
 from monochord.perception.estimators.closed_form import ClosedForm
 from monochord.physics.sensors import load_sensor
 
 STRING = load_sensor("prototype").string
 PHYSICS = ClosedForm(tension_law="geometric")
-
-
-class Collector(Listener):
-    def __init__(self) -> None:
-        self.estimates: list[Estimates] = []
-
-    def write(self, update: Update) -> None:
-        self.estimates.append(update.prediction.estimates)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,10 +51,9 @@ def test_it_equals_live_inference_to_the_bit(dataset: Dataset, sessions: tuple[P
     results = replay(selection(dataset), PHYSICS, name="closed_form")
     live_estimates: list[Estimates] = []
     for path in sessions:
-        collector = Collector()
-        hop = WindowSettings(length=0.1, hop=0.1)
-        run(LiveRun(source=SessionSource(path=path), estimator=PHYSICS, sinks=(collector,), window=hop))
-        live_estimates += collector.estimates
+        window = WindowSettings(length=0.1, hop=0.1)
+        with opened(LiveRun(source=SessionSource(path=path), estimator=PHYSICS, window=window)) as live_run:
+            live_estimates += [update.prediction.estimates for update in live_run]
     assert len(live_estimates) == len(results)
     for name in ("position", "force", "contact", "frequency_1"):
         live = np.array([each[name].value for each in live_estimates])

@@ -6,11 +6,12 @@ from functools import cache
 import numpy as np
 import pytest
 from tests import beam_elements, finite_differences
-from tests.finite_differences import RATE, Take
+from tests.finite_differences import Take
+from tests.perception.windows import RATE, SIZE, cut
 
 from monochord.core.errors import InputError
 from monochord.core.reasons import Reason
-from monochord.core.types import Audio, Estimates, Floats, Signal, StringParams, Window
+from monochord.core.types import Audio, Estimates, Floats, Signal, StringParams
 from monochord.perception.closed_form.explanations import RANGE, RATIO_STEP, RATIOS, distortion_of, priors
 from monochord.perception.closed_form.lines import FREQUENCY, LEVEL, OWN, POWER, STD
 from monochord.perception.estimators import ESTIMATORS
@@ -18,7 +19,6 @@ from monochord.physics.sensors import load_sensor
 from monochord.physics.theory import inharmonicity, open_frequency, stiff_partials, support_shortening
 
 STRING = load_sensor("prototype").string
-SIZE = 4410
 
 
 def partials(side: float, numbers: list[int], rise: float = 1.0) -> Floats:
@@ -57,12 +57,7 @@ def told(*sounds: Audio, sensing_range: tuple[float, float] | None = None) -> Es
     """What is said of the last window, after 0.4 s of the untouched string."""
     signal = Signal(sample_rate=RATE, channels=2, string=STRING, sensing_range=sensing_range)
     estimate = ESTIMATORS.build("closed_form", {"sides": "both"}).prepare(signal, SIZE)
-    windows = [*([UNTOUCHED] * 4), *sounds]
-    said = [
-        estimate(Window(samples=each, start=number * SIZE, sample_rate=RATE))
-        for number, each in enumerate(windows)
-    ]
-    return said[-1]
+    return [estimate(window) for window in cut(np.concatenate([*([UNTOUCHED] * 4), *sounds], axis=1))][-1]
 
 
 @pytest.mark.parametrize("driven", [(1, 1), (2, 1), (1, 3), (3, 2)])
@@ -173,9 +168,8 @@ def scored(simulator: str, seed: int) -> tuple[float, Floats, Floats, Floats]:
     signal = Signal(sample_rate=RATE, channels=2, string=string)
     estimate = ESTIMATORS.build("closed_form", {"sides": "both"}).prepare(signal, SIZE)
     rows: list[tuple[float, float, float]] = []
-    for start in range(0, known.sound.shape[1] - SIZE, SIZE // 2):
-        samples = np.ascontiguousarray(known.sound[:, start : start + SIZE])
-        said = estimate(Window(samples=samples, start=start, sample_rate=RATE))
+    for window in cut(known.sound, SIZE // 2):
+        said, start = estimate(window), window.start
         before = slice(max(start - 1500, 0), start + SIZE)
         if known.contact[before].all() and np.ptp(known.force[before]) < 1e-9:
             off = said["position"].value - known.position[start]

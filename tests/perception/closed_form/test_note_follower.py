@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from tests.perception.windows import RATE, SIZE, cut
 
-from monochord.core.types import Estimate, Floats, Signal, Window
+from monochord.core.types import Estimate, Floats, Signal
 from monochord.perception.closed_form.note_follower import NO_NOTES, NOTES, follow
 from monochord.perception.estimators.closed_form import ClosedForm
 
-RATE, SIZE = 44100, 4410
 SIGNAL = Signal(sample_rate=RATE, channels=1)
 OPEN, LENGTH = 110.0, 0.65
 
@@ -28,13 +28,7 @@ def places(
     sound: Floats, *, open_frequency: float = OPEN, hop: float = 0.05, first: int = 0
 ) -> list[Estimate]:
     estimate = ClosedForm(length=LENGTH, open_frequency=open_frequency).prepare(SIGNAL, SIZE)
-    samples = (0.1 * sound).astype(np.float32)[np.newaxis]
-    starts = range(0, sound.size - SIZE + 1, round(hop * RATE))
-    cut = [np.ascontiguousarray(samples[:, start : start + SIZE]) for start in starts]
-    windows = [
-        Window(samples=each, start=first + start, sample_rate=RATE)
-        for each, start in zip(cut, starts, strict=True)
-    ]
+    windows = cut(0.1 * sound[np.newaxis], round(hop * RATE), first=first)
     return [estimate(window)["position"] for window in windows]
 
 
@@ -101,11 +95,8 @@ def test_silence_and_a_new_stream_leave_nothing() -> None:
     first, again = places(sound, first=10 * SIZE), places(sound)
     assert [each.value for each in first] == [each.value for each in again]
     estimate = ClosedForm(length=LENGTH, open_frequency=OPEN).prepare(SIGNAL, SIZE)
-    samples = np.ascontiguousarray((0.1 * sound[:SIZE]).astype(np.float32)[np.newaxis])
-    last = [
-        estimate(Window(samples=samples, start=start, sample_rate=RATE))["position"] for start in (8820, 0)
-    ]
-    assert last[0] == last[1]
+    (later,), (begun,) = (cut(0.1 * sound[np.newaxis, :SIZE], first=first) for first in (8820, 0))
+    assert estimate(later)["position"] == estimate(begun)["position"]
 
 
 def test_the_posterior_stays_small_and_whole() -> None:

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from tests.perception.windows import cut
 
-from monochord.core.types import Audio, Signal, Window
+from monochord.core.types import Audio, Signal
 from monochord.dsp.speech import babble
 from monochord.evaluation import recordings
 from monochord.perception.estimators.closed_form import ClosedForm
@@ -14,10 +15,7 @@ def answers(sound: Audio, rate: int, open_frequency: float) -> list[float]:
     size = rate // 10
     signal = Signal(sample_rate=rate, channels=1)
     estimate = ClosedForm(length=0.65, open_frequency=open_frequency).prepare(signal, size)
-    starts = range(0, sound.size - size + 1, size // 2)
-    windows = [
-        Window(samples=sound[np.newaxis, s : s + size].copy(), start=s, sample_rate=rate) for s in starts
-    ]
+    windows = cut(sound[np.newaxis], size // 2, size=size, rate=rate)
     positions = [estimate(window)["position"] for window in windows]
     return [position.value for position in positions if position.valid]
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.perception.windows import RATE, SIZE, cut
 
 from monochord.core.errors import InputError
 from monochord.core.reasons import Reason
@@ -17,7 +18,6 @@ from monochord.physics.strings import load_string
 from monochord.physics.theory import segment_frequencies
 from monochord.physics.twin.virtual_sensor import VirtualSensor
 
-RATE, SIZE = 44100, 4410
 MONO = Signal(sample_rate=RATE, channels=1)
 APPENDIX = load_string("appendix").string
 
@@ -102,10 +102,8 @@ class TestFarSegment:
 
     def test_of_two_strings_at_once_the_older_goes_on(self) -> None:
         estimate = ClosedForm(length=0.65, open_frequency=110.0).prepare(MONO, SIZE)
-        cut = [note(122.2), note(122.2), note(122.2) + note(145.4), note(122.2)]
-        places = [
-            estimate(Window(samples=0.5 * s, start=SIZE * k, sample_rate=RATE)) for k, s in enumerate(cut)
-        ]
+        notes = [note(122.2), note(122.2), note(122.2) + note(145.4), note(122.2)]
+        places = [estimate(each) for each in cut(0.5 * np.concatenate(notes, axis=1))]
         assert [p["position"].value for p in places] == pytest.approx([0.0649] * 4, abs=1e-3)
 
     @pytest.mark.parametrize("position", [0.0, 0.3])
@@ -249,13 +247,7 @@ def twin_windows(ratio: float, position: float, untouched: float) -> tuple[list[
     before = twin.advance(0.4 + untouched)[0][:, round(0.4 * RATE) :]
     twin.press(position, 0.8)
     twin.advance(0.35)
-    sound = np.concatenate((before, twin.advance(0.5)[0]), axis=1)
-    starts = range(0, sound.shape[1] - SIZE + 1, SIZE // 2)
-    windows = [
-        Window(samples=np.ascontiguousarray(sound[:, start : start + SIZE]), start=start, sample_rate=RATE)
-        for start in starts
-    ]
-    return windows, untouched
+    return cut(np.concatenate((before, twin.advance(0.5)[0]), axis=1), SIZE // 2), untouched
 
 
 class TestAnotherTuning:

@@ -15,26 +15,20 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 import soundfile
-from tests.finite_differences import RATE, Take, take
+from tests.finite_differences import Take, take
+from tests.perception.windows import RATE, SIZE, cut
 
 from monochord.capture.sources import SOURCES
 from monochord.cli import run as monochord
-from monochord.core.types import Estimates, Floats, Signal, Window
-from monochord.live import LiveRun, run
-from monochord.live.sinks.base import Listener, Update
+from monochord.core.types import Estimates, Floats, Signal
+from monochord.live import LiveRun
+from monochord.live.loop import opened
+from monochord.live.update import Update
 from monochord.perception.estimators.model import ModelEstimator
 from monochord.physics.sensors import load_sensor
 
 pytestmark = pytest.mark.slow
 SECONDS = 15.0
-
-
-class Kept(Listener):
-    def __init__(self) -> None:
-        self.updates: list[Update] = []
-
-    def write(self, update: Update) -> None:
-        self.updates.append(update)
 
 
 NOISES = (0.0, 1e-4, 1e-3)
@@ -44,10 +38,9 @@ NOISES = (0.0, 1e-4, 1e-3)
 def steady(noise: float) -> list[Update]:
     """The moments of a foreign sensor that are no transitions."""
     options = {"preset": "prototype", "speed": 0.0, "seed": 3, "noise": noise}
-    kept, model = Kept(), ModelEstimator(path=Path("demo"))
-    source = SOURCES.build("split_string", options)
-    run(LiveRun(source=source, estimator=model, sinks=(kept,), seconds=SECONDS))
-    return [m for m in kept.updates if m.truth.get("transition") == 0.0]
+    source, model = SOURCES.build("split_string", options), ModelEstimator(path=Path("demo"))
+    with opened(LiveRun(source=source, estimator=model, seconds=SECONDS)) as live:
+        return [m for m in live if m.truth.get("transition") == 0.0]
 
 
 def errors(noise: float) -> tuple[list[float], int]:
@@ -99,15 +92,10 @@ class Scored:
 
 def scored(model: Path, sensor: str, known: Take) -> Scored:
     signal = Signal(sample_rate=RATE, channels=2, string=load_sensor(sensor).string)
-    estimate, size, rows = (
-        ModelEstimator(path=model).prepare(signal, 4410),
-        4410,
-        list[tuple[Estimates, int]](),
-    )
-    for start in range(0, known.sound.shape[1] - size, size // 4):
-        sound = np.ascontiguousarray(known.sound[:, start : start + size])
-        estimates = estimate(Window(samples=sound, start=start, sample_rate=RATE))
-        before = slice(max(start - 1000, 0), start + size)
+    estimate, rows = ModelEstimator(path=model).prepare(signal, SIZE), list[tuple[Estimates, int]]()
+    for window in cut(known.sound, SIZE // 4):
+        estimates, start = estimate(window), window.start
+        before = slice(max(start - 1000, 0), start + SIZE)
         if known.contact[before].all() and np.ptp(known.force[before]) < 1e-9:
             rows.append((estimates, start))
     answered = [(each, at) for each, at in rows if each["force"].valid and each["position"].valid]

@@ -1,14 +1,14 @@
 """A model on a sensor whose string is not as long as its design's."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
+from tests.perception.windows import RATE, SIZE, cut
 
 from monochord.core.errors import InputError
-from monochord.core.types import Audio, Floats, Signal, Window
+from monochord.core.types import Audio, Floats, Signal
 from monochord.perception.model import Model, load
 from monochord.perception.model.stream import ModelStream
 from monochord.physics.sensors import Sensor, load_sensor, with_sensor
@@ -16,7 +16,6 @@ from monochord.physics.setup import lengthened
 from monochord.physics.theory import open_frequency
 from monochord.physics.twin.virtual_sensor import VirtualSensor
 
-RATE, SIZE = 44100, 4410
 DESIGN = load_sensor("prototype")
 SHORTER = lengthened(DESIGN, 0.99)
 MEASURED = replace(SHORTER, measured_length=SHORTER.string.length)
@@ -37,12 +36,6 @@ def touched() -> tuple[Audio, tuple[float, ...]]:
     return np.concatenate(sounds, axis=1), tuple(place * SHORTER.string.length for place in places)
 
 
-def windows(sound: Audio) -> Iterator[Window]:
-    for start in range(0, sound.shape[1] - SIZE + 1, SIZE):
-        samples = np.ascontiguousarray(sound[:, start : start + SIZE])
-        yield Window(samples=samples, start=start, sample_rate=RATE)
-
-
 def stream(sensor: Sensor) -> ModelStream:
     return load("demo").stream(with_sensor(Signal(sample_rate=RATE, channels=2), sensor), SIZE)
 
@@ -51,7 +44,7 @@ def stated(sensor: Sensor) -> tuple[Floats, Floats, Floats]:
     """Return the error and the standard error of position in each touch in m, and the force in N."""
     sound, places = touched()
     estimate = stream(sensor)
-    rows = [estimate(window) for window in windows(sound)]
+    rows = [estimate(window) for window in cut(sound)]
     last = [rows[round(1.6 * (number + 1) * RATE) // SIZE - 2] for number in range(len(places))]
     assert all(each["position"].valid and each["force"].valid for each in last)
     error, std, force = (
@@ -80,7 +73,7 @@ def test_forces_are_those_of_the_shorter_string() -> None:
 def test_features_and_all_else_are_those_of_the_pitch() -> None:
     sound, _ = touched()
     of_design, of_own = stream(DESIGN), stream(MEASURED)
-    for window in windows(sound[:, : 2 * RATE]):
+    for window in cut(sound[:, : 2 * RATE]):
         one, other = of_design(window)["contact"], of_own(window)["contact"]
         assert other.value == pytest.approx(one.value, nan_ok=True, abs=1e-4)
 
@@ -104,7 +97,7 @@ def test_the_same_length_gives_the_same_bits_and_the_rulers_error() -> None:
     same = replace(DESIGN, measured_length=DESIGN.string.length)
     sound, _ = touched()
     one, other = stream(DESIGN), stream(same)
-    for window in windows(sound[:, : 2 * RATE]):
+    for window in cut(sound[:, : 2 * RATE]):
         first, second = one(window), other(window)
         assert repr(first["force"]) == repr(second["force"])
         if first["position"].valid:

@@ -13,8 +13,8 @@ from monochord.core.config import from_tree
 from monochord.core.errors import InputError
 from monochord.core.types import Signal
 from monochord.datasets.store import open_dataset
-from monochord.live import LiveRun, run
-from monochord.live.sinks.base import Listener, Update
+from monochord.live import LiveRun
+from monochord.live.loop import opened
 from monochord.perception.estimators import ESTIMATORS
 from monochord.perception.estimators.model import ModelEstimator
 from monochord.perception.model.definition import Method
@@ -27,22 +27,12 @@ MADE_UP = Path(__file__).parents[2] / "made_up_features"
 SESSIONS = (0, 3)
 
 
-class Recorder(Listener):
-    """Keeps the estimates."""
-
-    def __init__(self) -> None:
-        self.estimates: list[str] = []
-
-    def write(self, update: Update) -> None:
-        self.estimates.append(str(dict(update.prediction.estimates)))
-
-
 @pytest.mark.parametrize("method", ["network", "extra_trees"])
 def test_live_is_offline_to_the_bit(lesson_by: LessonBy, method: Method, learnable: Path) -> None:
-    dataset, recorder, path = open_dataset(learnable), Recorder(), str(lesson_by(method))
+    dataset, path, estimates = open_dataset(learnable), str(lesson_by(method)), list[str]()
     for number in SESSIONS:
         session = learnable.parent / f"{dataset.manifest.parts[number].name}.mcap"
-        live = LiveRun.read(
+        setup = LiveRun.read(
             {
                 "source": {"name": "session", "path": str(session), "block": 3001},
                 "estimator": {"name": "model", "path": path},
@@ -50,10 +40,11 @@ def test_live_is_offline_to_the_bit(lesson_by: LessonBy, method: Method, learnab
                 "sinks": {},
             }
         )
-        run(dataclasses.replace(live, sinks=(recorder,)))
+        with opened(setup) as live:
+            estimates += [str(dict(update.prediction.estimates)) for update in live]
     estimate = ESTIMATORS.build("model", {"path": path}).prepare(SIGNAL, 1600)
     rows = np.flatnonzero(np.isin(dataset.session, SESSIONS))
-    assert recorder.estimates == [str(dict(estimate(window_of(dataset, row)))) for row in rows.tolist()]
+    assert estimates == [str(dict(estimate(window_of(dataset, row)))) for row in rows.tolist()]
     assert len(rows) == 480
 
 

@@ -4,13 +4,13 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from tests.perception.windows import RATE, SIZE, cut
 
-from monochord.core.types import Audio, Floats, Signal, Window
+from monochord.core.types import Audio, Floats, Signal
 from monochord.perception.estimators.closed_form import ClosedForm
 from monochord.physics.sensors import load_sensor
 from monochord.physics.twin.virtual_sensor import VirtualSensor
 
-RATE, SIZE = 44100, 4410
 LENGTH, OPEN = 0.65, 246.94
 STEREO, MONO = (Signal(sample_rate=RATE, channels=n) for n in (2, 1))
 
@@ -32,11 +32,7 @@ def positions(sound: Audio, signal: Signal, **options: object) -> Floats:
     """Return the position of every window, NaN for an abstention."""
     estimator = ClosedForm(length=LENGTH, open_frequency=OPEN, **options)  # pyright: ignore[reportArgumentType]
     estimate = estimator.prepare(signal, SIZE)
-    starts = range(0, sound.shape[1] - SIZE + 1, SIZE // 2)
-    cut = [np.ascontiguousarray(sound[: signal.channels, start : start + SIZE]) for start in starts]
-    windows = [
-        Window(samples=each, start=start, sample_rate=RATE) for each, start in zip(cut, starts, strict=True)
-    ]
+    windows = cut(sound[: signal.channels], SIZE // 2)
     return np.array([estimate(window)["position"].value for window in windows])
 
 
@@ -76,9 +72,7 @@ def test_two_pickups_go_on_using_both_segments(position: float) -> None:
     twin.advance(0.35)
     touched = twin.advance(0.3)[0]
     estimate = ClosedForm(length=0.2, open_frequency=1010.6).prepare(STEREO, SIZE)
-    sound = np.concatenate((untouched, touched), axis=1).astype(np.float32)
-    for start in range(0, sound.shape[1] - SIZE + 1, SIZE // 2):
-        samples = np.ascontiguousarray(sound[:, start : start + SIZE])
-        estimates = estimate(Window(samples=samples, start=start, sample_rate=RATE))
-        if start >= untouched.shape[1]:
+    for window in cut(np.concatenate((untouched, touched), axis=1), SIZE // 2):
+        estimates = estimate(window)
+        if window.start >= untouched.shape[1]:
             assert estimates["position"].value == pytest.approx(position, abs=1e-3)

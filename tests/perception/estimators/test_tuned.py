@@ -1,12 +1,12 @@
 """The bundled model and the closed form on sensors that are tuned otherwise than their design."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
 from typing import Any
 
 import numpy as np
 import pytest
+from tests.perception.windows import RATE, SIZE, cut
 
 from monochord.core.errors import InputError
 from monochord.core.inputs import Inputs
@@ -23,7 +23,7 @@ from monochord.physics.sensors import load_sensor
 from monochord.physics.theory import open_frequency
 from monochord.physics.twin.virtual_sensor import VirtualSensor
 
-RATE, SIZE, REST = 44100, 4410, 1.2
+REST = 1.2
 ESTIMATED: dict[str, dict[str, Any]] = {
     "model": {"path": "demo"},
     "closed_form": {"tension_law": "geometric"},
@@ -50,10 +50,8 @@ def played(name: str, percent: int, touches: int) -> tuple[Audio, dict[str, Floa
     return np.concatenate([sound for sound, _ in takes], axis=1), labels
 
 
-def windows(sound: Audio, hop: int = SIZE // 2) -> Iterator[Window]:
-    for start in range(0, sound.shape[1] - SIZE + 1, hop):
-        samples = np.ascontiguousarray(sound[:, start : start + SIZE])
-        yield Window(samples=samples, start=start, sample_rate=RATE)
+def windows(sound: Audio, hop: int = SIZE // 2) -> list[Window]:
+    return cut(sound, hop)
 
 
 def tuned(sound: Audio, string: StringParams) -> StringParams:

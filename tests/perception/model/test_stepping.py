@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.perception.windows import RATE, SIZE, cut
 
 from monochord.core.types import Audio, Signal, Window
 from monochord.perception.model import ModelState, load
@@ -14,7 +15,6 @@ from monochord.physics.sensors import retuned
 from monochord.physics.strings import load_string
 from monochord.physics.theory import open_frequency
 
-RATE, SIZE = 44100, 4410
 STRING = load_string("prototype").string
 SIGNAL = Signal(sample_rate=RATE, channels=2, string=STRING)
 
@@ -25,11 +25,7 @@ def windows(ratio: float, count: int, hop: int = SIZE) -> list[Window]:
     own = ratio * open_frequency(STRING)
     partials = [np.sin(2.0 * np.pi * n * own * time) for n in (1, 2)]
     levels = np.array([[0.1, 0.05], [0.09, 0.06]])
-    samples = (levels @ np.stack(partials)).astype(np.float32)
-    return [
-        Window(samples=samples[:, start : start + SIZE], start=start, sample_rate=RATE)
-        for start in range(0, count * hop, hop)
-    ]
+    return cut(levels @ np.stack(partials), hop)[:count]
 
 
 @pytest.mark.parametrize("ratio", [1.0, 1.03])

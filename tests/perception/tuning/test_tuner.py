@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike
+from tests.perception.windows import RATE, SIZE, cut
 from tests.physics.twin.built import planned
 
 from monochord.core.errors import InputError
@@ -19,8 +20,6 @@ from monochord.physics.theory import inharmonicity, open_frequency, stiff_partia
 from monochord.physics.twin import Sensor
 from monochord.physics.twin.virtual_sensor import VirtualSensor
 
-RATE = 44100
-SIZE = 4410
 PRESETS = ("prototype", "long", "gauge_012", "gauge_013", "prototype_one_driver", "prototype_ebow")
 SEMITONES = 2.0 ** (1.5 / 12.0)
 PULL = 0.004
@@ -50,9 +49,8 @@ def followed(sound: Audio, string: StringParams, size: int = SIZE, hop: int = SI
     """Return the state of a tuner after all windows of a sound."""
     tuner = Tuner.of(Signal(sample_rate=RATE, channels=len(sound), string=string), size)
     state = TunerState()
-    for start in range(0, sound.shape[1] - size + 1, hop):
-        samples = np.ascontiguousarray(sound[:, start : start + size])
-        state = tuner.step(state, Window(samples=samples, start=start, sample_rate=RATE))
+    for window in cut(sound, hop, size=size):
+        state = tuner.step(state, window)
     return state
 
 
@@ -326,10 +324,7 @@ def test_the_state_is_all_there_is() -> None:
     """The fold gives the same from the same state, and begins anew with another stream."""
     sound = untouched("prototype")
     tuner = Tuner.of(Signal(sample_rate=RATE, channels=2, string=PROTOTYPE), SIZE)
-    windows = [
-        Window(samples=sound[:, start : start + SIZE], start=start, sample_rate=RATE)
-        for start in range(0, 8 * SIZE, SIZE)
-    ]
+    windows = cut(sound)[:8]
     first = state = TunerState()
     states = [state := tuner.step(state, window) for window in windows]
     again = [first := tuner.step(first, window) for window in windows]

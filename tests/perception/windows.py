@@ -1,0 +1,21 @@
+"""Sound cut into windows, as the live loop cuts it."""
+
+import numpy as np
+
+from monochord.core.types import Audio, Floats, Window
+
+RATE, SIZE = 44100, 4410
+
+
+def cut(
+    sound: Audio | Floats, hop: int = SIZE, *, size: int = SIZE, rate: int = RATE, first: int = 0
+) -> list[Window]:
+    """Return the windows of a sound (channels, n) whose first frame has the index `first`."""
+    return [
+        Window(
+            samples=np.ascontiguousarray(sound[:, at : at + size], np.float32),
+            start=first + at,
+            sample_rate=rate,
+        )
+        for at in range(0, sound.shape[1] - size + 1, hop)
+    ]
