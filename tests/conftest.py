@@ -203,6 +203,21 @@ def sung(number: int) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
     return np.stack(sound).astype(np.float32), time, labels
 
 
+def sing(file: Path, number: int, *, bias: float | np.ndarray = 0.0, seconds: int = 24, **about: Any) -> Path:
+    """Write the session of `sung` of that number, or its beginning; `bias` is added to its forces."""
+    from monochord.core.types import Block
+    from monochord.sessions import Description, SessionClock, SessionWriter
+
+    samples, time, labels = sung(number)
+    labels["force"] = labels["force"] + bias
+    description = Description(name=file.stem, sample_rate=LEARNABLE, simulated=True, **about)
+    with SessionWriter(file, description, SessionClock(epoch_ns=10**18, origin=0.0)) as writer:
+        writer.audio(Block(samples=samples[:, : seconds * LEARNABLE], start=0, adc_time=0.0))
+        rows = slice(seconds * 100)
+        writer.labels(time[rows], {name: values[rows] for name, values in labels.items()})
+    return file
+
+
 def shared(factory: pytest.TempPathFactory, name: str, make: Callable[[Path], object]) -> Path:
     """Return a folder that the first of the workers who ask for it fills; it is to be read alone."""
     base = factory.getbasetemp()
@@ -242,19 +257,10 @@ def learnable(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def make_learnable(home: Path) -> None:
-    from monochord.core.types import Block
     from monochord.datasets.build import BuildOptions, build_dataset
     from monochord.datasets.split import split_dataset
-    from monochord.sessions import Description, SessionClock, SessionWriter
 
-    files: list[Path] = []
-    for number in range(8):
-        samples, time, labels = sung(number)
-        description = Description(name=f"sung_{number}", sample_rate=LEARNABLE, simulated=True)
-        files.append(home / f"sung_{number}.mcap")
-        with SessionWriter(files[-1], description, SessionClock(epoch_ns=10**18, origin=0.0)) as writer:
-            writer.audio(Block(samples=samples, start=0, adc_time=0.0))
-            writer.labels(time, labels)
+    files = [sing(home / f"sung_{number}.mcap", number) for number in range(8)]
     dataset = build_dataset(files, home / "dataset", BuildOptions())
     split_dataset(dataset, fractions=(0.5, 0.25, 0.25)).write(dataset.path / "split.json")
 

@@ -20,7 +20,6 @@ from tests.cli.running import Capture, refusal
 from tests.cli.running import records as lines
 
 from monochord.cli import run
-from monochord.evaluation import recordings
 from monochord.front import locate as locating
 from monochord.live.update import Update
 
@@ -66,15 +65,6 @@ def test_streaming_equals_offline(take: Take, capsys: Capture) -> None:
     assert len(offline) == 51
     for block in (77, 100_000):
         assert common(lines(capsys, "live", path, *STRING, "--set", f"source.block={block}")) == offline
-
-
-def test_streaming_equals_offline_on_real_recordings(capsys: Capture) -> None:
-    folder = recordings.folder()
-    if folder is None:
-        pytest.skip("no real recordings (MONOCHORD_REALSTRINGS)")
-    for path in sorted(folder.glob("*plucked*/*.flac"))[::80]:
-        offline = lines(capsys, "locate", str(path), *STRING)
-        assert common(lines(capsys, "live", str(path), *STRING, "--set", "source.block=64")) == offline
 
 
 def test_the_window_and_the_hop(take: Take, capsys: Capture) -> None:
@@ -217,13 +207,6 @@ def test_a_trained_model_estimates_the_twin(capsys: Capture) -> None:
         assert abs(line["position"] - line["true_position"]) < 5e-3
         assert line["force_std"] > 0.0
         assert 0.0 <= line["slip"] <= 1.0
-
-
-def test_a_trained_model_locates_too(take: Take, capsys: Capture) -> None:
-    path = str(take(0.1, channels=2))
-    located = lines(capsys, "locate", "demo", path)
-    assert len(located) == 51
-    assert located == common(lines(capsys, "live", "demo", path))
 
 
 def test_a_sensor_that_the_model_cannot_know_is_refused_before_anything_is_compiled(tmp_path: Path) -> None:

@@ -61,16 +61,6 @@ def test_a_command_has_both_options_as_all_have_them(name: str) -> None:
         assert own == other
 
 
-@pytest.mark.parametrize("line", ["build x --out y", "collect small --out y", "evaluate demo", "train"])
-def test_both_at_once_are_refused(line: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run([*line.split(), "--cluster", "tcp://127.0.0.1:9", "--workers", "2"]) == 2
-    line = capsys.readouterr().err
-    assert line == (
-        "monochord: --workers with --cluster: expected only one of them;"
-        " omit --workers; a cluster has its own workers\n"
-    )
-
-
 @pytest.mark.slow
 def test_a_dataset_has_the_same_bytes(
     spread: list[str], small: Path, tmp_path: Path, same: Callable[[str, str], None]

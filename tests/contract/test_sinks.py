@@ -10,9 +10,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.live.sinks.made import window_update
 
 from monochord.core.errors import InputError
-from monochord.core.types import Audio, Estimate, Prediction, Signal, StreamHealth, StringParams, Window
+from monochord.core.types import Audio, Estimate, Signal, StreamHealth, StringParams
 from monochord.live.delivery import Delivery
 from monochord.live.sinks import SINKS
 from monochord.live.sinks.base import Run, Update
@@ -54,15 +55,10 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def update(
-    start: int, samples: Audio, estimates: Mapping[str, Estimate], truth: Mapping[str, float]
+    number: int, samples: Audio, estimates: Mapping[str, Estimate], truth: Mapping[str, float]
 ) -> Update:
-    return Update(
-        prediction=Prediction(start=start, time=start / 44100, estimates=estimates, latency=1e-3),
-        window=Window(samples=samples, start=start, sample_rate=44100, has_gap=False),
-        health=StreamHealth(frames=start, dropped=3, gaps=1, xruns=2),
-        truth=truth,
-        skipped=4,
-    )
+    health = StreamHealth(frames=441 * number, dropped=3, gaps=1, xruns=2)
+    return window_update(number, estimates, samples, health=health, truth=truth, skipped=4)
 
 
 @pytest.mark.parametrize("channels", [1, 2])
@@ -75,7 +71,7 @@ def test_it_takes_every_moment(
     with SINKS.build(name).open(Run(signal=signal)) as writer:
         cases = itertools.product(SAMPLES.values(), ESTIMATES.values(), TRUTHS)
         for k, (samples, estimates, truth) in enumerate(cases):
-            writer.write(update(441 * k, np.tile(samples, (channels, 1)), estimates, truth))
+            writer.write(update(k, np.tile(samples, (channels, 1)), estimates, truth))
     assert "Traceback" not in capsys.readouterr().err
 
 
@@ -87,7 +83,7 @@ def test_it_takes_the_moments_of_several_strings(name: str, capsys: pytest.Captu
     with Delivery([SINKS.build(name)], run, paced=False) as delivery:
         for k in range(4):
             for string in strings:
-                own = update(441 * k, np.tile(TONE, (2, 1)), ESTIMATES["both sides"], {})
+                own = update(k, np.tile(TONE, (2, 1)), ESTIMATES["both sides"], {})
                 delivery.hand_over(dataclasses.replace(own, string=string))
     assert sum(each.written for each in delivery.delivered) == 8
     assert not any(each.left_out or each.failure for each in delivery.delivered)
@@ -100,7 +96,7 @@ def test_writing_is_quick(name: str, capsys: pytest.CaptureFixture[str]) -> None
     spans: list[float] = []
     with SINKS.build(name).open(Run(signal=Signal(sample_rate=44100, channels=2))) as writer:
         for k in range(200):
-            given = update(441 * k, np.stack([TONE, TONE]), ESTIMATES["both sides"], TRUTHS[2])
+            given = update(k, np.stack([TONE, TONE]), ESTIMATES["both sides"], TRUTHS[2])
             begin = time.perf_counter()
             writer.write(given)
             spans.append(time.perf_counter() - begin)

@@ -165,11 +165,9 @@ def test_impossible_wishes_name_what_is_lacking() -> None:
     }  # fmt: skip
 
 
-def test_the_file_is_a_sensor_of_the_twin_and_of_the_hardware(
-    made: StringDesign, tmp_path: Path, capsys: Capture
-) -> None:
-    path = tmp_path / "sensor.toml"
-    (printed,) = records(capsys, "design", "--out", path)
+def test_the_file_is_a_sensor_of_the_twin_and_of_the_hardware(tmp_path: Path, capsys: Capture) -> None:
+    path, made = tmp_path / "sensor.toml", mc.design(gauge=GAUGE)
+    (printed,) = records(capsys, "design", "--gauge", GAUGE, "--out", path)
     assert printed["recommended"]["string"] == json.loads(json.dumps(made.tree()))["recommended"]["string"]
     assert printed["reasons"] == made.reasons()
     assert path.read_text(encoding="utf-8") == made.toml()

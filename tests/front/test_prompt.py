@@ -51,7 +51,7 @@ SHORT: dict[str, tuple[Callable[[], Any], tuple[str, ...]]] = {
         lambda: mc.identify(mc.VirtualSensor("prototype", seed=1), length=0.2),
         ("prototype", " Hz", " mm", " N", "no answer"),
     ),
-    "design": (mc.design, (" mm of ", " N, ", " Hz", " ms")),
+    "design": (lambda: mc.design(gauge=0.254e-3), (" mm of ", " N, ", " Hz", " ms")),
     "preset": (lambda: mc.load_sensor("prototype"), ("200 mm at 65 N", "50 to 150 mm")),
     "string": (lambda: mc.load_string("appendix"), ("650 mm", "65 N")),
     "material": (lambda: mc.load_material("plastic"), ("2.5 GPa", " mm")),

@@ -8,22 +8,13 @@ import time
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 
-import numpy as np
 import pytest
+from tests.live.sinks.made import SIGNAL, window_update
 
-from monochord.core.types import Prediction, Signal, StreamHealth, Window
 from monochord.live import delivery
 from monochord.live.delivery import Delivered, Delivery
 from monochord.live.sinks import SINKS
 from monochord.live.sinks.base import BACKLOG, NEWEST, Listener, NotDeliveredError, Run, Sink, Update, Writer
-
-SIGNAL = Signal(sample_rate=44100, channels=2)
-WINDOW = Window(samples=np.zeros((2, 4410), np.float32), start=0, sample_rate=44100)
-
-
-def update(number: int) -> Update:
-    prediction = Prediction(start=441 * number, time=number / 100, estimates={})
-    return Update(prediction=prediction, window=WINDOW, health=StreamHealth(), truth={}, skipped=0)
 
 
 class Keep(Sink, Writer):
@@ -75,7 +66,7 @@ def play(sinks: list[Sink], *, paced: bool) -> None:
     """Hand over updates until something is raised."""
     with Delivery(sinks, Run(signal=SIGNAL), paced=paced) as delivering:
         for number in range(100_000):
-            delivering.hand_over(update(number))
+            delivering.hand_over(window_update(number))
             time.sleep(1e-4)
 
 
@@ -83,7 +74,7 @@ def test_every_sink_gets_all_in_order_in_a_thread_of_its_own() -> None:
     keeps = [Keep(), Keep(), Keep()]
     with Delivery(keeps, Run(signal=SIGNAL), paced=True) as delivering:
         for number in range(200):
-            delivering.hand_over(update(number))
+            delivering.hand_over(window_update(number))
     assert [keep.numbers for keep in keeps] == [list(range(200))] * 3
     assert len(set.union(*(keep.threads for keep in keeps), {threading.get_ident()})) == 4
     assert [(keep.opened, keep.closed) for keep in keeps] == [(1, 1)] * 3
@@ -105,7 +96,7 @@ def test_a_slow_sink_delays_nobody_and_what_it_misses_is_counted(kind: type[Keep
     total = BACKLOG + 100
     with Delivery([slow, quick], Run(signal=SIGNAL), paced=True) as delivering:
         for number in range(total):
-            delivering.hand_over(update(number))
+            delivering.hand_over(window_update(number))
             while len(quick.numbers) <= number:  # it, too, may be left behind by a loop without a pace
                 time.sleep(1e-4)
         assert slow.numbers == []
@@ -129,7 +120,7 @@ def test_a_sink_that_fails_is_reported_and_closed_and_the_others_go_on(
         Delivery([bad, good], Run(signal=SIGNAL), paced=paced) as delivering,
     ):
         for number in range(50):
-            delivering.hand_over(update(number))
+            delivering.hand_over(window_update(number))
     assert (bad.numbers, bad.closed) == ([0, 1, 2], 1)
     assert (good.numbers, good.closed) == (list(range(50)), 1)
     (message,) = caplog.messages
@@ -149,7 +140,7 @@ def test_the_other_sinks_are_told_of_one_that_is_closed() -> None:
     full = Keep(fail_at(1, OSError(28, "No space left on device")))
     with Delivery([full, Notes()], Run(signal=SIGNAL), paced=False) as delivering:
         for number in range(5):
-            delivering.hand_over(update(number))
+            delivering.hand_over(window_update(number))
     told = ("test_delivery_closed", 0.02)
     assert notes == [[], [], [told], [told], [told]]
 
@@ -184,13 +175,13 @@ def test_a_sink_may_fail_as_it_is_closed(*, paced: bool) -> None:
 
     good = Keep()
     with Delivery([Full(), good], Run(signal=SIGNAL), paced=paced) as delivering:
-        delivering.hand_over(update(0))
+        delivering.hand_over(window_update(0))
     assert [each.failure for each in delivering.delivered] == ["full", ""]
     with (
         pytest.raises(OSError, match="full"),
         Delivery([Full()], Run(signal=SIGNAL), paced=paced) as delivering,
     ):
-        delivering.hand_over(update(0))
+        delivering.hand_over(window_update(0))
 
 
 def test_a_sink_that_hangs_does_not_keep_the_run_from_ending(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -199,7 +190,7 @@ def test_a_sink_that_hangs_does_not_keep_the_run_from_ending(monkeypatch: pytest
     hanging = Keep(lambda _: never.wait(60.0))
     with Delivery([hanging, good], Run(signal=SIGNAL), paced=True) as delivering:
         for number in range(5):
-            delivering.hand_over(update(number))
+            delivering.hand_over(window_update(number))
     assert hanging.numbers == []  # it still hangs
     never.set()
     assert good.numbers == list(range(5))
@@ -212,7 +203,7 @@ def test_a_window_that_a_sink_cannot_deliver_is_counted_and_it_goes_on() -> None
     keep = Keep(fail_at(2, NotDeliveredError()))
     with Delivery([keep], Run(signal=SIGNAL), paced=True) as delivering:
         for number in range(5):
-            delivering.hand_over(update(number))
+            delivering.hand_over(window_update(number))
     assert keep.numbers == [0, 1, 3, 4]
     assert delivering.delivered == (Delivered(sink="test_delivery", written=4, left_out=1),)
 
@@ -226,7 +217,7 @@ def test_without_a_pace_the_loop_waits_and_nothing_is_lost() -> None:
     slow = Keep(lambda _: time.sleep(1e-4))
     with Delivery([slow], Run(signal=SIGNAL), paced=False) as delivering:
         for number in range(2 * BACKLOG):
-            delivering.hand_over(update(number))
+            delivering.hand_over(window_update(number))
     assert slow.numbers == list(range(2 * BACKLOG))
     assert slow.threads == {threading.get_ident()}
 

@@ -122,13 +122,13 @@ def test_a_sound_string_has_no_notes_even_after_a_moment_of_trouble() -> None:
 
 @pytest.mark.parametrize("reason", OWN)
 def test_reasons_to_abstain_are_said_with_what_to_do(reason: Reason) -> None:
-    finding = OWN[reason]
-    notes = watched(STRING, reason)[-1]
+    finding, sound = OWN[reason], STRING[:, :RATE]
+    notes = watched(sound, reason)[-1]
     assert [(note.key, note.since) for note in notes] == [(finding.key, 0.0)]
     assert notes[0].sentence == finding.sentence
     assert notes[0].remedy
-    assert watched(STRING, reason, contact=GOOD)[-1] == notes  # contact may be estimated all the same
-    assert watched(STRING, str(reason))[-1] == notes  # an estimator of another package says it as text
+    assert watched(sound, reason, contact=GOOD)[-1] == notes  # contact may be estimated all the same
+    assert watched(sound, str(reason))[-1] == notes  # an estimator of another package says it as text
 
 
 def test_every_fault_and_every_state_of_the_inputs_has_a_note() -> None:

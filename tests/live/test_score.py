@@ -1,14 +1,13 @@
 import math
 from typing import Any
 
-import numpy as np
 import pytest
+from tests.live.sinks.made import SIGNAL, window_update
 
-from monochord.core.types import Estimate, Prediction, Signal, StreamHealth, Window
+from monochord.core.types import Estimate
 from monochord.live import Scorer
 from monochord.live.sinks.base import Run, Update
 
-WINDOW = Window(samples=np.zeros((2, 4410), np.float32), start=0, sample_rate=44100)
 UNITS = {"position": "m", "force": "N"}
 
 
@@ -21,19 +20,13 @@ def update(
         else Estimate(value=pair[0], std=pair[1], unit=UNITS.get(name, ""))
         for name, pair in given.items()
     }
-    return Update(
-        prediction=Prediction(start=0, time=time, estimates=estimates),
-        window=WINDOW,
-        health=StreamHealth(),
-        truth=truth,
-        skipped=0,
-    )
+    return window_update(round(100 * time), estimates, truth=truth)
 
 
 def test_settled_windows_with_a_touch_count() -> None:
     score = Scorer()
     touch = {"contact": 1.0, "position": 0.2, "settled": 1.0}
-    with score.open(Run(signal=Signal(sample_rate=44100, channels=2))) as writer:
+    with score.open(Run(signal=SIGNAL)) as writer:
         for position in (0.201, 0.197, 0.2, 0.21):
             writer.write(update({"position": (position, 0.0)}, touch))
         writer.write(update({"position": None}, touch))

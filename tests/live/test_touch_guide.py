@@ -6,23 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.live.sinks.made import window_update
 
-from monochord.core.types import Estimate, Prediction, Signal, StreamHealth, Window
+from monochord.core.types import Estimate, Signal
 from monochord.live.touch_guide import GUARD, HOLD, REST, SETTLE, UNTOUCHED, TouchGuide
-from monochord.live.update import Update
 from monochord.physics.known_touches import in_newtons
 from monochord.physics.sensors import load_sensor, with_sensor
 
 HOP = 0.02
 SIGNAL = with_sensor(Signal(sample_rate=44100, channels=2), load_sensor("prototype"))
-WINDOW = Window(samples=np.zeros((2, 4410), np.float32), start=0, sample_rate=44100)
-UPDATE = Update(
-    prediction=Prediction(time=0.0, start=0, estimates={}, latency=0.0),
-    window=WINDOW,
-    health=StreamHealth(),
-    truth={},
-    skipped=0,
-)
+UPDATE = window_update(0)
 
 
 class Person:
@@ -175,11 +168,11 @@ def test_labels_that_contradict_the_model_are_doubted() -> None:
             "position": Estimate(value=place, std=1e-3, unit="m"),
             "force": Estimate(value=1.0, std=0.1, unit="N"),
         }
-        known = Prediction(time=0.0, start=0, estimates=read, latency=0.0)
+        heard = window_update(0, read, decided={"contact": True})
         person.wait(UNTOUCHED + REST, contact=False)
         for _ in range(round((SETTLE + HOLD + 0.1) / HOP)):
             person.now += HOP
-            guide.take(replace(UPDATE, prediction=known, decided={"contact": True}), person.now)
+            guide.take(heard, person.now)
         assert not guide.doubt
         assert guide.hold(place, 0.102)  # kilograms
     assert "kilograms" in guide.doubt

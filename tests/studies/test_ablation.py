@@ -6,32 +6,23 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 from studies.ablation import ablation, split_like, training_of, variations
-from tests.conftest import LEARNABLE, sung
+from tests.conftest import sing
 
 from monochord.core.config import override
 from monochord.core.errors import InputError
-from monochord.core.types import Block
 from monochord.datasets.build import BuildOptions, build_dataset
 from monochord.datasets.split import split_dataset
 from monochord.datasets.store import Dataset
 from monochord.perception.estimators import ESTIMATORS
 from monochord.perception.features import FEATURES
-from monochord.sessions import Description, SessionClock, SessionWriter
 
 
 @pytest.fixture(name="several", scope="module")
 def _several(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     """Return the dataset of four sessions of two seconds, split by session."""
     home = tmp_path_factory.mktemp("several")
-    for number in range(4):
-        samples, seconds, labels = sung(number)
-        description = Description(name=f"sung_{number}", sample_rate=LEARNABLE, simulated=True)
-        with SessionWriter(
-            home / f"sung_{number}.mcap", description, SessionClock(epoch_ns=10**18)
-        ) as writer:
-            writer.audio(Block(samples=samples[:, : 2 * LEARNABLE], start=0, adc_time=0.0))
-            writer.labels(seconds[:200], {name: values[:200] for name, values in labels.items()})
-    dataset = build_dataset(sorted(home.glob("*.mcap")), home / "dataset")
+    files = [sing(home / f"sung_{number}.mcap", number, seconds=2) for number in range(4)]
+    dataset = build_dataset(files, home / "dataset")
     split_dataset(dataset, fractions=(0.5, 0.25, 0.25)).write(dataset.path / "split.json")
     return dataset
 

@@ -10,20 +10,16 @@ import numpy as np
 import pytest
 from studies._rows import KEYS, SummaryRow
 from studies.unseen_builds import SCRATCH, UNSEEN, builds_page, corrected, drawn, evaluate_builds, groups_of
-from tests.conftest import LEARNABLE, sung
+from tests.conftest import sing
+from tests.perception.conftest import with_corrections
 
 from monochord.core.errors import InputError
-from monochord.core.types import Block
-from monochord.datasets.split import Split
 from monochord.datasets.store import open_dataset
 from monochord.evaluation.evaluate import evaluate
 from monochord.evaluation.results import Results
 from monochord.evaluation.select import EvaluationSettings
 from monochord.perception.model import load
-from monochord.perception.training.correct import labelled_errors, with_prior, with_variables
-from monochord.perception.training.examples import touches_of
-from monochord.perception.training.train import read_in_turn
-from monochord.sessions import Description, SessionClock, SessionWriter
+from monochord.perception.training.correct import labelled_errors
 
 pytest.importorskip("torch")
 BIAS = 0.5
@@ -39,37 +35,16 @@ def correctable(lesson_run: Path, learnable: Path, tmp_path: Path) -> Path:
     """A run of `lesson` whose model has corrections: builds differ by half a newton either way."""
     home = tmp_path / "correctable"
     shutil.copytree(lesson_run, home)
-    model, dataset = load(home), open_dataset(learnable)
-    model = replace(model, definition=with_variables(model.definition, {"position": (), "force": ()}))
-    parts = Split.read(learnable / "split.json").parts
-    outputs = read_in_turn(
-        model, dataset, np.sort(np.concatenate([parts["validation"], parts["test"]]))
-    ).outputs
-    force = dataset.label("force") + np.where(dataset.session % 2 == 0, BIAS, -BIAS)
-    dataset = replace(dataset, labels={**dataset.labels, "force": force})
-    for name in ("position", "force"):
-        model = with_prior(model, name, dataset, outputs, touches_of(dataset))
-    model.save(home / "model")
+    with_corrections(load(home), learnable, BIAS).save(home / "model")
     return home
 
 
 def recorded(folder: Path, build: int, *, later: float = 0.0, mount: str = "") -> Path:
     """A session of 12 touches whose forces are off by BIAS, and those after eight by `later` besides."""
-    samples, time, labels = sung(70 + build)
-    labels["force"] = labels["force"] + BIAS * (-1.0) ** build + np.where(time >= 16.0, later, 0.0)
     folder.mkdir(exist_ok=True)
-    file = folder / f"build_{build}.mcap"
-    description = Description(
-        name=file.stem,
-        sample_rate=LEARNABLE,
-        simulated=True,
-        build=build,
-        more={"world": "plausible", "mount": mount},
-    )
-    with SessionWriter(file, description, SessionClock(epoch_ns=10**18, origin=0.0)) as writer:
-        writer.audio(Block(samples=samples, start=0, adc_time=0.0))
-        writer.labels(time, labels)
-    return file
+    bias = BIAS * (-1.0) ** build + np.where(np.arange(2400) >= 1600, later, 0.0)
+    more = {"world": "plausible", "mount": mount}
+    return sing(folder / f"build_{build}.mcap", 70 + build, bias=bias, build=build, more=more)
 
 
 def settings_of(run: Path, files: Sequence[Path]) -> EvaluationSettings:

@@ -16,18 +16,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.live.sinks.made import SIGNAL, window_update
 
 from monochord.core import reasons
 from monochord.core.reasons import Finding, Reason
 from monochord.core.timing import Histogram
-from monochord.core.types import Estimate, Prediction, Signal, StreamHealth, Window
+from monochord.core.types import Estimate, StreamHealth
 from monochord.live.events import Event
 from monochord.live.health import Note
 from monochord.live.sinks import _notes, _view
 from monochord.live.sinks.base import Run, Update
 from monochord.live.sinks.terminal import Terminal
 
-SIGNAL = Signal(sample_rate=44100, channels=2)
 PROGRAM = """
     import sys
     import numpy as np
@@ -150,13 +150,8 @@ def test_a_terminal_that_cannot_draw_gets_lines(program: Path) -> None:
 
 def update(k: int, *, valid: bool = True) -> Update:
     position = Estimate(value=0.2275, std=2e-4, unit="m") if valid else Estimate.abstain("m", "silence")
-    return Update(
-        prediction=Prediction(start=441 * k, time=k / 100, estimates={"position": position}, latency=1e-3),
-        window=Window(samples=np.full((2, 4410), 0.1, np.float32), start=0, sample_rate=44100),
-        health=StreamHealth(gaps=1),
-        truth={},
-        skipped=2,
-    )
+    samples = np.full((2, 4410), 0.1, np.float32)
+    return window_update(k, {"position": position}, samples, health=StreamHealth(gaps=1), skipped=2)
 
 
 def test_without_a_terminal_one_line_a_second_and_the_last(capsys: pytest.CaptureFixture[str]) -> None:
@@ -164,7 +159,7 @@ def test_without_a_terminal_one_line_a_second_and_the_last(capsys: pytest.Captur
         for k in range(100):
             writer.write(update(k, valid=k < 50))
     first, last = capsys.readouterr().out.splitlines()
-    for part in ("0.00 s", "227.5 mm +- 0.20 mm", "-20 / -20 dB", "1.00 ms", "gaps 1", "skipped 2"):
+    for part in ("0.00 s", "227.5 mm +- 0.20 mm", "-20 / -20 dB", "2.00 ms", "gaps 1", "skipped 2"):
         assert part in first
     assert "0.99 s" in last
     assert "silence" in last

@@ -14,6 +14,7 @@ from typing import Any, Self
 
 import numpy as np
 import pytest
+from tests.live.sinks.made import window_update
 from tests.live.web.run_server import RunServer
 from tests.waiting import wait_for
 from websockets.exceptions import ConnectionClosed, InvalidStatus
@@ -22,7 +23,7 @@ from websockets.sync.client import ClientConnection, connect
 from monochord.capture.sources.base import Controls, ControlSetting
 from monochord.core.errors import DeviceError, InputError
 from monochord.core.reasons import Reason
-from monochord.core.types import Contact, Estimate, Prediction, Signal, StreamHealth, StringParams, Window
+from monochord.core.types import Contact, Estimate, Signal, StringParams
 from monochord.live.events import Event
 from monochord.live.guides.run_tasks import RunTasks
 from monochord.live.health import Note
@@ -49,12 +50,11 @@ TONE = np.stack([np.sin(2 * np.pi * 1000.0 * np.arange(4410) / 44100)] * 2).asty
 def update(number: int) -> Update:
     place = Estimate(value=1e-5 * number, std=1e-4, unit="m")
     estimates = {"position": place, "force": Estimate.abstain("N", Reason.OUTSIDE_RANGE)}
-    return Update(
-        prediction=Prediction(start=441 * number, time=number / 100, estimates=estimates, latency=1e-3),
-        window=Window(samples=TONE, start=441 * number, sample_rate=44100),
-        health=StreamHealth(),
+    return window_update(
+        number,
+        estimates,
+        TONE,
         truth={"contact": 1.0},
-        skipped=0,
         events=(Event(name="contact", on=True, time=0.1, delay=0.02, confidence=0.9),) if number == 5 else (),
         notes=(Note(key="hum", level="warning", sentence="It hums.", remedy="Ground it.", since=0.0),),
         decided={"contact": True},

@@ -7,15 +7,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.conftest import LEARNABLE, sung
+from tests.conftest import sing
+from tests.perception.conftest import with_corrections
 
 from monochord.cli import run
 from monochord.core.config import to_tree
 from monochord.core.errors import InputError
-from monochord.core.types import Block, Estimate
+from monochord.core.types import Estimate
 from monochord.datasets.build import build_dataset
-from monochord.datasets.split import Split
-from monochord.datasets.store import Dataset, open_dataset
+from monochord.datasets.store import Dataset
 from monochord.perception.model import Model, load
 from monochord.perception.model.definition import FaultRecord
 from monochord.perception.model.faults import NAMES
@@ -24,12 +24,10 @@ from monochord.perception.model.stepping import with_length_error
 from monochord.perception.training.adapt import adapt, desensitised, judge
 from monochord.perception.training.adaptation import Adaptation
 from monochord.perception.training.calibration import calibrated
-from monochord.perception.training.correct import with_prior, with_variables
 from monochord.perception.training.examples import touches_of
 from monochord.perception.training.train import read_in_turn
 from monochord.perception.tuning.sessions import force_scale
 from monochord.physics.sensors import load_sensor
-from monochord.sessions import Description, SessionClock, SessionWriter
 
 pytest.importorskip("torch")
 pytestmark = pytest.mark.usefixtures("made_up_features")
@@ -51,33 +49,14 @@ def adaptations() -> list[Adaptation]:
 @pytest.fixture
 def correctable(lesson_run: Path, learnable: Path, made: list[Model]) -> Model:
     """The model of `lesson` with corrections, whose prior knows biased sessions as well."""
-    if made:
-        return made[0]
-    model, dataset = load(lesson_run), open_dataset(learnable)
-    definition = with_variables(model.definition, {"position": (), "force": ()})
-    model = replace(model, definition=definition)
-    rows = np.sort(
-        np.concatenate([Split.read(learnable / "split.json").parts[name] for name in ("validation", "test")])
-    )
-    outputs = read_in_turn(model, dataset, rows).outputs
-    force = dataset.label("force") + np.where(dataset.session % 2 == 0, BIAS, -BIAS)  # as of other builds
-    dataset = replace(dataset, labels={**dataset.labels, "force": force})
-    for name in ("position", "force"):
-        model = with_prior(model, name, dataset, outputs, touches_of(dataset))
-    made.append(model)
-    return model
+    if not made:
+        made.append(with_corrections(load(lesson_run), learnable, BIAS))
+    return made[0]
 
 
 def biased(tmp_path: Path, name: str, seed: int, bias: float, **more: Any) -> Path:
     """Return a session of an object on which the same sound means another force."""
-    samples, time, labels = sung(seed)
-    labels["force"] = labels["force"] + bias
-    file = tmp_path / f"{name}.mcap"
-    description = Description(name=name, sample_rate=LEARNABLE, simulated=True, **more)
-    with SessionWriter(file, description, SessionClock(epoch_ns=10**18, origin=0.0)) as writer:
-        writer.audio(Block(samples=samples, start=0, adc_time=0.0))
-        writer.labels(time, labels)
-    return file
+    return sing(tmp_path / f"{name}.mcap", seed, bias=bias, **more)
 
 
 @pytest.fixture
