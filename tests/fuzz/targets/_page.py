@@ -14,13 +14,12 @@ from typing import Self
 import numpy as np
 from h11 import LocalProtocolError
 from tests.fuzz.base import REFUSALS
-from tests.live.sinks.made import window_update
 from tests.live.web.run_server import RunServer
 from websockets.exceptions import InvalidState
 from websockets.sync.client import connect
 
 from monochord.capture.sources import SOURCES
-from monochord.core.types import Estimate
+from monochord.core.types import Estimate, Prediction, StreamHealth, Window
 from monochord.live.guides.run_tasks import RunTasks
 from monochord.live.update import Update
 
@@ -122,4 +121,10 @@ class _Errors(logging.Handler):
 
 def _update(number: int) -> Update:
     estimates = {"position": Estimate(value=0.1, std=1e-4, unit="m")}
-    return window_update(number, estimates, SOUND)
+    return Update(
+        prediction=Prediction(start=441 * number, time=float(number), estimates=estimates),
+        window=Window(samples=SOUND, start=441 * number, sample_rate=44100),
+        health=StreamHealth(),
+        truth={},
+        skipped=0,
+    )
