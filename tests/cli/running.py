@@ -26,3 +26,9 @@ def records(capture: Capture, *words: object) -> list[dict[str, Any]]:
     capture.readouterr()
     assert run([*map(str, words), "--json"]) == 0
     return [json.loads(line) for line in capture.readouterr().out.splitlines()]
+
+
+def record(capture: Capture, *words: object) -> dict[str, Any]:
+    """Return the only line of such a command."""
+    (line,) = records(capture, *words)
+    return line

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.cli.running import Capture, record
 
 from monochord.cli import run
 from monochord.core.types import Block
@@ -26,14 +27,13 @@ def _dataset(tmp_path: Path) -> Path:
     return dataset.path
 
 
-def test_a_clean_split(dataset: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_clean_split(dataset: Path, capsys: Capture) -> None:
     assert run(["audit", str(dataset)]) == 0
     assert capsys.readouterr().out == "no leak\n"
-    assert run(["audit", str(dataset), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out) == {"clean": True, "leaks": [], "notes": []}
+    assert record(capsys, "audit", dataset) == {"clean": True, "leaks": [], "notes": []}
 
 
-def test_a_leak(dataset: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_leak(dataset: Path, tmp_path: Path, capsys: Capture) -> None:
     parts = {"train": np.arange(50), "validation": np.arange(0), "test": np.arange(49, 100)}
     Split(by="session", parts=parts).write(tmp_path / "mine.json")
     assert run(["audit", str(dataset), "--split", str(tmp_path / "mine.json")]) == 2

@@ -228,6 +228,28 @@ REFUSED = {
     "sessions import {one} --out {out}.mcap --radius 20": "--radius",
     "sessions import {one} --out {out}.wav": ".mcap",
     "sessions import {one} --out {out}.mcap --sensor long --string appendix": "sensor",
+    "sessions label {out}.wav --source twin": ".mcap",
+    "sessions label {out}.mcap --source twin --forces 2 1": "lower force",
+    "sessions label {out}.mcap --source twin --model dmeo": "demo",
+    # design, publish
+    "design --length 0.1": "0.01 m or less",
+    "design --length nan": "--length",
+    "design --forces 2 1": "least",
+    "design --gauge 0.254": "gauge",
+    "design --tension 400 --gauge 0.254e-3": "thicker",
+    "design --wire musicwire": "music_wire",
+    "design --frame aluminum": "aluminium",
+    "design --material plastik": "plastic",
+    "design --mount glued": "bolted",
+    "design --out design.txt": ".toml",
+    "design --figure design.bmp": ".png",
+    "design --window 0.001": "window",
+    "design --model nope": "nope",
+    "publish demoo --licence mit --out {out}": "did you mean 'demo'",
+    "publish demo --licence mit --out .": "already exists",
+    "publish demo --licence {words} --out {out}": "an identifier of the Hub",
+    "publish demo --licence mit --scores missing --out {out}": "missing",
+    "publish demo --out {out}": "--licence",
     # what is elsewhere
     "bench strings": "studies.strings_speed",
     "figure trends --set steps=5": "studies.trends",
@@ -264,7 +286,7 @@ def test_it_is_refused_and_nothing_is_written(
     if line.startswith("train"):
         pytest.importorskip("torch")
     monkeypatch.chdir(tmp_path)
-    given = {**material, "out": tmp_path / "out"}
+    given = {**material, "out": tmp_path / "out", "words": "my own"}
     error = refusal(capfd, *(word.format(**given) for word in line.split()))
     assert any(words in error for words in REFUSED[line].format(**given).split("|"))
     assert not list(tmp_path.iterdir())

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.cli.running import refusal
+from tests.cli.running import Capture, refusal
 
 from monochord.core.types import Block
 from monochord.datasets.split import Split
@@ -74,7 +74,7 @@ RUNS: dict[str, tuple[Damage, str]] = {
     [*((case, "live") for case in RUNS), ("weights cut off", "evaluate"), ("no text", "locate")],
 )
 def test_a_damaged_model_is_refused(
-    case: str, command: str, small: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    case: str, command: str, small: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     damage, words = RUNS[case]
     bundled = bundled_folder("demo")
@@ -94,7 +94,7 @@ def test_a_damaged_model_is_refused(
 
 @pytest.mark.parametrize("command", [["live", "--source", "session"], ["evaluate", "--sessions"]])
 def test_a_session_at_a_lower_rate_is_refused_by_its_rate(
-    command: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    command: list[str], tmp_path: Path, capsys: Capture
 ) -> None:
     rate, session, string = 32000, tmp_path / "take.mcap", load_string("prototype").string
     about = Description(name="take", sample_rate=rate, simulated=True, string=string)
@@ -152,7 +152,7 @@ DATASETS: dict[str, tuple[Damage, str]] = {
 
 @pytest.mark.parametrize("case", DATASETS)
 def test_data_that_nothing_can_be_learned_from_is_refused_before_anything_is_written(
-    case: str, small: Path, tmp_path: Path, reseal: Damage, capsys: pytest.CaptureFixture[str]
+    case: str, small: Path, tmp_path: Path, reseal: Damage, capsys: Capture
 ) -> None:
     pytest.importorskip("torch")
     damage, words = DATASETS[case]
@@ -189,7 +189,7 @@ DAMAGED: dict[str, tuple[Damage, str]] = {
     [*((case, "audit") for case in DAMAGED), ("sound", "train"), ("sound", "evaluate"), ("labels", "train")],
 )
 def test_a_damaged_dataset_is_one_line_that_names_the_file(
-    case: str, command: str, small: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    case: str, command: str, small: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     pytest.importorskip("torch")
     damage, words = DAMAGED[case]
@@ -223,7 +223,7 @@ UNTESTED: dict[str, tuple[Damage, str]] = {
 
 @pytest.mark.parametrize("case", UNTESTED)
 def test_data_that_cannot_test_is_refused(
-    case: str, small: Path, tmp_path: Path, reseal: Damage, capsys: pytest.CaptureFixture[str]
+    case: str, small: Path, tmp_path: Path, reseal: Damage, capsys: Capture
 ) -> None:
     damage, words = UNTESTED[case]
     shutil.copytree(small / "dataset", tmp_path / "dataset")
@@ -236,7 +236,7 @@ def test_data_that_cannot_test_is_refused(
 @pytest.mark.parametrize("out", ["{session}", "{session}/below"])
 @pytest.mark.parametrize("command", ["train", "evaluate"])
 def test_a_folder_that_cannot_be_made_is_one_line(
-    command: str, out: str, small: Path, capsys: pytest.CaptureFixture[str]
+    command: str, out: str, small: Path, capsys: Capture
 ) -> None:
     pytest.importorskip("torch")
     session = small / "hold_000.mcap"

@@ -2,6 +2,7 @@ import json
 from collections.abc import Iterator
 
 import pytest
+from tests.cli.running import Capture
 
 from monochord.benchmarks.base import Benchmark, Row
 from monochord.cli import run
@@ -41,7 +42,7 @@ def test_of_all_benchmarks_one_that_lacks_something_is_skipped(
     second: bool,  # noqa: FBT001
     status: int,
     monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    capsys: Capture,
 ) -> None:
     monkeypatch.setattr("monochord.cli.bench.BENCHMARKS", _Shelf(first=False, second=second))
     assert run(["bench", "--json"]) == status
@@ -53,9 +54,7 @@ def test_of_all_benchmarks_one_that_lacks_something_is_skipped(
     assert [row["ratio"] for row in rows] == [0.25, None][: len(rows)]
 
 
-def test_a_table_names_the_machine(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_table_names_the_machine(monkeypatch: pytest.MonkeyPatch, capsys: Capture) -> None:
     monkeypatch.setattr("monochord.cli.bench.BENCHMARKS", _Shelf(only=True))
     assert run(["bench", "only"]) == 0
     machine, _, name, *rows = capsys.readouterr().out.splitlines()

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.cli.running import refusal
+from tests.cli.running import Capture, record, refusal
 
 from monochord.cli import run
 from monochord.core.ownership import LOCK, part_folder
@@ -38,9 +38,7 @@ def _sessions(tmp_path: Path) -> Path:
     return folder
 
 
-def test_a_table_by_part_and_object(
-    sessions: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_table_by_part_and_object(sessions: Path, tmp_path: Path, capsys: Capture) -> None:
     out = tmp_path / "out"
     options = ["--split", "object", "--held-out", "wood", "--seed", "2"]
     assert run(["build", str(sessions), "--out", str(out), *options]) == 0
@@ -50,9 +48,7 @@ def test_a_table_by_part_and_object(
     assert len(open_dataset(out)) == 320
 
 
-def test_sessions_are_held_out_by_a_pattern(
-    sessions: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_sessions_are_held_out_by_a_pattern(sessions: Path, tmp_path: Path, capsys: Capture) -> None:
     out = tmp_path / "out"
     assert run(["build", str(sessions), "--out", str(out), "--held-out", "take[01]"]) == 0
     assert capsys.readouterr().out.splitlines()[-2].split()[:3] == ["test", "steel", "80"]
@@ -60,10 +56,9 @@ def test_sessions_are_held_out_by_a_pattern(
     assert (split["held_out"], split["groups"]["test"]) == (["take[01]"], ["take0", "take1"])
 
 
-def test_json_is_one_object(sessions: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_json_is_one_object(sessions: Path, tmp_path: Path, capsys: Capture) -> None:
     pattern = str(sessions / "take[012].mcap")
-    assert run(["build", pattern, "--out", str(tmp_path / "out"), "--hop", "0.05", "--json"]) == 0
-    result = json.loads(capsys.readouterr().out)
+    result = record(capsys, "build", pattern, "--out", tmp_path / "out", "--hop", "0.05")
     assert (result["sessions"], result["windows"], result["split"], result["simulated"]) == (
         3,
         3 * 159,
@@ -84,7 +79,7 @@ def test_a_single_session_is_split_by_time(sessions: Path, tmp_path: Path) -> No
 
 
 def test_sessions_of_several_rates_are_resampled_to_the_lowest(
-    sessions: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    sessions: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     low = RATE // 2
     resample(read_session(sessions / "take0.mcap"), sessions / "slow.mcap", low)
@@ -97,7 +92,7 @@ def test_sessions_of_several_rates_are_resampled_to_the_lowest(
     assert open_dataset(tmp_path / "data").manifest.sample_rate == low
 
 
-def test_a_leak_fails(sessions: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_leak_fails(sessions: Path, tmp_path: Path, capsys: Capture) -> None:
     shutil.copy(sessions / "take1.mcap", sessions / "take9.mcap")
     assert run(["build", str(sessions), "--out", str(tmp_path / "out"), "--split", "time"]) == 2
     captured = capsys.readouterr()
@@ -107,7 +102,7 @@ def test_a_leak_fails(sessions: Path, tmp_path: Path, capsys: pytest.CaptureFixt
 
 
 def test_a_session_that_cannot_be_used_is_told_in_one_line(
-    sessions: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    sessions: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     (sessions / "other.mcap").write_bytes(b"not a session")
     out = tmp_path / "out"
@@ -136,7 +131,7 @@ def test_a_session_that_cannot_be_used_is_told_in_one_line(
 def test_what_cannot_be_is_refused_before_all_is_built(
     sessions: Path,
     monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    capsys: Capture,
     arguments: str,
     words: str,
 ) -> None:
@@ -147,7 +142,7 @@ def test_what_cannot_be_is_refused_before_all_is_built(
 
 
 def test_a_second_build_of_a_folder_is_refused_at_once(
-    sessions: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    sessions: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     out = tmp_path / "out"
     with part_folder(out):

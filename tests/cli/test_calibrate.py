@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import soundfile
 import soxr
+from tests.cli.running import Capture
 
 from monochord import VirtualSensor
 from monochord.cli import run
@@ -59,9 +60,7 @@ def imported(touched: tuple[Audio, str], tmp_path: Path, monkeypatch: pytest.Mon
 CALIBRATE = ["calibrate", "demo", "--touches", "0", "--sessions"]
 
 
-def test_a_lower_rate_is_resampled_by_the_command_that_is_named(
-    imported: Imported, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_lower_rate_is_resampled_by_the_command_that_is_named(imported: Imported, capsys: Capture) -> None:
     imported(22050)
     capsys.readouterr()
     assert run([*CALIBRATE, "my touches.mcap"]) == 2
@@ -84,7 +83,7 @@ def test_a_lower_rate_is_resampled_by_the_command_that_is_named(
     ],
 )
 def test_a_higher_rate_gives_what_a_resampled_copy_gives(
-    rate: int, command: list[str], imported: Imported, capsys: pytest.CaptureFixture[str]
+    rate: int, command: list[str], imported: Imported, capsys: Capture
 ) -> None:
     imported(rate)
     Path("by_hand").mkdir()

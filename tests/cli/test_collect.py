@@ -1,6 +1,5 @@
 """The command `collect`."""
 
-import json
 import os
 import signal
 import subprocess
@@ -11,17 +10,16 @@ from pathlib import Path
 
 import psutil
 import pytest
-from tests.cli.running import refusal
+from tests.cli.running import Capture, record, refusal
 
 from monochord import cli
 from monochord.capture.jack.server import JackServer
 from monochord.sessions import check, read_session
 
 
-def test_the_small_plan_and_once_more(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_small_plan_and_once_more(tmp_path: Path, capsys: Capture) -> None:
     arguments = ["collect", "small", "--out", str(tmp_path / "out"), "--workers", "1"]
-    assert cli.run([*arguments, "--json"]) == 0
-    result = json.loads(capsys.readouterr().out)
+    result = record(capsys, *arguments)
     assert (result["plan"], result["count"], result["kept"], result["simulated"]) == ("small", 2, 0, True)
     assert result["windows"]["static"] > 100
     assert result["windows"]["slip"] > 100
@@ -35,7 +33,7 @@ def test_the_small_plan_and_once_more(tmp_path: Path, capsys: pytest.CaptureFixt
     assert text.count("kept\n") == 2
 
 
-def test_a_plan_of_ones_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_plan_of_ones_own(tmp_path: Path, capsys: Capture) -> None:
     file = tmp_path / "mine.toml"
     file.write_text('[[groups]]\nname = "one"\ngrid = [1, 1]\nhold = 0.2\n', encoding="utf-8")
     assert cli.run(["collect", str(file), "--out", str(tmp_path), "--seed", "3"]) == 0
@@ -57,14 +55,12 @@ def test_the_same_plan_with_one_driver(tmp_path: Path) -> None:
     [(["--set", "sensor=prototipe"], "'prototype'"), (["--real-time", "--server", "nobody"], "'nobody'")],
 )
 def test_what_a_worker_refuses_is_one_line(
-    options: list[str], words: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    options: list[str], words: str, tmp_path: Path, capfd: Capture
 ) -> None:
     assert words in refusal(capfd, "collect", "small", "--out", tmp_path / "out", *options)
 
 
-def test_two_collections_into_one_folder_are_not_taken_at_once(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_two_collections_into_one_folder_are_not_taken_at_once(tmp_path: Path, capsys: Capture) -> None:
     out = tmp_path / "out"
     first = ["collect", "small", "--out", str(out), "--workers", "1"]
     with subprocess.Popen([sys.executable, "-m", "monochord", *first], stdout=subprocess.PIPE) as process:
@@ -75,8 +71,7 @@ def test_two_collections_into_one_folder_are_not_taken_at_once(
         assert begun <= {path.name for path in out.iterdir()}
         process.kill()
     assert process.returncode == -signal.SIGKILL
-    assert cli.run([*first, "--seed", "1", "--only", "hold", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["kept"] == 0
+    assert record(capsys, *first, "--seed", "1", "--only", "hold")["kept"] == 0
     assert [path.name for path in out.iterdir()] == ["hold_000.mcap"]
 
 
@@ -127,15 +122,11 @@ def test_played_in_real_time_it_ends_its_processes_and_leaves_nothing_behind(
 @pytest.mark.real_time
 @pytest.mark.slow
 @pytest.mark.timeout(120)
-def test_a_plan_is_played_in_real_time(
-    jack_server: JackServer, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_plan_is_played_in_real_time(jack_server: JackServer, tmp_path: Path, capsys: Capture) -> None:
     plan = tmp_path / "tiny.toml"
     plan.write_text('[[groups]]\nname = "hold"\ngrid = [1, 1]\nhold = 0.3\n')
     command = ["collect", str(plan), "--out", str(tmp_path), "--real-time", "--server", jack_server.name]
-    assert cli.run([*command, "--json"]) == 0
-    result = json.loads(capsys.readouterr().out)
+    result = record(capsys, *command)
     assert check(tmp_path / "hold_000.mcap").sound
     assert {file.name for file in tmp_path.iterdir()} == {"tiny.toml", "hold_000.mcap"}
-    assert cli.run([*command, "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["sha256"] == result["sha256"]
+    assert record(capsys, *command)["sha256"] == result["sha256"]

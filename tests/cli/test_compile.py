@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from tests.cli.running import Capture
 
 from monochord.cli import _compile
 
@@ -40,7 +41,7 @@ def test_after_it_the_first_estimate_compiles_nothing(tmp_path: Path) -> None:
     assert first.returncode == 0, first.stderr
 
 
-def test_kernels_that_do_not_exist_are_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+def test_kernels_that_do_not_exist_are_one_line(capsys: Capture) -> None:
     assert _compile.main(["drums"]) == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1
@@ -48,7 +49,7 @@ def test_kernels_that_do_not_exist_are_one_line(capsys: pytest.CaptureFixture[st
     assert "pitch" in error
 
 
-def test_a_part_that_fails_is_named_with_its_last_line(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_part_that_fails_is_named_with_its_last_line(capsys: Capture) -> None:
     def fails() -> None:
         _compile.compile_kernels(("pitch", "drums"))
 

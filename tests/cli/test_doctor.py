@@ -1,9 +1,9 @@
 import io
-import json
 from pathlib import Path
 
 import pytest
 import soundfile
+from tests.cli.running import Capture, record
 
 from monochord.bringup import STEPS, Virtual
 from monochord.capture.jack.machine import MachineCheck
@@ -12,11 +12,10 @@ from monochord.cli import run
 from monochord.physics.sensors import load_sensor
 
 
-def test_it_prints_a_line_for_each_thing(capsys: pytest.CaptureFixture[str]) -> None:
+def test_it_prints_a_line_for_each_thing(capsys: Capture) -> None:
     assert run(["doctor"]) == 0
     lines = [line.split() for line in capsys.readouterr().out.splitlines()]
-    assert run(["doctor", "--json"]) == 0
-    checks = json.loads(capsys.readouterr().out)["checks"]
+    checks = record(capsys, "doctor")["checks"]
     assert {"Python", "JACK"} <= {check["name"].split()[0] for check in checks}
     assert {"name", "state", "detail", "remedy", "required"} == set(checks[0])
     states = [line[0] for line in lines if line[0] in {"ok", "warn", "missing"}]
@@ -25,7 +24,7 @@ def test_it_prints_a_line_for_each_thing(capsys: pytest.CaptureFixture[str]) -> 
 
 
 def test_it_tells_where_the_recordings_are(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    capsys: Capture, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setenv("MONOCHORD_REALSTRINGS", str(tmp_path))
     assert run(["doctor"]) == 0
@@ -57,13 +56,10 @@ def takes(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_a_sensor_is_brought_up_from_recordings(
-    takes: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_sensor_is_brought_up_from_recordings(takes: Path, tmp_path: Path, capsys: Capture) -> None:
     out = tmp_path / "mine.toml"
     words = ["doctor", "--sensor", "prototype", "--recordings", str(takes), "--out", str(out)]
-    assert run([*words, "--json"]) == 0
-    printed = json.loads(capsys.readouterr().out)
+    printed = record(capsys, *words)
     assert printed["passed"]
     assert printed["faults"] == []
     assert printed["files"] == [str(out), str(out.with_suffix(".html"))]
@@ -77,9 +73,7 @@ def test_a_sensor_is_brought_up_from_recordings(
     assert "written to" in capsys.readouterr().out
 
 
-def test_the_status_is_1_if_a_check_fails(
-    takes: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_status_is_1_if_a_check_fails(takes: Path, tmp_path: Path, capsys: Capture) -> None:
     for file in takes.glob("*.wav"):
         samples, rate = soundfile.read(file, dtype="float32")
         soundfile.write(tmp_path / file.name, samples * [1.0, 0.0], rate, subtype="FLOAT")
@@ -88,7 +82,7 @@ def test_the_status_is_1_if_a_check_fails(
 
 
 def test_a_step_is_skipped_and_another_repeated_at_the_terminal(
-    takes: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    takes: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:
     answers = [
         "",
@@ -107,7 +101,7 @@ def test_a_step_is_skipped_and_another_repeated_at_the_terminal(
     assert printed.out.count("hum of microphone 1") == 1  # what has not changed is not printed again
 
 
-def test_the_virtual_sensor_needs_no_hands(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_virtual_sensor_needs_no_hands(capsys: Capture) -> None:
     words = ["--source", "twin", "--set", "source.world=plausible", "--set", "source.build=1005"]
     assert run(["doctor", "--sensor", "prototype", *words, "--drift", "4"]) == 0
     lines = capsys.readouterr().out.splitlines()
@@ -130,7 +124,7 @@ def test_the_virtual_sensor_needs_no_hands(capsys: pytest.CaptureFixture[str]) -
     ],
 )
 def test_what_cannot_be_is_refused_in_a_line(
-    words: list[str], capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    words: list[str], capsys: Capture, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert run(["doctor", "--yes" if "jack" in words else "--json", *words]) == 2

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.cli.running import refusal
+from tests.cli.running import Capture, record, refusal
 
 from monochord.cli import run
 from monochord.datasets.split import Split
@@ -21,7 +21,7 @@ from monochord.perception.training.train import train
 PHYSICS = ("--set", "tension_law=geometric")
 
 
-def test_sessions_are_evaluated_whole(small: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_sessions_are_evaluated_whole(small: Path, capsys: Capture) -> None:
     assert run(["evaluate", "--sessions", str(small / "hold_000.mcap"), *PHYSICS]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("closed_form, simulated: ")
@@ -31,7 +31,7 @@ def test_sessions_are_evaluated_whole(small: Path, capsys: pytest.CaptureFixture
 
 
 def test_without_matplotlib_the_report_has_no_figures_and_a_note_says_how_to_have_them(
-    small: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    small: Path, tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(base, "find_spec", lambda _: None)
     out = tmp_path / "out"
@@ -43,12 +43,11 @@ def test_without_matplotlib_the_report_has_no_figures_and_a_note_says_how_to_hav
 
 
 def test_a_dataset_is_evaluated_clean_and_in_noise_beside_baselines(
-    small: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    small: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     out, rows = tmp_path / "out", tmp_path / "rows.json"
     options = ["--dataset", str(small / "dataset"), "--sensor", "prototype", "--noise", "white:-20"]
-    assert run(["evaluate", *options, *PHYSICS, "--out", str(out), "--rows", str(rows), "--json"]) == 0
-    card = json.loads(capsys.readouterr().out)
+    card = record(capsys, "evaluate", *options, *PHYSICS, "--out", out, "--rows", rows)
     split = Split.read(small / "dataset" / "split.json")
     assert card["windows"] == 2 * len(split.test)
     assert card["simulated"]
@@ -66,7 +65,7 @@ def test_a_dataset_is_evaluated_clean_and_in_noise_beside_baselines(
 
 
 def test_an_empty_test_and_a_split_of_another_dataset_are_refused(
-    small: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    small: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     split = Split.read(small / "dataset" / "split.json")
     Split(by="time", parts={**split.parts, "test": np.zeros(0, np.int64)}).write(tmp_path / "empty.json")
@@ -78,11 +77,10 @@ def test_an_empty_test_and_a_split_of_another_dataset_are_refused(
 
 @pytest.mark.slow
 def test_a_run_is_evaluated_on_sessions_that_it_was_not_trained_on(
-    lesson_run: Path, learnable: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    lesson_run: Path, learnable: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     folder = lesson_run
-    assert run(["evaluate", str(folder), "--out", str(tmp_path / "out"), "--json"]) == 0
-    card = json.loads(capsys.readouterr().out)
+    card = record(capsys, "evaluate", folder, "--out", tmp_path / "out")
     split = Split.read(learnable / "split.json")
     assert card["windows"] == len(split.test)
     assert card["estimator"] == "model"
@@ -109,7 +107,7 @@ def test_a_model_of_shuffled_labels_is_at_chance(
     learnable: Path,
     tmp_path: Path,
     reseal: Callable[[Path], None],
-    capsys: pytest.CaptureFixture[str],
+    capsys: Capture,
 ) -> None:
     pytest.importorskip("torch")
     correlations: dict[str, list[float]] = {"position": [], "force": []}
@@ -127,8 +125,7 @@ def test_a_model_of_shuffled_labels_is_at_chance(
         reseal(shuffled)
         settings = {**short, "dataset": str(shuffled), "cache": str(tmp_path / "own")}
         train(TrainingSettings.read(settings), folder)
-        assert run(["evaluate", str(folder), "--no-baselines", "--json"]) == 0
-        card = json.loads(capsys.readouterr().out)
+        card = record(capsys, "evaluate", folder, "--no-baselines")
         (row,) = [row for row in card["table"] if row["state"] == "touched"]
         for name, values in correlations.items():
             values.append(row[name]["r"].get("value") or 0.0)

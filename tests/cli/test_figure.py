@@ -1,10 +1,10 @@
 """`monochord figure` writes a figure in the format of the suffix, and refuses in one line."""
 
-import json
 from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.cli.running import Capture, record
 
 from monochord.cli import run
 from monochord.core.types import Block
@@ -24,7 +24,7 @@ def words(tmp_path: Path) -> list[str]:
 
 @pytest.mark.parametrize(("suffix", "magic"), [("png", b"\x89PNG"), ("pdf", b"%PDF"), ("svg", b"<?xml")])
 def test_the_suffix_determines_the_format(
-    words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str], suffix: str, magic: bytes
+    words: list[str], tmp_path: Path, capsys: Capture, suffix: str, magic: bytes
 ) -> None:
     path = tmp_path / f"out.{suffix}"
     assert run(["figure", *words, "--out", str(path)]) == 0
@@ -33,18 +33,17 @@ def test_the_suffix_determines_the_format(
 
 
 def test_default_name_and_json(
-    words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert run(["figure", *words, "--json"]) == 0
-    record = json.loads(capsys.readouterr().out)
-    assert record["figure"] == "session"
-    assert record["options"]["step"] == 0.02
-    assert Path(record["path"]).is_file()
+    drawn = record(capsys, "figure", *words)
+    assert drawn["figure"] == "session"
+    assert drawn["options"]["step"] == 0.02
+    assert Path(drawn["path"]).is_file()
 
 
 def test_without_matplotlib_the_error_says_how_to_install_it(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:
     monkeypatch.setattr(base, "find_spec", lambda _: None)
     assert run(["figure", "session"]) == 2
@@ -53,7 +52,7 @@ def test_without_matplotlib_the_error_says_how_to_install_it(
 
 @pytest.mark.parametrize("suffix", [".png", ".svg"])
 def test_a_full_disk_is_an_error_of_one_line(
-    words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str], suffix: str
+    words: list[str], tmp_path: Path, capsys: Capture, suffix: str
 ) -> None:
     (link := tmp_path / f"full{suffix}").symlink_to("/dev/full")
     assert run(["figure", *words, "--out", str(link)]) == 2

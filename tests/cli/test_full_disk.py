@@ -7,6 +7,7 @@ from collections.abc import Generator
 from pathlib import Path
 
 import pytest
+from tests.cli.running import Capture
 
 import monochord as mc
 from monochord.cli import run
@@ -65,9 +66,7 @@ COMMANDS = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", COMMANDS)
-def test_the_line_names_what_was_being_written(
-    name: str, made: Path, small: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_line_names_what_was_being_written(name: str, made: Path, small: Path, capsys: Capture) -> None:
     if "export" in name:
         pytest.importorskip("pyarrow")
     words, named = COMMANDS[name]

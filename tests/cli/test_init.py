@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from click.shell_completion import BashComplete
+from tests.cli.running import Capture
 
 from monochord import __version__, cli
 from monochord.core.registry import installed
@@ -61,19 +62,19 @@ def pluck(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     sys.modules.pop("monochord.cli.pluck", None)
 
 
-def test_a_new_file_is_a_new_command(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_new_file_is_a_new_command(capsys: Capture) -> None:
     assert cli.run(["pluck", "gently", "--length", "0.65"]) == 0
     assert capsys.readouterr().out == "gently 0.65\n"
 
 
-def test_help_lists_every_command_without_loading_it(capsys: pytest.CaptureFixture[str]) -> None:
+def test_help_lists_every_command_without_loading_it(capsys: Capture) -> None:
     assert cli.run(["--help"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert any(line.split() == ["pluck", "Pluck", "the", "string."] for line in lines)
     assert "monochord.cli.pluck" not in sys.modules
 
 
-def test_every_command_stands_in_one_group_with_a_summary(capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_command_stands_in_one_group_with_a_summary(capsys: Capture) -> None:
     assert cli.run(["--help"]) == 0
     groups, ungrouped = capsys.readouterr().out.split(f"{cli.UNGROUPED}:\n")
     assert re.findall(r"(?m)^  (\w+) +[A-Z]", ungrouped) == ["pluck", *installed("commands")]
@@ -102,12 +103,12 @@ def test_the_shell_completes_names(words: str, values: list[str]) -> None:
     assert [item.value for item in completed if item.type == "plain"] == values
 
 
-def test_no_argument_shows_the_help_and_does_no_work(capsys: pytest.CaptureFixture[str]) -> None:
+def test_no_argument_shows_the_help_and_does_no_work(capsys: Capture) -> None:
     assert cli.run([]) == 2
     assert "doctor" in capsys.readouterr().err
 
 
-def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+def test_version(capsys: Capture) -> None:
     assert cli.run(["--version"]) == 0
     assert __version__ in capsys.readouterr().out
 
@@ -129,7 +130,7 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
     ],
 )
 def test_an_error_is_one_line_and_a_status(
-    capsys: pytest.CaptureFixture[str], arguments: list[str], status: int, words: list[str]
+    capsys: Capture, arguments: list[str], status: int, words: list[str]
 ) -> None:
     assert cli.run(arguments) == status
     out, err = capsys.readouterr()

@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import soundfile
-from tests.cli.running import Capture, refusal
 
 from monochord.physics.twin.virtual_sensor import VirtualSensor
 from monochord.sessions import read_session
@@ -147,11 +146,3 @@ def test_build_audit_evaluate_and_calibrate_take_the_session(tmp_path: Path) -> 
     assert scores
     result = json.loads(command("calibrate", "demo", "--sessions", out, "--out", tmp_path / "mine", "--json"))
     assert result["heads"]["force"]["touches"] == 4
-
-
-def test_bad_options_are_refused_before_anything_is_recorded(tmp_path: Path, capsys: Capture) -> None:
-    out, twin = tmp_path / "touches.mcap", ("--source", "twin")
-    assert ".mcap" in refusal(capsys, "sessions", "label", tmp_path / "touches.wav", *twin)
-    assert "lower force" in refusal(capsys, "sessions", "label", out, *twin, "--forces", 2, 1)
-    assert "demo" in refusal(capsys, "sessions", "label", out, *twin, "--model", "dmeo")
-    assert not [*tmp_path.iterdir()]

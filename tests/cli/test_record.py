@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import soundfile
-from tests.cli.running import refusal
+from tests.cli.running import Capture, record, refusal
 from tests.ports import free_ports
 
 from monochord.cli import run
@@ -35,7 +35,7 @@ def words(out: Path, sound: Path, *more: str) -> list[str]:
     return ["record", str(out), "--source", "wav", "--set", f"source.path={sound}", *more]
 
 
-def test_it_records_and_says_what(tmp_path: Path, sound: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_it_records_and_says_what(tmp_path: Path, sound: Path, capsys: Capture) -> None:
     out = tmp_path / "take.mcap"
     arguments = ["--object", "plastic", "--sensor", "prototype", "--notes", "first try", "--radius", "0.004"]
     assert run(words(out, sound, *arguments)) == 0
@@ -48,9 +48,7 @@ def test_it_records_and_says_what(tmp_path: Path, sound: Path, capsys: pytest.Ca
     assert check(out).sound
 
 
-def test_silence_is_told_meanwhile_at_the_end_and_by_the_check(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_silence_is_told_meanwhile_at_the_end_and_by_the_check(tmp_path: Path, capsys: Capture) -> None:
     sound, out = tmp_path / "silence.wav", tmp_path / "take.mcap"
     soundfile.write(sound, np.zeros((2 * 44100, 2)), 44100)
     assert run(words(out, sound, "--set", "source.speed=4")) == 0
@@ -61,7 +59,7 @@ def test_silence_is_told_meanwhile_at_the_end_and_by_the_check(
 
 
 def test_an_instrument_is_opened_where_it_is_and_set_by_its_name(
-    tmp_path: Path, sound: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, sound: Path, capsys: Capture
 ) -> None:
     out = tmp_path / "take.mcap"
     with NetFtDevice(LOAD, NetFtSettings(rate=1000.0)) as device:
@@ -112,7 +110,7 @@ def test_two_instruments_of_a_kind_are_recorded_side_by_side(
     streams: list[str],
     tmp_path: Path,
     sound: Path,
-    capsys: pytest.CaptureFixture[str],
+    capsys: Capture,
 ) -> None:
     out, config, ports = tmp_path / "take.mcap", tmp_path / "bench.toml", free_ports(2)
     text = '[instruments.left]\nname = "pose-udp"\nrate = 100\n' if asked[0].startswith("left=") else ""
@@ -120,8 +118,8 @@ def test_two_instruments_of_a_kind_are_recorded_side_by_side(
     more = [word for each in asked for word in ("--instrument", each.format(*ports))]
     more += [word for each in ("source.speed=1", *rates) for word in ("--set", each.format(*ports))]
     with posing(ports):
-        assert run(words(out, sound, "--config", str(config), "--seconds", "0.6", "--json", *more)) == 0
-    counted = json.loads(capsys.readouterr().out)["instruments"]
+        given = words(out, sound, "--config", str(config), "--seconds", "0.6", *more)
+        counted = record(capsys, *given)["instruments"]
     assert [each["stream"] for each in counted.values()] == streams
     session = read_session(out)
     for x, (stream, rate) in enumerate(zip(streams, (100.0, 50.0), strict=True)):
@@ -130,8 +128,7 @@ def test_two_instruments_of_a_kind_are_recorded_side_by_side(
         assert set(track.column("x")) == {x}
         assert track.feed.rate == rate
     assert check(out).sound
-    assert run(["sessions", "show", str(out), "--json"]) == 0
-    assert set(json.loads(capsys.readouterr().out)["streams"]) == set(streams)
+    assert set(record(capsys, "sessions", "show", out)["streams"]) == set(streams)
     for form in ("wav-csv", "parquet"):
         assert run(["sessions", "export", form, str(out), "--out", str(tmp_path / form)]) == 0
         named = {path.stem for path in (tmp_path / form).rglob("*")}
@@ -139,7 +136,7 @@ def test_two_instruments_of_a_kind_are_recorded_side_by_side(
 
 
 def test_settings_come_from_a_file_then_options_then_set(
-    tmp_path: Path, sound: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, sound: Path, capsys: Capture
 ) -> None:
     config, out = tmp_path / "bench.toml", tmp_path / "take.mcap"
     config.write_text(
@@ -155,9 +152,7 @@ def test_settings_come_from_a_file_then_options_then_set(
     capsys.readouterr()
 
 
-def test_a_session_that_exists_is_not_overwritten(
-    tmp_path: Path, sound: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_session_that_exists_is_not_overwritten(tmp_path: Path, sound: Path, capsys: Capture) -> None:
     out = tmp_path / "take.mcap"
     out.write_bytes(b"precious")
     assert "take.mcap" in refusal(capsys, *words(out, sound))

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 import soundfile
+from tests.cli.running import Capture
 
 from monochord.cli import run
 from monochord.core.types import POSE, WRENCH, Block, Feed, Readings
@@ -17,7 +18,6 @@ FEEDS = (
     Feed(stream="wrench", columns=WRENCH, units=("N",) * 3 + ("N m",) * 3, rate=1000.0, ticks=1000.0),
     Feed(stream="pose", columns=POSE, units=("m",) * 3 + ("",) * 4, rate=250.0, ticks=1e9),
 )
-Capture = pytest.CaptureFixture[str]
 
 
 def write(path: Path, *, lost: int = 0, close: bool = True, **described: Any) -> Path:

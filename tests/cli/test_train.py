@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.cli.running import refusal
+from tests.cli.running import Capture, record, refusal
 from tests.conftest import LESSON
 
 from monochord.cli import run
@@ -38,12 +38,9 @@ def trained(learnable: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return home / "run"
 
 
-def test_it_prints_scores_and_goes_on_where_it_was(
-    config: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_it_prints_scores_and_goes_on_where_it_was(config: Path, tmp_path: Path, capsys: Capture) -> None:
     out = str(tmp_path / "run")
-    assert run(["train", str(config), "--out", out, "--set", "optimiser.epochs=2", "--json"]) == 0
-    printed = json.loads(capsys.readouterr().out)
+    printed = record(capsys, "train", config, "--out", out, "--set", "optimiser.epochs=2")
     assert (printed["epochs"], printed["simulated"], printed["part"]) == (2, True, "validation")
     assert run(["train", str(config), "--out", out, "--set", "optimiser.epochs=2"]) == 0
     lines = capsys.readouterr().out.splitlines()
@@ -58,7 +55,7 @@ def test_it_prints_scores_and_goes_on_where_it_was(
 
 @pytest.mark.slow
 def test_it_draws_how_it_learned_and_equal_runs_have_equal_pictures(
-    config: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    config: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     pictures: list[bytes] = []
     for out in (tmp_path / "one", tmp_path / "two", tmp_path / "two"):
@@ -70,25 +67,22 @@ def test_it_draws_how_it_learned_and_equal_runs_have_equal_pictures(
     assert pictures[0] == pictures[1] == pictures[2]
     capsys.readouterr()
     out = tmp_path / "one"
-    given = ["figure", "learning", "--set", f"run={out}", "--out", str(tmp_path / "a.png"), "--json"]
-    assert run(given) == 0
-    numbers = json.loads(capsys.readouterr().out)["numbers"]
+    given = ["figure", "learning", "--set", f"run={out}", "--out", str(tmp_path / "a.png")]
+    numbers = record(capsys, *given)["numbers"]
     metrics = json.loads((out / "metrics.json").read_text())
     assert (numbers["simulated"], numbers["epochs"]) == (True, [1, 2, 3])
     assert {name: head["best_epoch"] for name, head in numbers["heads"].items()} == metrics["best_epochs"]
 
 
 def test_other_settings_in_its_folder_and_options_beside_a_run_are_refused(
-    config: Path, trained: Path, capsys: pytest.CaptureFixture[str]
+    config: Path, trained: Path, capsys: Capture
 ) -> None:
     assert str(trained) in refusal(capsys, "train", config, "--out", trained, "--set", "seed=1")
     for extra in (["--length", "0.2"], ["--estimator", "closed-form"]):
         assert extra[0].strip("-") in refusal(capsys, "live", trained, "--source", "twin", *extra)
 
 
-def test_live_takes_a_run_for_its_estimator(
-    trained: Path, learnable: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_live_takes_a_run_for_its_estimator(trained: Path, learnable: Path, capsys: Capture) -> None:
     out, session = str(trained), str(learnable.parent / "sung_0.mcap")
     assert run(["live", out, session, "--source", "session", "--seconds", "3", "--json"]) == 0
     first = json.loads(capsys.readouterr().out.splitlines()[-1])
@@ -98,7 +92,7 @@ def test_live_takes_a_run_for_its_estimator(
 
 
 def test_a_second_run_in_its_folder_is_refused_and_a_killed_one_does_not_block(
-    config: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    config: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     out = tmp_path / "run"
     words = ("train", config, "--out", out, "--set", 'methods=["ridge"]')

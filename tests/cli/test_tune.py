@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import soundfile
-from tests.cli.running import refusal
+from tests.cli.running import Capture, record, refusal
 
 import monochord as mc
 from monochord.cli import run
@@ -63,7 +63,7 @@ def as_built(build: Sensor, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def tuned(take: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Path:
+def tuned(take: Path, tmp_path: Path, capsys: Capture) -> Path:
     """The file of that sensor as tuned."""
     path = tmp_path / "sensor.toml"
     assert run(["tune", str(take), "--sensor", "prototype", "--out", str(path)]) == 0
@@ -72,9 +72,7 @@ def tuned(take: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Pat
 
 
 @pytest.mark.parametrize("level", [0.0, 1e-5, 1e-2])
-def test_silence_and_noise_name_what_to_look_at(
-    level: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_silence_and_noise_name_what_to_look_at(level: float, tmp_path: Path, capsys: Capture) -> None:
     sound = level * np.random.default_rng(0).standard_normal((44100, 2))
     soundfile.write(tmp_path / "take.wav", sound, 44100, subtype="FLOAT")
     line = refusal(capsys, "tune", str(tmp_path / "take.wav"), "--sensor", "prototype")
@@ -83,7 +81,7 @@ def test_silence_and_noise_name_what_to_look_at(
 
 
 def test_a_measured_length_is_written_and_kept(
-    as_built: Path, pitch: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    as_built: Path, pitch: float, tmp_path: Path, capsys: Capture
 ) -> None:
     path, again = tmp_path / "sensor.toml", tmp_path / "again.toml"
     words = [str(as_built), "--sensor", "prototype", "--length", "0.1983", "--out", str(path)]
@@ -94,8 +92,7 @@ def test_a_measured_length_is_written_and_kept(
     assert sensor.string.length == pytest.approx(0.1983)
     assert open_frequency(sensor.string) / NOMINAL == pytest.approx(pitch, abs=0.002)
     assert sensor.drivers[1].sense == pytest.approx(design.drivers[1].sense - 0.0017)
-    assert run(["tune", str(as_built), "--sensor", str(path), "--out", str(again), "--json"]) == 0
-    facts = json.loads(capsys.readouterr().out)["tuning"]
+    facts = record(capsys, "tune", as_built, "--sensor", path, "--out", again)["tuning"]
     assert facts["length"] == 0.1983
     assert facts["tension"] == pytest.approx(sensor.string.tension, rel=1e-6)
     assert mc.tune(as_built, sensor="prototype", length=0.1983).string.length == pytest.approx(0.1983)
@@ -103,7 +100,7 @@ def test_a_measured_length_is_written_and_kept(
 
 @pytest.mark.parametrize("length", ["0.1932", "0.207"])
 def test_the_length_of_another_string_is_refused(
-    length: str, take: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    length: str, take: Path, tmp_path: Path, capsys: Capture
 ) -> None:
     words = ("--sensor", "prototype", "--length", length, "--out", str(tmp_path / "sensor.toml"))
     line = refusal(capsys, "tune", str(take), *words)
@@ -115,7 +112,7 @@ def test_it_prints_and_writes_the_sensor(
     as_built: Path,
     pitch: float,
     tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    capsys: Capture,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -129,8 +126,7 @@ def test_it_prints_and_writes_the_sensor(
     tension = design.string.tension * ratio**2
     assert sensor == replace(design, name="prototype", string=replace(design.string, tension=tension))
     assert sensor_design("sensor.toml") == "prototype"
-    assert run(["tune", str(as_built), "--sensor", "sensor.toml", "--force", "--json"]) == 0
-    result = json.loads(capsys.readouterr().out)
+    result = record(capsys, "tune", as_built, "--sensor", "sensor.toml", "--force")
     written = tomllib.loads(Path("sensor.toml").read_text(encoding="utf-8"))
     assert result["tuning"]["open_frequency"] == written["tuning"]["open_frequency"]
     assert written["tuning"]["source"] == str(as_built)
@@ -138,9 +134,7 @@ def test_it_prints_and_writes_the_sensor(
     assert result["refused_windows"] >= 8  # those that are touched
 
 
-def test_a_file_is_replaced_only_where_asked(
-    tuned: Path, take: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_file_is_replaced_only_where_asked(tuned: Path, take: Path, capsys: Capture) -> None:
     before = tuned.read_bytes()
     line = refusal(capsys, "tune", str(take), "--sensor", "prototype", "--out", str(tuned))
     assert "--force" in line
@@ -150,7 +144,7 @@ def test_a_file_is_replaced_only_where_asked(
 @pytest.mark.parametrize("command", [("tune", "take.wav"), ("doctor", "--recordings", "takes")])
 def test_the_file_of_the_design_is_not_replaced_by_its_own_tuning(
     command: tuple[str, ...], take: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    capsys: Capture,
 ) -> None:  # fmt: skip
     monkeypatch.chdir(tmp_path)
     Path("takes").mkdir()
@@ -163,9 +157,7 @@ def test_the_file_of_the_design_is_not_replaced_by_its_own_tuning(
     assert Path("design.toml").read_bytes() == before
 
 
-def test_a_sound_that_does_not_tell_writes_nothing(
-    take: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_sound_that_does_not_tell_writes_nothing(take: Path, tmp_path: Path, capsys: Capture) -> None:
     touched, out = tmp_path / "touched.wav", tmp_path / "out.toml"
     sound = soundfile.read(take)[0]
     soundfile.write(touched, sound[-22050:], 44100, subtype="FLOAT")
@@ -177,7 +169,7 @@ def test_a_sound_that_does_not_tell_writes_nothing(
     assert not out.exists()
 
 
-def test_live_and_locate_take_the_sensor(tuned: Path, take: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_live_and_locate_take_the_sensor(tuned: Path, take: Path, capsys: Capture) -> None:
     assert run(["locate", str(take), "--sensor", str(tuned), "--json"]) == 0
     lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     touched = [line["position"] for line in lines if line["time"] > 1.9]
@@ -227,9 +219,7 @@ TONES: dict[str, Floats] = {
 
 
 @pytest.mark.parametrize("name", TONES)
-def test_a_sound_of_no_string_is_refused(
-    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_sound_of_no_string_is_refused(name: str, tmp_path: Path, capsys: Capture) -> None:
     sound, out = tmp_path / "tone.wav", tmp_path / "out.toml"
     soundfile.write(sound, TONES[name].T, 44100, subtype="FLOAT")
     refusal(capsys, "tune", str(sound), "--sensor", "prototype", "--out", str(out))

@@ -9,6 +9,7 @@ from typing import Any
 
 import click
 import pytest
+from tests.cli.running import Capture
 
 from monochord.cli import run
 
@@ -78,7 +79,7 @@ def test_an_evaluation_has_the_same_numbers(
     small: Path,
     tmp_path: Path,
     same: Callable[[str, str], None],
-    capsys: pytest.CaptureFixture[str],
+    capsys: Capture,
     monkeypatch: pytest.MonkeyPatch,
     tested: str,
 ) -> None:

@@ -1,9 +1,9 @@
 """A calibrated model remembers the sensor of its touches, and says so on another one."""
 
-import json
 from pathlib import Path
 
 import pytest
+from tests.cli.running import Capture, record
 
 import monochord as mc
 from monochord.cli import run
@@ -19,7 +19,7 @@ def collected(folder: Path, build: int) -> list[str]:
 
 @pytest.mark.slow
 def test_a_calibrated_model_says_that_the_sensor_is_another_one(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, capsys: Capture
 ) -> None:
     own, other = (collected(tmp_path, build) for build in (77, 300))
     model = mc.calibrate("demo", own, tmp_path / "mine")
@@ -36,19 +36,8 @@ def test_a_calibrated_model_says_that_the_sensor_is_another_one(
         sensor = mc.VirtualSensor("prototype", build=build)
         next(iter(mc.listen(sensor, model=mine, seconds=0.5)))
         assert len(said()) == lines
-    twin = [
-        "live",
-        mine,
-        "--source",
-        "twin",
-        "--seconds",
-        "0.5",
-        "--sink",
-        "jsonl=/dev/null",
-        "--set",
-        "source.build=300",
-    ]
-    assert run(twin) == 0
+    twin = ["--source", "twin", "--seconds", "0.5", "--sink", "jsonl=/dev/null", "--set", "source.build=300"]
+    assert run(["live", mine, *twin]) == 0
     (line,) = said()
     assert SAID + "prototype, build 300)" in line
     mc.calibrate(mine, own, touches=0)
@@ -57,8 +46,9 @@ def test_a_calibrated_model_says_that_the_sensor_is_another_one(
     (line,) = said()
     assert SAID in line
     capsys.readouterr()
-    assert run(["evaluate", mine, "--sessions", other[0], "--no-baselines", "--json"]) == 0
-    assert SAID + "build 300)" in " ".join(json.loads(capsys.readouterr().out)["notes"])
+    assert SAID + "build 300)" in " ".join(
+        record(capsys, "evaluate", mine, "--sessions", other[0], "--no-baselines")["notes"]
+    )
 
 
 @pytest.mark.parametrize(

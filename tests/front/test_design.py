@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.cli.running import Capture, records, refusal
+from tests.cli.running import Capture, records
 from tests.contract.test_documents import command_lines
 from tests.contract.test_layout import PAGES, ROOT
 
@@ -201,28 +201,6 @@ def test_it_is_drawn(made: StringDesign, tmp_path: Path, capsys: Capture) -> Non
     assert len(page.axes) == 6
     heights = [bar.get_height() for bar in page.axes[5].patches]  # pyright: ignore[reportAttributeAccessIssue]
     assert heights == pytest.approx([force for _, force in made.frames.values()])
-
-
-@pytest.mark.parametrize(
-    ("words", "named"),
-    [
-        ("--length 0.1", "0.01 m or less"),
-        ("--length nan", "--length"),
-        ("--forces 2 1", "least"),
-        ("--gauge 0.254", "gauge"),
-        ("--tension 400 --gauge 0.254e-3", "thicker"),
-        ("--wire musicwire", "music_wire"),
-        ("--frame aluminum", "aluminium"),
-        ("--material plastik", "plastic"),
-        ("--mount glued", "bolted"),
-        ("--out design.txt", ".toml"),
-        ("--figure design.bmp", ".png"),
-        ("--window 0.001", "window"),
-        ("--model nope", "nope"),
-    ],
-)
-def test_bad_input_is_refused_in_a_line(words: str, named: str, capsys: Capture) -> None:
-    assert named in refusal(capsys, "design", *words.split())
 
 
 def test_the_pages_commands_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

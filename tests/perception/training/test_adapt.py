@@ -1,12 +1,12 @@
 """Adaptation of a trained model to a build whose labels follow another law, by a few known touches."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from tests.cli.running import record
 from tests.conftest import sing
 from tests.perception.conftest import with_corrections
 
@@ -375,8 +375,7 @@ def test_the_command_judges_a_model_by_all_touches_and_writes_none(
     correctable.save(given)
     line = ["calibrate", str(given), "--sessions", str(foreign_session), "--touches", "0"]
     before = {file.name: file.read_bytes() for file in given.iterdir()}
-    assert run([*line, "--json"]) == 0
-    tree = json.loads(capsys.readouterr().out)
+    tree = record(capsys, *line)
     assert tree["path"] is None
     assert tree["heads"]["force"]["learned"] is False
     assert tree["trust"]["touches"] == 12
