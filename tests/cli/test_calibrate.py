@@ -4,11 +4,11 @@ import shlex
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 import pytest
 import soundfile
 import soxr
 from tests.cli.running import Capture
+from tests.twins import sound_of
 
 from monochord import VirtualSensor
 from monochord.cli import run
@@ -23,21 +23,11 @@ TOUCHES = ((0.07, 0.6), (0.12, 1.2))
 @pytest.fixture(scope="module")
 def touched() -> tuple[Audio, str]:
     """Sound (n, 2) of two touches of half a second, and their table."""
-    twin, parts, table, frames = (
-        VirtualSensor("prototype", seed=1),
-        list[Audio](),
-        "begin,end,position,force\n",
-        0,
-    )
-    for position, force in TOUCHES:
-        parts.append(twin.advance(0.6)[0])
-        twin.press(position, force)
-        parts.append(twin.advance(0.7)[0])
-        twin.release()
-        frames += parts[-2].shape[1] + parts[-1].shape[1]
-        table += f"{frames / RATE - 0.5},{frames / RATE - 0.05},{position},{force}\n"
-    parts.append(twin.advance(0.3)[0])
-    return np.concatenate(parts, axis=1).T, table
+    twin, table = VirtualSensor("prototype", seed=1), "begin,end,position,force\n"
+    sound, _ = sound_of(twin, *(step for touch in TOUCHES for step in (0.6, touch, 0.7, None)), 0.3)
+    for end, (position, force) in zip((1.3, 2.6), TOUCHES, strict=True):
+        table += f"{end - 0.5},{end - 0.05},{position},{force}\n"
+    return sound.T, table
 
 
 Imported = Callable[[int], None]

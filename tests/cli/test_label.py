@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import soundfile
+from tests.twins import sound_of
 
 from monochord.physics.twin.virtual_sensor import VirtualSensor
 from monochord.sessions import read_session
@@ -31,14 +32,9 @@ def command(*words: object, status: int = 0) -> str:
 def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Three touches, held for as long as a person takes to read a scale; nothing states their truth."""
     twin = VirtualSensor("prototype", seed=3)
-    parts = [twin.advance(2.6)[0]]
-    for position, force in PLACES:
-        twin.press(position, force)
-        parts.append(twin.advance(2.6)[0])
-        twin.release()
-        parts.append(twin.advance(2.2)[0])
+    steps = (step for touch in PLACES for step in (touch, 2.6, None, 2.2))
     file = tmp_path_factory.mktemp("sound") / "take.wav"
-    soundfile.write(file, np.concatenate(parts, axis=1).T, twin.sample_rate, subtype="FLOAT")
+    soundfile.write(file, sound_of(twin, 2.6, *steps)[0].T, twin.sample_rate, subtype="FLOAT")
     return file
 
 

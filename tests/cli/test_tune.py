@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import soundfile
 from tests.cli.running import Capture, record, refusal
+from tests.twins import sound_of
 
 import monochord as mc
 from monochord.cli import run
@@ -30,10 +31,7 @@ def recorded(sensor: Sensor, path: Path) -> Path:
     """Write a recording of a sensor, 0.8 semitones too low, that is touched after 1.5 s."""
     string = replace(sensor.string, tension=sensor.string.tension * RATIO**2)
     twin = VirtualSensor(replace(sensor, string=string), seed=5)
-    before = twin.advance(1.5)[0]
-    twin.press(POSITION, 0.8)
-    sound = np.concatenate((before, twin.advance(1.0)[0]), axis=1)
-    soundfile.write(path, sound.T, 44100, subtype="FLOAT")
+    soundfile.write(path, sound_of(twin, 1.5, (POSITION, 0.8), 1.0)[0].T, 44100, subtype="FLOAT")
     return path
 
 

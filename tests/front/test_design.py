@@ -11,6 +11,7 @@ import pytest
 from tests.cli.running import Capture, records
 from tests.contract.test_documents import command_lines
 from tests.contract.test_layout import PAGES, ROOT
+from tests.twins import sound_of
 
 import monochord as mc
 from monochord.cli import run
@@ -98,13 +99,11 @@ def test_what_is_recommended_meets_every_wish_and_is_the_fastest(made: StringDes
 def sounds(sensor: Sensor, build: int) -> bool:
     """Return whether the bundled model takes the sound of a build, and locates a touch on it."""
     twin = mc.VirtualSensor(sensor, seed=build, build=build, world="plausible")
-    before, _ = twin.advance(0.4)
     place = 0.4 * twin.sensor.string.length
-    twin.press(place, 1.0)
-    after, _ = twin.advance(0.5)
+    sound, _ = sound_of(twin, 0.4, (place, 1.0), 0.5)
     string = with_length(sensor.string, twin.sensor.string.length)
     built = replace(sensor, string=string)
-    table = mc.load("demo").predict(np.concatenate([before, after], axis=1), sensor=built)
+    table = mc.load("demo").predict(sound, sensor=built)
     return abs(float(np.nanmedian(table.position.value[-20:])) - place) < 2e-3
 
 

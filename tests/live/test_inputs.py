@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import soundfile
 import soxr
+from tests.twins import sound_of
 
 import monochord as mc
 from monochord.capture.recording import record
@@ -28,14 +29,9 @@ ONE = Inputs.SAME.value
 def sensor() -> tuple[Audio, Floats]:
     """Sound of a sensor, untouched and touched in turn, with the truth of contact."""
     twin = mc.VirtualSensor("prototype", seed=1, build=77, world="plausible")
-    parts = [twin.advance(3.0)]
-    for place, force in ((0.08, 1.0), (0.12, 0.6)):
-        twin.press(place, force, material="plastic")
-        parts.append(twin.advance(1.0))
-        twin.release()
-        parts.append(twin.advance(0.8))
-    sound = np.concatenate([each for each, _ in parts], axis=1).astype(np.float32)
-    return sound, np.concatenate([truth["contact"] for _, truth in parts])
+    steps = (3.0, (0.08, 1.0), 1.0, None, 0.8, (0.12, 0.6), 1.0, None, 0.8)
+    sound, truth = sound_of(twin, *steps, material="plastic")
+    return sound, truth["contact"]
 
 
 def note(seconds: float = 1.0) -> Floats:

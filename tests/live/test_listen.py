@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import soundfile
+from tests.twins import sound_of
 
 import monochord as mc
 from monochord.core.errors import InputError
@@ -23,9 +24,7 @@ RATE = 44100
 def sound() -> np.ndarray:
     """Half a second of silence of the hand, then a press of 1 N at 80 mm for a second."""
     twin = mc.VirtualSensor("prototype", seed=1)
-    before, _ = twin.advance(0.5)
-    twin.press(0.08, 1.0, material="plastic")
-    return np.concatenate([before, twin.advance(1.0)[0]], axis=1)
+    return sound_of(twin, 0.5, (0.08, 1.0), 1.0, material="plastic")[0]
 
 
 @pytest.fixture(scope="module")

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 import soundfile
+from tests.twins import sound_of
 
 import monochord as mc
 from monochord.capture.recording import record
@@ -21,11 +22,8 @@ PLACE, FORCE = 0.08, 1.0
 def take(rate: int) -> tuple[Any, np.ndarray]:
     """Sound of one build at a rate, untouched and then touched; and the position at each frame."""
     twin = mc.VirtualSensor("prototype", seed=1, sample_rate=rate)
-    quiet, _ = twin.advance(1.0)
-    twin.press(PLACE, FORCE, material="plastic")
-    touched, truth = twin.advance(1.0)
-    where = np.concatenate((np.full(quiet.shape[1], np.nan), truth["position"]))
-    return np.concatenate((quiet, touched), axis=1).astype(np.float32), where
+    sound, truth = sound_of(twin, 1.0, (PLACE, FORCE), 1.0, material="plastic")
+    return sound, np.where(np.arange(sound.shape[1]) < rate, np.nan, truth["position"])
 
 
 def answers(source: Any, **options: Any) -> list[tuple[float, dict[str, tuple[float, float, str]]]]:

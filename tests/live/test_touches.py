@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import soundfile
 from tests.sessions.made import plain_readings
+from tests.twins import sound_of
 
 from monochord import VirtualSensor
 from monochord.cli import run
@@ -26,20 +27,10 @@ it settles: the aim there is `SLACK`, too (docs/ROADMAP.md)."""
 def take(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Floats]:
     """A recording of two touches of a second, and where they are truly, (touches, 2) in s."""
     twin = VirtualSensor("prototype", seed=1)
-    sounds, contacts = [], []
-    for position, force in TOUCHES:
-        for step in ("wait", "touch"):
-            if step == "touch":
-                twin.press(position, force)
-            sound, labels = twin.advance(1.2)
-            twin.release()
-            sounds.append(sound)
-            contacts.append(labels["contact"])
-    sound, labels = twin.advance(0.6)
-    contact = np.concatenate([*contacts, labels["contact"]])
+    sound, truth = sound_of(twin, *(step for touch in TOUCHES for step in (1.2, touch, 1.2, None)), 0.6)
     path = tmp_path_factory.mktemp("take") / "take.wav"
-    soundfile.write(path, np.concatenate([*sounds, sound], axis=1).T, RATE, subtype="FLOAT")
-    edges = np.flatnonzero(np.diff(contact)) / RATE
+    soundfile.write(path, sound.T, RATE, subtype="FLOAT")
+    edges = np.flatnonzero(np.diff(truth["contact"])) / RATE
     return path, edges.reshape(-1, 2)
 
 

@@ -4,7 +4,7 @@ import itertools
 import json
 import threading
 import time
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 from tests.live.web.run_server import RunServer
-from tests.live.web.test_server import free, live, messages_of
+from tests.live.web.test_server import free, live, told
 from websockets.sync.client import ClientConnection
 
 from monochord.core.types import Signal
@@ -30,7 +30,6 @@ TOUCHES = [
     {"start": 2.5 + 3.0 * k, "position": 0.06 + 0.03 * k, "force": 0.5 + 0.4 * k, "seconds": 1.7}
     for k in range(3)
 ]
-PATIENCE = 60.0
 CANCEL, TUNE = {"do": "cancel"}, {"do": "tune"}
 CALIBRATE = {"do": "calibrate", "touches": 3}
 RECORD, STOP = {"do": "record", "on": True}, {"do": "record", "on": False}
@@ -83,14 +82,6 @@ def shown(updates: Sequence[Update], folder: Path, pause: float = 0.005) -> Gene
             player.join()
 
 
-def tasks_once(client: ClientConnection, condition: Callable[[Any], Any]) -> Any:
-    """Return what the page shows of its tasks once something is so."""
-    deadline = time.monotonic() + PATIENCE
-    while not condition(tasks := messages_of(client, "moment")[0]["tasks"]):
-        assert time.monotonic() < deadline, tasks
-    return tasks
-
-
 def send(client: ClientConnection, *commands: dict[str, Any]) -> None:
     for command in commands:
         client.send(json.dumps(command))
@@ -127,12 +118,12 @@ def test_of_commands_that_follow_at_once_each_takes_effect(
     with shown(untouched, tmp_path, 0.05) as client:
         if before is not None:
             send(client, before)
-            tasks_once(client, lambda tasks: "recording" in tasks or "share" in tasks.get("guided", {}))
+            told(client, lambda tasks: "recording" in tasks or "share" in tasks.get("guided", {}))
         send(client, *commands)
         is_then = lambda tasks: (guided(tasks), "recording" in tasks) == then  # noqa: E731
-        tasks_once(client, is_then)
+        told(client, is_then)
         time.sleep(0.3)  # nothing comes after that
-        assert is_then(tasks_once(client, bool))
+        assert is_then(told(client, bool))
     count = [*commands, before or {}].count(RECORD)
     sessions = [*tmp_path.glob("*.mcap")]
     assert len(sessions) == count or (then == (None, False) and count == 1)
@@ -142,10 +133,10 @@ def test_of_commands_that_follow_at_once_each_takes_effect(
 def test_a_step_that_cannot_begin_says_why(untouched: Sequence[Update], tmp_path: Path) -> None:
     with shown(untouched, tmp_path, 0.05) as client:
         send(client, CALIBRATE, TUNE)
-        tasks = tasks_once(client, lambda tasks: tasks["answer"])
+        tasks = told(client, lambda tasks: tasks["answer"])
         assert guided(tasks) == "calibration"
         send(client, CANCEL)
-        tasks = tasks_once(client, lambda tasks: not guided(tasks))
+        tasks = told(client, lambda tasks: not guided(tasks))
         assert not tasks["answer"]
 
 
@@ -153,13 +144,13 @@ def test_a_step_that_cannot_begin_says_why(untouched: Sequence[Update], tmp_path
 def test_a_recording_begins_while_a_result_is_computed(updates: Sequence[Update], tmp_path: Path) -> None:
     with shown(updates, tmp_path) as client:
         send(client, CALIBRATE)
-        tasks_once(client, computes)
+        told(client, computes)
         send(client, RECORD)
-        tasks = tasks_once(client, lambda tasks: tasks.get("recording", {}).get("seconds", 0.0) > 0.0)
+        tasks = told(client, lambda tasks: tasks.get("recording", {}).get("seconds", 0.0) > 0.0)
         assert computes(tasks)
         send(client, STOP)
-        tasks_once(client, lambda tasks: ".mcap" in tasks["saved"])
-        assert tasks_once(client, lambda tasks: tasks["lines"])["lines"]
+        told(client, lambda tasks: ".mcap" in tasks["saved"])
+        assert told(client, lambda tasks: tasks["lines"])["lines"]
     (session,) = tmp_path.glob("*.mcap")
     recorded = read_session(session)
     assert recorded.complete
@@ -172,9 +163,9 @@ def test_a_computation_is_cancelled_and_the_next_step_begins(
 ) -> None:
     with shown(updates, tmp_path) as client:
         send(client, CALIBRATE)
-        tasks_once(client, computes)
+        told(client, computes)
         send(client, CANCEL, TUNE)
-        tasks = tasks_once(client, lambda tasks: guided(tasks) == "tuning")
+        tasks = told(client, lambda tasks: guided(tasks) == "tuning")
         assert not tasks["lines"]
-        tasks_once(client, lambda tasks: tasks["lines"])
+        told(client, lambda tasks: tasks["lines"])
     assert not [*tmp_path.glob("calibrated_*")]  # what was cancelled is not saved

@@ -6,7 +6,7 @@ import socket
 import struct
 import threading
 import time
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
@@ -333,9 +333,9 @@ def test_what_a_page_asks_is_done_and_what_is_nonsense_is_counted() -> None:
         wait_for(lambda: server.counts["ignored"] == 1)
 
 
-def told(client: ClientConnection, condition: Any) -> dict[str, Any]:
+def told(client: ClientConnection, condition: Callable[[Any], Any]) -> dict[str, Any]:
     """What the page is told of its tasks once something is so."""
-    deadline = time.monotonic() + 30
+    deadline = time.monotonic() + 60
     while not condition(tasks := messages_of(client, "moment")[0]["tasks"]):
         assert time.monotonic() < deadline, tasks
     return tasks

@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from tests.perception.windows import RATE, SIZE, cut
+from tests.twins import sound_of
 
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Floats, Signal
@@ -26,14 +27,9 @@ FORCE = 0.8
 @cache
 def touched() -> tuple[Audio, tuple[float, ...]]:
     """Return the sound of a string of 198 mm at rest and touched at a few places, and these places in m."""
-    twin, sounds = VirtualSensor(SHORTER, seed=3), list[Audio]()
-    places = (0.35, 0.45, 0.5, 0.6)
-    for place in places:
-        sounds.append(twin.advance(0.8)[0])
-        twin.press(place * SHORTER.string.length, FORCE)
-        sounds.append(twin.advance(0.8)[0])
-        twin.release()
-    return np.concatenate(sounds, axis=1), tuple(place * SHORTER.string.length for place in places)
+    places = tuple(share * SHORTER.string.length for share in (0.35, 0.45, 0.5, 0.6))
+    steps = (step for place in places for step in (0.8, (place, FORCE), 0.8, None))
+    return sound_of(VirtualSensor(SHORTER, seed=3), *steps)[0], places
 
 
 def stream(sensor: Sensor) -> ModelStream:

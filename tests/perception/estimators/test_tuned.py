@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from tests.perception.windows import RATE, SIZE, cut
+from tests.twins import Step, sound_of
 
 from monochord.core.errors import InputError
 from monochord.core.inputs import Inputs
@@ -38,16 +39,11 @@ def played(name: str, percent: int, touches: int) -> tuple[Audio, dict[str, Floa
     tension = design.string.tension * (1.0 + percent / 100.0) ** 2
     sensor = replace(design, string=replace(design.string, tension=tension))
     twin, random = VirtualSensor(sensor, seed=50 + percent), np.random.default_rng(30 + percent)
-    low, high = sensor.range
-    takes = [twin.advance(REST)]
+    (low, high), steps = sensor.range, list[Step]()
     for number in range(touches):
         place = low + (high - low) * (number + random.random()) / touches
-        twin.press(place, random.uniform(0.3, 1.8))
-        takes.append(twin.advance(0.8))
-        twin.release()
-        takes.append(twin.advance(0.5))
-    labels = {key: np.concatenate([label[key] for _, label in takes]) for key in takes[0][1]}
-    return np.concatenate([sound for sound, _ in takes], axis=1), labels
+        steps += [(place, random.uniform(0.3, 1.8)), 0.8, None, 0.5]
+    return sound_of(twin, REST, *steps)
 
 
 def windows(sound: Audio, hop: int = SIZE // 2) -> list[Window]:
@@ -184,15 +180,8 @@ def test_no_place_and_no_false_touch_is_stated_on_a_string_that_is_far_out_of_tu
 @pytest.mark.parametrize("name", ESTIMATED)
 def test_a_stream_that_goes_on_touched_from_its_beginning_is_withheld_until_it_rests(name: str) -> None:
     twin = VirtualSensor("prototype", seed=1)
-    twin.advance(0.5)
-    twin.press(0.08, 1.0)
-    twin.advance(0.3)
-    takes = [twin.advance(PATIENCE + 1.0)[0]]
-    twin.release()
-    takes.append(twin.advance(1.5)[0])
-    twin.press(0.09, 1.0)
-    takes.append(twin.advance(1.0)[0])
-    sound = np.concatenate(takes, axis=1)
+    sound_of(twin, 0.5, (0.08, 1.0), 0.3)
+    sound, _ = sound_of(twin, PATIENCE + 1.0, None, 1.5, (0.09, 1.0), 1.0)
     stated = [*zip(windows(sound), estimated(name, DESIGN, sound), strict=True)]
 
     def between(begin: float, end: float) -> list[Estimates]:
@@ -207,9 +196,7 @@ def test_a_stream_that_goes_on_touched_from_its_beginning_is_withheld_until_it_r
 @pytest.mark.parametrize("name", ESTIMATED)
 def test_lost_sound_is_no_untouched_string(name: str) -> None:
     twin = VirtualSensor("prototype", seed=1)
-    twin.advance(0.5)
-    twin.press(0.08, 1.0)
-    twin.advance(0.3)
+    sound_of(twin, 0.5, (0.08, 1.0), 0.3)
     signal = Signal(sample_rate=RATE, channels=2, string=DESIGN)
     estimate = ESTIMATORS.build(name, ESTIMATED[name]).prepare(signal, SIZE)
     late = list[Estimates]()

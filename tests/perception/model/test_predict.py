@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import soundfile
+from tests.twins import sound_of
 
 import monochord as mc
 from monochord.core.errors import InputError, MissingLibraryError
@@ -22,13 +23,7 @@ Take = tuple[Audio, dict[str, Floats]]
 def take() -> Take:
     """A build that is off its nominal pitch, untouched for 0.6 s, pressed, and released."""
     twin = mc.VirtualSensor("prototype", seed=1, build=3, day=2)
-    parts = [twin.advance(0.6)]
-    twin.press(0.08, 1.0, material="plastic")
-    parts.append(twin.advance(0.6))
-    twin.release()
-    parts.append(twin.advance(0.3))
-    labels = {name: np.concatenate([part[1][name] for part in parts]) for name in parts[0][1]}
-    return np.concatenate([part[0] for part in parts], axis=1), labels
+    return sound_of(twin, 0.6, (0.08, 1.0), 0.6, None, 0.3, material="plastic")
 
 
 def bits(rows: "list[Prediction] | PredictionTable") -> list[tuple[object, ...]]:

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.twins import sound_of
 
 from monochord.cli import run
 from monochord.core.types import Block, Floats
-from monochord.core.units import Metres, Newtons
 from monochord.physics.twin.virtual_sensor import VirtualSensor
 from monochord.sessions import Description, SessionClock, SessionWriter, read_session
 
@@ -25,15 +25,9 @@ def touched(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("touched") / "touched.mcap"
     twin = VirtualSensor("prototype", seed=5, build=131, day=51, world="plausible")
     random = np.random.default_rng(3)
-    places = np.stack([random.permutation(np.linspace(0.06, 0.14, 6)), np.linspace(0.5, 1.5, 6)], axis=1)
-    parts, truth = [twin.advance(1.0)], list[tuple[Metres, Newtons]]()
-    for position, force in places.tolist():
-        twin.press(position, force)
-        parts.append(twin.advance(0.8))
-        twin.release()
-        parts.append(twin.advance(0.4))
-        truth.append((position, force))
-    sound = np.concatenate([each for each, _ in parts], axis=1)
+    places = random.permutation(np.linspace(0.06, 0.14, 6)).tolist()
+    truth = [*zip(places, np.linspace(0.5, 1.5, 6).tolist(), strict=True)]
+    sound, _ = sound_of(twin, 1.0, *(step for touch in truth for step in (touch, 0.8, None, 0.4)))
     time = np.arange(0.0, sound.shape[1] / RATE, 0.01)
     columns = {name: np.full(time.size, np.nan) for name in ("position", "force")}
     columns["contact"] = np.zeros(time.size)
