@@ -62,7 +62,8 @@ NOISE, GAIN_STD = 0.03, 0.15
 """Deviation of inputs after scaling, save positions, and of each microphone's gain in decades of power."""
 DROPPED = {"density": 0.03, "kinds": 0.02, "measures": 0.03, "gaps": 0.06, "hidden": 0.03}
 """Share of stretches without a part of the inputs."""
-LEARNING, DECAY, WARMING, LONGEST_GRADIENT = 2.0e-3, 1.0e-2, 100, 1.0
+LEARNING, CONTINUING, DECAY, WARMING, LONGEST_GRADIENT = 2.0e-3, 1.0e-3, 1.0e-2, 100, 1.0
+"""Largest rate of learning from random weights, and from given ones; and of AdamW."""
 EXACT = [PARTS["measures"].start + COLUMNS.index(name) for name in ("place", "position")]
 """Inputs that get no noise."""
 
@@ -298,17 +299,19 @@ def train_memory(
     random, module = np.random.default_rng(seed), memory_module(torch, rows.inputs.shape[1])
     sample = rows.inputs[:: max(len(rows.inputs) // 200_000, 1)].astype(np.float32)
     mean, scale = np.nanmean(sample, axis=0), np.nanstd(sample, axis=0) + np.float32(1.0e-3)
+    learning = LEARNING
     if start is not None:
         load_memory(torch, module, start)
+        learning = CONTINUING
         mean, scale = start["input_mean"], start["input_scale"]
     kinds = np.bincount(rows.kind[rows.kind >= 0], minlength=len(KINDS)).clip(min=1)
     of_kind = torch.tensor(np.sqrt(kinds[ORDINARY] / kinds).clip(max=10.0), dtype=torch.float32)
-    optimiser = torch.optim.AdamW(module.parameters(), LEARNING, weight_decay=DECAY)
+    optimiser = torch.optim.AdamW(module.parameters(), learning, weight_decay=DECAY)
     state, held, total = torch.zeros(1, LANES, HIDDEN), torch.zeros(LANES, DENSITY), 0.0
     for number, stretch in enumerate(_stretches(rows.session, weight, random), 1):
         progress = min(number / WARMING, 1.0) * 0.5 * (1.0 + math.cos(math.pi * (number - 1) / updates))
         for group in optimiser.param_groups:
-            group["lr"] = LEARNING * progress
+            group["lr"] = learning * progress
         inputs = scaled_inputs(rows.inputs[stretch.rows.ravel()], mean, scale)
         inputs = _varied(inputs.reshape(LANES, STEPS, -1), scale, random)
         density, elapsed = rows.density[stretch.rows].astype(np.float32), stretch.elapsed

@@ -41,8 +41,19 @@ CORRECTIONS = '{force = ["position", "open - rest"]}'
 """What an unknown build and object add to the uncertainty, and what known touches take away again."""
 READER, HEADS = 0.75, 0.88
 """Share of the builds up to which they train the reader's networks, and up to which they train heads."""
-OFTEN = frozenset({"slid", "slid_fast", "swung", "swayed", "pressed_hard"})
-"""Groups chosen twice as often: few windows have a force that swings, a place that moves, or a hard press."""
+OFTEN = frozenset(
+    {
+        "slid",
+        "slid_fast",
+        "swung",
+        "swayed",
+        "pressed_hard",
+        "out_of_tune",
+        "microphones_exchanged",
+    }
+)
+"""Groups chosen twice as often: few windows have a force that swings, a place that moves, a hard press, or
+what the memory forgets first."""
 REPORTED = 250
 """Updates between two reports."""
 LENGTH_STD = 0.0058

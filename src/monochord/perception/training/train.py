@@ -247,8 +247,7 @@ def calibrated(
     model = _with(model, gate, _calibration(model.definition, gate, dataset, outputs, touch, noisy))
     if fault_share:
         odds = np.stack(list(read_in_turn(model, dataset, rows, progress).odds.values()))
-        highest = np.quantile(odds, 1.0 - fault_share / odds.shape[1], axis=0, method="higher")
-        limits = np.maximum(highest, 0.0)  # below 0 an ordinary window is the likelier one, whatever few say
+        limits = _fault_limits(odds, fault_share)
         record = FaultRecord(
             limits=tuple(limits.tolist()), measured={ORDINARY: float(np.mean((odds > limits).any(axis=1)))}
         )
@@ -360,6 +359,23 @@ def read_in_turn(
         if done % 256 == 0 or done == len(rows):
             progress("validation, window by window", done, len(rows))
     return Replayed(outputs=every, odds=odds)
+
+
+def _fault_limits(odds: Floats, share: float) -> Floats:
+    """Return the limits (faults,) of which ordinary windows exceed any in this share at most.
+
+    `odds` (n, faults) are those of the windows. As many exceed one limit as another, unless it is 0: below it
+    an ordinary window is the likelier one.
+    """
+    falling = np.maximum(-np.sort(-odds, axis=0), 0.0)
+    few, many = 0, min(int(share * len(odds)), len(odds) - 1)
+    while few < many:
+        middle = (few + many + 1) // 2
+        if np.mean((odds > falling[middle]).any(axis=1)) <= share:
+            few = middle
+        else:
+            many = middle - 1
+    return falling[few]
 
 
 def _with(model: Model, name: str, calibration: Calibration) -> Model:
