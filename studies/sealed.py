@@ -1,8 +1,8 @@
 """A sealed plan by group: several models' evaluations of one rendering, side by side. Simulated.
 
-    monochord collect studies/plans/sealed_9.toml --out sealed_9
-    monochord evaluate demo --sessions 'sealed_9/*.mcap' --tuned --no-baselines --out demo
-    python -m studies.sealed demo before --rows sealed_9.json
+    monochord collect studies/plans/sealed_10.toml --out sealed_10
+    monochord evaluate demo --sessions 'sealed_10/*.mcap' --tuned --no-baselines --out demo
+    python -m studies.sealed demo before --rows sealed_10.json
 
 Each folder is one that `monochord evaluate --out` wrote; its name is the model's. A group's rows are of the
 sessions that a plan names ``GROUP_NUMBER``, those of `TOGETHER` of several groups.

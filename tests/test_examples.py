@@ -88,7 +88,6 @@ def test_press_and_follow(output: Output) -> None:
     assert errors[len(errors) // 2] < 1.0
 
 
-@pytest.mark.xfail(strict=True, reason="the reader calls it sliding for 0.4 s after the slide")
 def test_a_slide_ends_with_it(output: Output) -> None:
     script = "press_and_follow.py"
     (ends,) = re.findall(r"^([\d.]+) s  slip ends$", output(script), re.MULTILINE)

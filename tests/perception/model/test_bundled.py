@@ -51,6 +51,7 @@ def test_it_is_what_its_configuration_asks_for(name: str) -> None:
     assert definition.window == 4410, AGAIN
     assert definition.faults is not None, AGAIN
     assert max(definition.faults.limits) < 10.0, AGAIN
+    assert definition.faults.measured["ordinary"] <= settings.faults, AGAIN
 
 
 @pytest.mark.parametrize("name", bundled_names())
