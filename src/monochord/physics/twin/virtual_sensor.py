@@ -477,9 +477,8 @@ def _columns(labels: Labels) -> dict[str, Floats]:
     columns["contacts"] = touched.sum(axis=0).astype(np.float64)
     columns["contact"] = np.minimum(columns["contacts"], 1.0)
     away = columns["contact"] == 0.0
-    chosen: Any = 0
-    if len(touched) > 1:
-        chosen = np.argmax(np.where(touched, labels.force, -1.0), axis=0), np.arange(count)
+    hardest = np.argmax(np.where(touched, labels.force, -1.0), axis=0) if len(touched) > 1 else 0
+    chosen: Any = (hardest, np.arange(count)) if len(touched) > 1 else hardest
     for name, values in known.items():
         columns[name] = values[chosen].astype(np.float64)
         columns[name][away] = np.nan
