@@ -24,10 +24,14 @@ STORIES = (
     HELD,
     replace(HELD, name="swing", swing=(3.0, 10.0), hold=1.0),
     replace(HELD, name="steps", swing=(3.0, 10.0), steps=(0.01, 0.02), hold=1.0),
+    replace(HELD, name="smooth", swing=(3.0, 10.0), smooth=True, rise=(0.3, 0.6), hold=1.0),
+    replace(HELD, name="creeps", creep=(1e-4, 4e-4)),
     replace(HELD, name="strong", forces=(7.0, 10.0), hold=0.3),
     replace(HELD, name="fast", protocol="slide", grid=(2, 2), speeds=(0.1, 0.3), strokes=2, hold=0.4),
     replace(HELD, name="stops", protocol="slide", grid=(2, 1), strokes=2, hold=0.4, speeds=(0.01, 0.03),
             dwell=(0.3, 0.6)),
+    replace(HELD, name="stops_creeping", protocol="slide", grid=(2, 1), strokes=2, hold=0.4,
+            speeds=(0.01, 0.03), dwell=(0.3, 0.6), creep=(1e-4, 4e-4)),
     replace(HELD, name="rolled", protocol="slide", grid=(2, 1), speeds=(0.1, 0.3), strokes=2, hold=0.4,
             rolls=True),
     replace(HELD, name="taps", protocol="tap", grid=(6, 1), hold=(0.02, 0.08), pause=(0.1, 0.3)),
@@ -130,6 +134,35 @@ def test_a_force_may_swing_in_the_steps_of_a_controller() -> None:
     assert np.median([size for _, size in steps]) < 0.25
     pressed = sound.labels["force"] > 0.3
     assert sound.labels["slip"][pressed].mean() < 0.02
+
+
+def test_a_force_may_rise_slowly_and_swing_as_a_sine_does() -> None:
+    timing, sound = performed("smooth")
+    rises = [phase for phase in timing.motion.phases if phase.kind == "press"]
+    slow = [phase.stop - phase.start for phase in rises if phase.stop - phase.start > 0.2]
+    assert len(slow) == 3
+    assert 0.3 <= min(slow) < max(slow) <= 0.6
+    legs = [phase for phase in timing.motion.phases if phase.kind == "hold"]
+    keys = {key.time: key.force for key in timing.motion.keys}
+    changes = np.abs([keys[leg.stop] - keys[leg.start] for leg in legs]).reshape(-1, 8)
+    turns = np.sin(np.pi * (np.arange(8) + 0.5) / 8.0)
+    shares = changes[1:] / changes[1:].sum(axis=1, keepdims=True)
+    np.testing.assert_allclose(shares, np.tile(turns / turns.sum(), (len(shares), 1)), atol=0.06)
+    assert sound.labels["slip"][sound.labels["force"] > 0.3].mean() < 0.02
+
+
+@pytest.mark.parametrize("name", ["creeps", "stops_creeping"])
+def test_what_is_held_may_give_way_more_slowly_than_a_slip(name: str) -> None:
+    motion = performed(name)[0].motion
+    holds = [phase for phase in motion.phases if phase.kind == "hold"]
+    long = [phase for phase in holds if phase.stop - phase.start > 0.25]
+    assert len(long) >= 3
+    for phase in long:
+        first, last = motion.path(np.array([phase.start, phase.stop]))[:, 1]
+        assert 0.9e-4 < abs(last - first) / (phase.stop - phase.start) < 4.1e-4
+    for labels in held(name):
+        if labels["slip"].size > 230:
+            assert labels["slip"][100:].mean() < 0.05
 
 
 def test_a_stroke_may_end_in_a_rest() -> None:
@@ -321,6 +354,11 @@ def test_a_story_is_a_session_that_aligns_and_has_its_labels(name: str, tmp_path
         {"approach": "hand", "vibrato": (1e-3, 2e-3)},
         {"dwell": (0.1, 0.2)},
         {"steps": (0.01, 0.02)},
+        {"smooth": True},
+        {"swing": (1.0, 2.0), "steps": (0.01, 0.02), "smooth": True},
+        {"swing": (1.0, 2.0), "creep": (1e-4, 2e-4)},
+        {"protocol": "slide", "creep": (1e-4, 2e-4)},
+        {"approach": "hand", "rise": (0.1, 0.2)},
         {"second": 0.02, "in_turn": (0.1, 0.2), "hold": 1.0, "pause": 1.0},
         {"second": (0.01, 0.02), "in_turn": (0.1, 0.6), "hold": 1.0, "pause": 2.0},
         {"second": (0.01, 0.02), "in_turn": (0.1, 0.4), "hold": 1.0},

@@ -12,9 +12,9 @@ from monochord.lab.plans import load_plan, plan_names
 FOLDER = Path(__file__).parents[2] / "studies" / "plans"
 NAMES = sorted(file.stem for file in FOLDER.glob("*.toml"))
 SEALED = [name for name in NAMES if name.startswith("sealed")]
-NEWEST = "sealed_10"
+NEWEST = "sealed_11"
 """The plan that judges next; those before it are as they were."""
-SIZES = {"sealed_9": (24, 13), "sealed_10": (24, 13)}
+SIZES = dict.fromkeys(("sealed_9", "sealed_10", "sealed_11"), (24, 13))
 """Builds of one design and objects of a sealed plan; of those before, 20 and 10."""
 OURS = plan_names()
 

@@ -113,6 +113,16 @@ class Group(Checked):
     steps
         Range in s of the time between two commands of the robot's controller: the force of `swing` goes in
         steps, each of them over a tenth of that time or more. By default it goes evenly.
+    smooth
+        Whether the force of `swing` goes as a sine does, and by less than a quarter of that range too. By
+        default it goes at one rate.
+    rise
+        Range in s of how long a press of "hold" takes from the first contact to its force, as of an object
+        that is led by force; a range draws each, evenly in its logarithm. By default the robot presses at its
+        own speed.
+    creep
+        Range in m/s of the speed across the string at which an object that is held still, or rests after a
+        stroke, gives way: below the 0.5 mm/s of a slip. By default it stands.
     vibrato
         Range in m by which a touch of "hold" swings along the string to either side, at `VIBRATO_RATES` of
         `monochord.lab.schedule`, within `places`. It slides or, with `rolls`, rolls.
@@ -176,6 +186,9 @@ class Group(Checked):
     again: Pair[Duration] | None = None
     swing: Pair[Annotated[float, Meta(gt=0.0, le=100.0)]] | None = None
     steps: Pair[Annotated[Seconds, Meta(ge=0.002, le=0.1)]] | None = None
+    smooth: bool = False
+    rise: Pair[Duration] | None = None
+    creep: Pair[Annotated[MetresPerSecond, Meta(gt=0.0, le=4e-4)]] | None = None
     vibrato: Pair[Annotated[Metres, Meta(gt=0.0, le=0.01)]] | None = None
     on_touched: Pair[Annotated[Seconds, Meta(ge=-1.0, le=10.0)]] | None = None
     driver_dies: Pair[Share] | None = None
@@ -210,6 +223,8 @@ class Group(Checked):
             again=self.again,
             swing=self.swing,
             steps=self.steps,
+            rise=self.rise,
+            creep=self.creep,
             vibrato=self.vibrato,
             on_touched=self.on_touched,
             driver_dies=self.driver_dies,
@@ -233,13 +248,22 @@ class Group(Checked):
 
     def _refuse_other_protocols(self) -> None:
         """Raise `InputError` for stories that the group's protocol does not have."""
-        if (self.protocol, self.approach) != ("hold", "robot") and (self.again or self.swing or self.vibrato):
-            given = f"group {self.name}: again, swing or vibrato of {self.protocol} by {self.approach}"
+        held = self.again or self.swing or self.vibrato or self.rise
+        if held and not self._held:
+            given = f"group {self.name}: again, swing, vibrato or rise of {self.protocol} by {self.approach}"
             raise InputError(given, "protocol hold by robot")
-        if self.steps and not self.swing:
-            raise InputError(f"group {self.name}: steps without swing", "both")
+        if (self.steps or self.smooth) and not self.swing:
+            raise InputError(f"group {self.name}: steps or smooth without swing", "both")
+        if self.steps and self.smooth:
+            raise InputError(f"group {self.name}: steps and smooth", "one of them")
+        if self.creep and (self.swing or self.vibrato or not (self.dwell or self._held)):
+            raise InputError(f"group {self.name}: creep of what moves", "a still hold by robot, or a dwell")
         if self.dwell and self.protocol != "slide":
             raise InputError(f"group {self.name}: dwell of {self.protocol}", "protocol slide")
+
+    @property
+    def _held(self) -> bool:
+        return (self.protocol, self.approach) == ("hold", "robot")
 
     def _refuse_crossing(self, longest: Seconds) -> None:
         """Raise `InputError` unless the second object may come and go by `longest` beside the first."""

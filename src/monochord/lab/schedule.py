@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import cycle, islice
+from math import cos, pi
 
 import numpy as np
 
@@ -66,6 +67,12 @@ TAP_SPEED = (0.03, 0.3)
 """Range of the speed of a tap of the protocol "tap" in m/s: assumed."""
 SWING_SHARE = (0.25, 0.75)
 """Range of how far apart the two forces of a swing are, as a share of the group's range of forces."""
+SMOOTH_SHARE = (0.05, 0.75)
+"""That of a smooth swing."""
+SMOOTH_POINTS = 8
+"""Straight segments of half a period of a smooth swing."""
+FIRST_SHARE = 0.04
+"""Share of its force with which a press that takes its time meets the string."""
 RISE_SHARE = (0.1, 0.9)
 """Range of how much of the time between two commands a step of the force takes."""
 VIBRATO_RATES: tuple[Hertz, Hertz] = (3.0, 7.0)
@@ -171,7 +178,11 @@ class _Touches:
             place = min(max(place, low + amplitude), high - amplitude)
         depth = self._depth(place, force)
         yield Travel(position=place)
-        yield Press(depth=depth)
+        if group.rise is None:
+            yield Press(depth=depth)
+        else:
+            yield Press(force=FIRST_SHARE * force)
+            yield Load(force=force, seconds=drawn(group.rise, self._pace), kind="press")
         if group.oblique[1] > 0.0:
             sideways = random.choice((-1.0, 1.0)) * random.uniform(*group.oblique) * depth
             yield Slide(across=sideways, speed=OBLIQUE_SPEED)
@@ -195,16 +206,30 @@ class _Touches:
         if amplitude > 0.0:
             yield Sway(amplitude=amplitude, rate=drawn(VIBRATO_RATES, pace), seconds=seconds)
         elif group.swing is None:
-            yield Stay(seconds=seconds, kind="hold")
+            yield self._at_rest(seconds)
         else:
             low, high = group.forces
-            other = low + (force - low + float(pace.uniform(*SWING_SHARE)) * (high - low)) % (high - low)
+            share = float(pace.uniform(*(SMOOTH_SHARE if group.smooth else SWING_SHARE)))
+            other = low + (force - low + share * (high - low)) % (high - low)
             leg = abs(other - force) / drawn(group.swing, pace)
             for first, last in islice(cycle(((force, other), (other, force))), max(1, round(seconds / leg))):
                 yield from self._loaded(first, last, leg)
 
+    def _at_rest(self, seconds: Seconds) -> Move:
+        """Hold still, or nearly so."""
+        if self._group.creep is None:
+            return Stay(seconds=seconds, kind="hold")
+        speed = drawn(self._group.creep, self._pace)
+        way = float(self._pace.choice((-1.0, 1.0)))
+        return Slide(across=way * speed * seconds, speed=speed, kind="hold")
+
     def _loaded(self, first: Newtons, last: Newtons, seconds: Seconds) -> Iterator[Move]:
-        """Lead the force from one to another: evenly, or by a controller's steps."""
+        """Lead the force from one to another: evenly, as a sine does, or by a controller's steps."""
+        if self._group.smooth:
+            for point in range(1, SMOOTH_POINTS + 1):
+                share = 0.5 * (1.0 - cos(pi * point / SMOOTH_POINTS))
+                yield Load(force=first + share * (last - first), seconds=seconds / SMOOTH_POINTS)
+            return
         if self._group.steps is None:
             yield Load(force=last, seconds=seconds)
             return
@@ -272,7 +297,7 @@ class _Touches:
                 yield Slide(along=distance, speed=speed)
                 place += distance
             if group.dwell is not None:
-                yield Stay(seconds=drawn(group.dwell, self._pace), kind="hold")
+                yield self._at_rest(drawn(group.dwell, self._pace))
 
     def _depth(self, place: Metres, force: Newtons) -> Metres:
         return float(depth_under(self._string, place, force))

@@ -82,11 +82,12 @@ class Approach:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Slide:
-    """Move by `along` in x and `across` in y at `speed`, at the present depth."""
+    """Move by `along` in x and `across` in y at `speed`, at the present depth; `kind` names the phase."""
 
     along: Metres = 0.0
     across: Metres = 0.0
     speed: MetresPerSecond = 0.01
+    kind: str = "slide"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -299,7 +300,7 @@ class _Planner:
     def _slide(self, move: Slide) -> None:
         if move.along == move.across == 0.0:
             raise InputError("slide by 0 m", "a distance along or across the string")
-        self._move_in_plane(move.along, move.across, move.speed, "slide")
+        self._move_in_plane(move.along, move.across, move.speed, move.kind)
 
     def _change_height(self, move: Approach | Retreat) -> None:
         if isinstance(move, Retreat):
