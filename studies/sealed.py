@@ -34,8 +34,13 @@ TOGETHER: Mapping[str, tuple[str, ...]] = {
 WORLD = "plausible"
 FAR = 0.010
 """Error in m from which a place is far off."""
+SLIP = 0.3
+"""Probability from which a window is counted as slip: where the bundled model's switch turns on."""
+LEAST = 20
+"""Fewest windows held and slid of which an area is told: held touches slip in a few windows of hundreds."""
 HEADS = (
-    "told", "of these right", "answered", "<= 5 mm", "mm", "far off", "N", "1 se", "2 se", "slip area",
+    "told", "of these right", "answered", "<= 5 mm", "mm", "far off", "N", "1 se", "2 se",
+    "held: slip", "slid: slip", "slip area",
 )  # fmt: skip
 
 
@@ -77,18 +82,29 @@ def _begins(names: NDArray[Any], beginnings: tuple[str, ...]) -> Flags:
 
 
 def row_of(name: str, results: Results, *, model: str) -> SummaryRow:
-    """Return a group's row: that of `summary_row` with `told`, `told_right` (contact) and `far_off`."""
+    """Return a group's row: that of `summary_row` with `told`, `told_right` (contact), `far_off` and slip.
+
+    `held_slip` is the share of windows called slip among those that are held, `slid_slip` among the `slid`.
+    """
     row = summary_row(results, model=model, world=WORLD, condition=name)
     truth, stated = results.label("contact"), results.estimate("contact")
     known = results.usable & np.isfinite(truth)
     told = known & np.isfinite(stated)
     error = np.abs(results.error_of("position"))
     placed = regression_rows(results, "position")
+    slip, chance = results.label("slip"), results.estimate("slip")
+    heard = results.usable & np.isfinite(chance)
+    held, slid = ((chance > SLIP)[heard & (slip == each)] for each in (0.0, 1.0))
+    if min(held.size, slid.size) < LEAST:
+        row["slip_auc"] = None
     return row | {
         "told": _mean(told[known]),
         "told_right": _mean(((stated > 0.5) == (truth > 0.5))[told]),
         "far_off": _mean((error > FAR)[placed]),
         "placed": _mean(np.isfinite(error)[placed]),
+        "held_slip": _mean(held),
+        "slid_slip": _mean(slid),
+        "slid": int(slid.size),
         "windows": len(results),
     }
 
@@ -114,6 +130,8 @@ def _line(row: SummaryRow) -> list[str]:
         _number(row["force_mae_n"], ".3f"),
         _percent(row["coverage_1se"]),
         _percent(row["coverage_2se"]),
+        _percent(row["held_slip"]),
+        _percent(row["slid_slip"]),
         _number(row["slip_auc"], ".3f"),
     ]
 

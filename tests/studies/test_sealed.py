@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from studies.sealed import HARD, SOFT, command, groups_of
+from studies.sealed import HARD, LEAST, SOFT, command, groups_of, row_of
 
 from monochord.evaluation.results import Results, Trial, write_results
 
@@ -62,3 +62,31 @@ def test_models_stand_side_by_side(tmp_path: Path) -> None:
     assert rows["all", "demo"]["position_mae_mm"] == pytest.approx(1.0)
     assert rows["hold_wood", "demo"]["told"] == rows["hold_wood", "demo"]["told_right"] == 1.0
     assert list(rows)[:2] == [(HARD, "demo"), (HARD, "before")]
+
+
+@pytest.mark.parametrize("slid", [LEAST - 1, LEAST])
+def test_an_area_is_told_of_enough_windows_that_slide(slid: int) -> None:
+    count = 3 * LEAST
+    one = Trial(session="hold_wood_000", build=0, simulated=True)
+    slip = (np.arange(count) < slid).astype(float)
+    heard = np.where(slip > 0.0, 0.9, np.where(np.arange(count) < count - 3, 0.1, 0.31))
+    row = row_of(
+        "hold_wood",
+        Results(
+            estimator="model",
+            window=0.1,
+            hop=0.1,
+            trials=(one,),
+            trial=np.zeros(count, np.int32),
+            start=0.1 * np.arange(count),
+            usable=np.ones(count, bool),
+            truth={"contact": np.ones(count), "slip": slip},
+            value={"contact": np.ones(count), "slip": heard},
+            std={},
+            reason_index={},
+        ),
+        model="demo",
+    )
+    assert row["slip_auc"] == (None if slid < LEAST else 1.0)
+    assert (row["slid"], row["slid_slip"]) == (slid, 1.0)
+    assert row["held_slip"] == pytest.approx(3 / (count - slid), abs=1e-5)
