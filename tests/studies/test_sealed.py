@@ -78,7 +78,7 @@ def test_an_area_is_told_of_enough_windows_that_slide(slid: int) -> None:
             hop=0.1,
             trials=(one,),
             trial=np.zeros(count, np.int32),
-            start=0.1 * np.arange(count),
+            start=np.linspace(0.0, 0.1 * (count - 1), count),
             usable=np.ones(count, bool),
             truth={"contact": np.ones(count), "slip": slip},
             value={"contact": np.ones(count), "slip": heard},

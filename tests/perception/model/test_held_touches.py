@@ -105,7 +105,6 @@ SENSORS = {
     "77": VirtualSensorDraw(77, 5, 2, "plausible"),
     "300": VirtualSensorDraw(300, 3, 1, "plausible"),
 }
-PLACED = "in the ideal world touches near the ends are placed: 2.7 % of the windows (docs/ROADMAP.md)"
 GIVES = "at nodes one window tells several places, and contact from none, alike (docs/ROADMAP.md)"
 
 
@@ -135,11 +134,7 @@ def test_held_touches_are_right_or_withheld(
     name: str,
     places: tuple[Metres, ...],
     windows: Callable[[str], list[Judged]],
-    request: pytest.FixtureRequest,
 ) -> None:
-    if (name, places) == ("ideal", OUTSIDE):
-        missed = pytest.mark.xfail(reason=PLACED, raises=AssertionError, strict=True)
-        request.applymarker(missed)
     zone = [(place, each) for place, each in windows(name) if place in places]
     assert zone
     assert sum(is_far_off(*each) for each in zone) <= 0.005 * len(zone)

@@ -215,6 +215,15 @@ def test_contact_that_is_uncertain_is_not_denied(drawn: Model, contact: float) -
     assert estimates_of(definition.heads, definition.gate, outputs(contact=9.0 * contact))["contact"].valid
 
 
+@pytest.mark.parametrize(("share", "reason"), [(0.0, Reason.UNCERTAIN), (1.0, "")])
+def test_an_error_may_be_as_large_as_a_share_of_the_value(drawn: Model, share: float, reason: str) -> None:
+    record = drawn.definition.heads["force"]
+    task = dataclasses.replace(record.task, limit=1e-6, limit_share=share)
+    heads = {**drawn.definition.heads, "force": dataclasses.replace(record, task=task)}
+    told = estimates_of(heads, drawn.definition.gate, outputs(force=HeadOutput(value=5.0, log_spread=-1.0)))
+    assert told["force"].reason == reason
+
+
 def test_too_large_an_uncertainty_is_an_abstention(drawn: Model) -> None:
     position = HeadOutput(value=0.0, log_spread=math.log(50.0))
     estimates = estimates_of(drawn.definition.heads, drawn.definition.gate, outputs(position=position))

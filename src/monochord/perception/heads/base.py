@@ -52,6 +52,8 @@ class Task(Checked):
         Weight of this head's loss in the joint loss.
     limit
         Largest standard error that the head states, in `unit`. Above it, the head abstains.
+    limit_share
+        Largest standard error as a share of the value, where that is more than `limit`.
     refines
         Name of a column with a position over the string's length, which the head corrects by a learned error;
         empty for none. The feature tells in a column `CERTAINTY` how probably that position is right.
@@ -76,6 +78,7 @@ class Task(Checked):
     hidden: tuple[Annotated[int, Meta(ge=1, le=MAX_UNITS)], ...] = ()
     weight: Positive[float] = 1.0
     limit: Annotated[float, Meta(gt=0.0)] = math.inf
+    limit_share: Share = 0.0
     refines: str = ""
     certain: Share = 0.9
     blur: NonNegative[float] = 0.0
@@ -91,6 +94,15 @@ class Task(Checked):
     def is_probability(self) -> bool:
         """Whether the head estimates a probability; otherwise it estimates a quantity."""
         return self.loss == "logistic"
+
+    def states(self, value: float, std: float) -> bool:
+        """Return whether a head may state a value with its standard error.
+
+        >>> force = Task(label="force", unit="N", loss="laplace", limit=1.0, limit_share=0.35)
+        >>> force.states(2.0, 1.1), force.states(4.0, 1.1)
+        (False, True)
+        """
+        return std <= max(self.limit, self.limit_share * abs(value))
 
     @property
     def outputs(self) -> int:

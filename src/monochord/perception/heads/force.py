@@ -3,6 +3,7 @@
 from dataclasses import asdict, dataclass
 from typing import Literal
 
+from monochord.core.ranges import Share
 from monochord.core.units import Newtons
 from monochord.perception.heads.base import Head, Task
 
@@ -24,6 +25,9 @@ class Force(Head):
         timbre columns, the head cannot mistake the object's timbre for force.
     limit
         Largest standard error in N that the head states. Above it, the head abstains.
+    limit_share
+        Largest standard error as a share of the force, where that is more than `limit`: a press of 4 N is
+        told with an error that one of 1 N is not.
     blur, drop
         Standard deviation of noise on the scaled inputs, and dropout share of the hidden units, both in
         training only. They reduce overfitting to the builds of the training.
@@ -34,6 +38,7 @@ class Force(Head):
     loss: Literal["square", "gauss", "laplace"] = "laplace"
     columns: tuple[str, ...] = ()
     limit: Newtons = 1.0
+    limit_share: Share = 0.35
     blur: float = 0.0
     drop: float = 0.0
 

@@ -270,7 +270,7 @@ def estimates_of(
             value, std = quantity(outputs[name], record, corrections.get(name))
         estimates[name] = (
             Estimate(value=value, std=std, unit=task.unit)
-            if std <= task.limit
+            if task.states(value, std)
             else Estimate.abstain(task.unit, Reason.UNCERTAIN)
         )
     return estimates
