@@ -89,9 +89,6 @@ def test_an_update_holds_what_the_loop_follows(updates: list[Update]) -> None:
     assert ("contact", True) in begun
 
 
-@pytest.mark.xfail(
-    reason="1 N reads 1.6 in the ideal world: docs/ROADMAP.md", raises=AssertionError, strict=True
-)
 def test_the_force_in_the_ideal_world_is_right(updates: list[Update]) -> None:
     assert float(updates[-1].force) == pytest.approx(1.0, abs=0.35)
 
