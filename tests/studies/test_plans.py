@@ -14,7 +14,7 @@ NAMES = sorted(file.stem for file in FOLDER.glob("*.toml"))
 SEALED = [name for name in NAMES if name.startswith("sealed")]
 NEWEST = "sealed_11"
 """The plan that judges next; those before it are as they were."""
-SIZES = dict.fromkeys(("sealed_9", "sealed_10", "sealed_11"), (24, 13))
+SIZES = {"sealed_9": (24, 13), "sealed_10": (24, 13), "sealed_11": (24, 13)}
 """Builds of one design and objects of a sealed plan; of those before, 20 and 10."""
 OURS = plan_names()
 
