@@ -164,7 +164,7 @@ def test_a_model_that_hears_a_touch_first_does_not_err(percent: int) -> None:
 
 
 FAR_OUT = [(percent, name) for percent in (-15, -12, 12, 15, 20) for name in ESTIMATED]
-TOLD_TOUCHED = pytest.mark.xfail(strict=True, reason="1 and 2 of 31 windows are told touched: docs/ROADMAP.md")
+TOLD_TOUCHED = pytest.mark.xfail(strict=True, reason="1 and 2 of 31 windows: docs/ROADMAP.md")
 
 
 @pytest.mark.parametrize(
