@@ -52,6 +52,8 @@ OFTEN = frozenset(
         "led_by_force",
         "led_by_force_ideal",
         "left_alone",
+        "left_alone_again",
+        "swayed_again",
         "other_soft",
         "pressed_hard",
         "out_of_tune",
