@@ -238,8 +238,8 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the two sessions of the plan small, and their dataset, split by time."""
     from monochord.datasets.build import build_dataset
     from monochord.datasets.split import split_dataset
+    from monochord.lab.assignment import assignments
     from monochord.lab.offline import make
-    from monochord.lab.plan import assignments
     from monochord.lab.plans import load_plan
 
     def fill(home: Path) -> None:

@@ -17,9 +17,9 @@ import pytest
 
 from monochord.cli import run
 from monochord.cli.demo import UNWATCHED
+from monochord.lab.assignment import assignments
 from monochord.lab.demonstration import RULER as STEP
 from monochord.lab.demonstration import TRAINED_BUILDS, twin_options, write_tuned
-from monochord.lab.plan import assignments
 from monochord.lab.plans import load_plan
 from monochord.physics.sensors import load_sensor
 from monochord.physics.twin.world import RULER, sensor_of

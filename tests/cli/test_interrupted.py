@@ -14,8 +14,8 @@ import pytest
 from tests.lab.tiny import tiny
 
 from monochord import cli
+from monochord.lab.assignment import assignments
 from monochord.lab.offline import make
-from monochord.lab.plan import assignments
 from monochord.sessions import check
 
 COMMANDS = {

@@ -15,7 +15,7 @@ import monochord as mc
 from monochord.core.config import load_toml
 from monochord.core.errors import InputError
 from monochord.core.types import Block
-from monochord.lab.plan import assignments
+from monochord.lab.assignment import assignments
 from monochord.lab.plans import load_plan
 from monochord.live import LiveRun
 from monochord.perception.training.settings import TrainingSettings

@@ -26,8 +26,9 @@ from tests.ports import free_ports
 from monochord.core.config import from_tree
 from monochord.core.errors import InputError
 from monochord.core.priority import before_other_programs
+from monochord.lab.assignment import assignments
 from monochord.lab.net_ft_device import NetFtSettings
-from monochord.lab.plan import Plan, assignments
+from monochord.lab.plan import Plan
 from monochord.lab.player import PlayerSettings
 from monochord.lab.real_time import _Device, _process
 from monochord.lab.render import Rendering, render

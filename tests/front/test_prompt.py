@@ -13,8 +13,8 @@ import monochord as mc
 from monochord.core.notebook import COLUMNS
 from monochord.datasets.build import build_dataset
 from monochord.datasets.split import split_dataset
+from monochord.lab.assignment import assignments
 from monochord.lab.offline import make
-from monochord.lab.plan import assignments
 from monochord.lab.plans import load_plan
 from monochord.perception.data import LabelledData
 

@@ -4,8 +4,8 @@ import pytest
 from tests.lab.tiny import tiny
 
 from monochord.core.errors import InputError
+from monochord.lab.assignment import assignments
 from monochord.lab.collection import checksum, chosen, collect
-from monochord.lab.plan import assignments
 
 
 @pytest.mark.slow

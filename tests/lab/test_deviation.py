@@ -6,8 +6,8 @@ import pytest
 from tests.lab.tiny import tiny
 
 from monochord.core.errors import InputError
+from monochord.lab.assignment import assignments
 from monochord.lab.deviation import Deviation
-from monochord.lab.plan import assignments
 from monochord.lab.schedule import schedule
 from monochord.physics.sensors import load_sensor
 from monochord.physics.theory import open_frequency

@@ -15,6 +15,7 @@ from monochord.core.errors import InputError
 from monochord.core.types import Floats
 from monochord.datasets.build import build_dataset
 from monochord.lab import offline
+from monochord.lab.assignment import Assignment
 from monochord.lab.offline import (
     CollectedSession,
     Transport,
@@ -26,7 +27,7 @@ from monochord.lab.offline import (
     make,
     summarise,
 )  # fmt: skip
-from monochord.lab.plan import Assignment, ForceSensor, Group
+from monochord.lab.plan import ForceSensor, Group
 from monochord.lab.render import Rendering, pieces, render
 from monochord.sessions import SessionClock, SessionReader, SessionWriter, check, read_session
 from monochord.sessions.alignment import align
@@ -176,7 +177,7 @@ def test_a_killed_worker_leaves_nothing_that_counts(tmp_path: Path) -> None:
     code = (
         "from pathlib import Path\n"
         "from monochord.lab.offline import make\n"
-        "from monochord.lab.plan import assignments\n"
+        "from monochord.lab import assignments\n"
         "from monochord.lab.plans import load_plan\n"
         f"make(assignments(load_plan('small'))[0], Path({str(tmp_path)!r}))\n"
     )

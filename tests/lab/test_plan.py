@@ -6,9 +6,10 @@ from tests.lab.tiny import session, tiny
 
 from monochord.core.config import from_tree, to_tree
 from monochord.core.errors import InputError
+from monochord.lab.assignment import assignments
 from monochord.lab.deviation import Deviation
 from monochord.lab.offline import describe
-from monochord.lab.plan import Delays, Group, Plan, assignments
+from monochord.lab.plan import Delays, Group, Plan
 from monochord.lab.plans import load_plan, plan_names
 from monochord.lab.schedule import schedule
 from monochord.physics.sensors import load_sensor

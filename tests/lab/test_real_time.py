@@ -8,8 +8,9 @@ from tests.conftest import own_server
 
 from monochord.capture.recording import RecordingSummary
 from monochord.core.config import from_tree
+from monochord.lab.assignment import Assignment, assignments
 from monochord.lab.offline import make
-from monochord.lab.plan import Assignment, Plan, assignments
+from monochord.lab.plan import Plan
 from monochord.lab.real_time import perform
 from monochord.sessions import check, read_session
 from monochord.sessions.alignment import Limits, align

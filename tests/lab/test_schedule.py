@@ -5,7 +5,8 @@ import pytest
 from tests.lab.tiny import session, tiny
 
 from monochord.core.errors import InputError
-from monochord.lab.plan import Group, assignments
+from monochord.lab.assignment import assignments
+from monochord.lab.plan import Group
 from monochord.lab.schedule import PAUSES, schedule
 from monochord.physics.twin.trajectory import depth_under
 

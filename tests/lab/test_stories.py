@@ -11,8 +11,9 @@ from tests.lab.tiny import LATE, quiet, session
 
 from monochord.core.errors import InputError
 from monochord.core.types import Floats
+from monochord.lab.assignment import Assignment
 from monochord.lab.offline import delays, describe, make
-from monochord.lab.plan import Assignment, Group
+from monochord.lab.plan import Group
 from monochord.lab.render import Rendering, render
 from monochord.lab.schedule import Schedule, schedule
 from monochord.physics.theory import open_frequency

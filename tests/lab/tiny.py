@@ -1,6 +1,7 @@
 """A plan of two short sessions."""
 
-from monochord.lab.plan import Assignment, Delays, ForceSensor, Group, Plan, assignments
+from monochord.lab.assignment import Assignment, assignments
+from monochord.lab.plan import Delays, ForceSensor, Group, Plan
 
 LATE = Delays(audio=(0.02, 0.05), wrench=(0.005, 0.01), pose=(0.03, 0.06))
 

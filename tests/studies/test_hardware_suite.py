@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 from studies.hardware_suite import CONDITIONS, Condition, chosen_conditions, hardware_suite, plan_of, render
 
-from monochord.lab.plan import Assignment, assignments
+from monochord.lab.assignment import Assignment, assignments
 from monochord.lab.schedule import Schedule, schedule
 from monochord.physics.twin.trajectory import Trajectory
 

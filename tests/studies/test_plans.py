@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from studies.hardware_suite import FIRST_BUILD
 
-from monochord.lab.plan import Group, Plan, assignments, ends
+from monochord.lab.assignment import assignments
+from monochord.lab.plan import Group, Plan, ends
 from monochord.lab.plans import load_plan, plan_names
 
 FOLDER = Path(__file__).parents[2] / "studies" / "plans"

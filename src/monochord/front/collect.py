@@ -16,10 +16,11 @@ from monochord.core.ranges import Count, Seed, checked
 from monochord.core.types import Progress
 from monochord.core.units import Seconds
 from monochord.core.workers import refuse_both
+from monochord.lab.assignment import Assignment
 from monochord.lab.collection import checksum, chosen, made_folder
 from monochord.lab.collection import collect as carry_out
 from monochord.lab.offline import CollectedSession, WindowCounts
-from monochord.lab.plan import Assignment, Plan
+from monochord.lab.plan import Plan
 from monochord.lab.plans import load_plan
 from monochord.lab.schedule import schedule
 

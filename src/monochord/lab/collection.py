@@ -10,8 +10,9 @@ from pathlib import Path
 from monochord.core.errors import InputError, did_you_mean
 from monochord.core.ownership import sole_use
 from monochord.core.workers import run_all
+from monochord.lab.assignment import Assignment, assignments
 from monochord.lab.offline import CollectedSession, make
-from monochord.lab.plan import Assignment, Plan, assignments
+from monochord.lab.plan import Plan
 
 _log = logging.getLogger("monochord")
 

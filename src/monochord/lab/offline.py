@@ -23,7 +23,7 @@ from monochord.core.errors import InputError
 from monochord.core.files import written
 from monochord.core.types import POSE, WRENCH, Block, Feed, Floats, Readings
 from monochord.core.units import Samples, Seconds
-from monochord.lab.plan import Assignment
+from monochord.lab.assignment import Assignment
 from monochord.lab.render import Rendering, pieces
 from monochord.physics.sensors import sensor_tuning
 from monochord.sessions import TUNING, Description, SessionClock, SessionWriter, read_session
@@ -162,7 +162,7 @@ def make(session: Assignment, folder: Path) -> CollectedSession:
 def delays(session: Assignment) -> dict[str, Seconds]:
     """Return the delay of each stream of a session in s, drawn within the plan's ranges.
 
-    >>> from monochord.lab.plan import Group, Plan, assignments
+    >>> from monochord.lab import Group, Plan, assignments
     >>> delays(assignments(Plan(name="p", groups=(Group(name="a"),)))[0])
     {'audio': 0.0, 'wrench': 0.0, 'pose': 0.0}
     """

@@ -6,8 +6,9 @@ from itertools import pairwise
 import numpy as np
 
 from monochord.core.units import Metres, Newtons, Seconds
+from monochord.lab.assignment import Assignment
 from monochord.lab.objects import evenly
-from monochord.lab.plan import MAX_FORCE, Assignment
+from monochord.lab.plan import MAX_FORCE
 from monochord.physics.twin import Key
 from monochord.physics.twin.trajectory import Trajectory
 
@@ -25,7 +26,7 @@ def partner_keys(session: Assignment, motion: Trajectory, length: Metres) -> tup
     It is the first object's motion moved along the string. With a range of distances, each touch has its own
     distance, direction and force, and comes and goes by the session's `in_turn` beside the first.
 
-    >>> from monochord.lab.plan import Group, Plan, assignments
+    >>> from monochord.lab import Group, Plan, assignments
     >>> from monochord.lab.schedule import schedule
     >>> session = assignments(Plan(name="p", groups=(Group(name="a", grid=(1, 1), second=0.02),)))[0]
     >>> motion = schedule(session).motion

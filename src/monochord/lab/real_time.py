@@ -28,9 +28,9 @@ from monochord.core.ownership import scratch_folder
 from monochord.core.types import Feed, Floats, InstrumentHealth, Readings, Signal
 from monochord.core.units import Seconds
 from monochord.lab._script import write_script
+from monochord.lab.assignment import Assignment
 from monochord.lab.net_ft_device import NetFtSettings
 from monochord.lab.offline import CollectedSession, delays, describe, existing, summarise
-from monochord.lab.plan import Assignment
 from monochord.lab.player import PlayerSettings
 from monochord.lab.pose_publisher import PublisherSettings
 from monochord.lab.render import Rendering, render

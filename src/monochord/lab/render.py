@@ -18,10 +18,10 @@ from monochord.core.types import Audio, Floats
 from monochord.core.units import Hertz, Samples, Seconds
 from monochord.dsp.music import loop
 from monochord.dsp.speech import babble
+from monochord.lab.assignment import Assignment
 from monochord.lab.force_sensor import ContactHistory, SensorNoise, bandwidth_filter, wrench_of
 from monochord.lab.motors import motor_sound
 from monochord.lab.partner import partner_keys
-from monochord.lab.plan import Assignment
 from monochord.lab.schedule import Schedule, schedule
 from monochord.physics.twin import Labels, Outside, Scene, Sensor, Twin, advance, begin, switch
 from monochord.physics.twin.outside import outside_at
@@ -130,7 +130,7 @@ def render(session: Assignment) -> Rendering:
 
     Examples
     --------
-    >>> from monochord.lab.plan import assignments
+    >>> from monochord.lab import assignments
     >>> from monochord.lab.plans import load_plan
     >>> sound = render(assignments(load_plan("small"))[0])
     >>> sound.microphones.shape[0], sound.wrench.shape[1], sound.pose.shape[1], len(sound.labels)

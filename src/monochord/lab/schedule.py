@@ -9,7 +9,8 @@ import numpy as np
 
 from monochord.core.types import Floats, StringParams
 from monochord.core.units import Hertz, Metres, MetresPerSecond, Newtons, Seconds
-from monochord.lab.plan import Assignment, drawn
+from monochord.lab.assignment import Assignment
+from monochord.lab.plan import drawn
 from monochord.physics.twin.trajectory import (
     Approach,
     Hop,
@@ -105,7 +106,7 @@ def schedule(session: Assignment) -> Schedule:
     """Return the schedule of a session; it depends only on the assignment.
 
     >>> from monochord.lab.plans import load_plan
-    >>> from monochord.lab.plan import assignments
+    >>> from monochord.lab import assignments
     >>> timing = schedule(assignments(load_plan("small"))[0])
     >>> len(timing.taps), timing.taps[2] < timing.on < timing.off < timing.taps[3]
     (6, True)
