@@ -44,6 +44,7 @@ READER, HEADS = 0.75, 0.88
 OFTEN = frozenset(
     {
         "slid",
+        "slid_again",
         "slid_fast",
         "swung",
         "swayed",
@@ -102,28 +103,17 @@ def group_weights(groups: Sequence[str], rows: Rows) -> Floats:
     return np.array([often[group] * np.sqrt(total[group]) / sessions[group] for group in groups])
 
 
-def mean_of(networks: Sequence[Mapping[str, Audio]]) -> dict[str, Audio]:
-    """Return the mean of networks by name.
-
-    Of networks that learned on from one another it forgets less than the last of them (Wortsman et al. 2022,
-    model soups).
-    """
-    first, count = networks[0], np.float32(len(networks))
-    return {name: np.add.reduce([each[name] for each in networks]) / count for name in first}
-
-
 @click.command()
 @click.argument("folder", type=click.Path(path_type=Path))
 @click.option("--sessions", default=100_000, help="Most sessions.")
 @click.option("--count", default=100, show_default=True, help="Touched windows of a session for the reader.")
 @click.option("--takes", default=2, show_default=True, help="Variants of a session, each changed otherwise.")
 @click.option("--epochs", default=14, show_default=True, help="Passes of the network of single windows.")
-@click.option("--updates", default=20_000, show_default=True, help="Updates of the memory; 0 keeps --start.")
+@click.option("--updates", default=20_000, show_default=True, help="Updates of the memory.")
 @click.option(
     "--start",
     type=click.Path(path_type=Path),
-    multiple=True,
-    help="Networks: that of windows is kept, the memory learns on; from the mean of several.",
+    help="Networks: that of windows is kept, the memory learns on.",
 )
 @click.option("--seed", default=0, show_default=True, help="Random seed.")
 @click.option("--workers", type=int, help="Worker processes; by default one a core.")
@@ -136,7 +126,7 @@ def command(
     takes: int,
     epochs: int,
     updates: int,
-    start: tuple[Path, ...],
+    start: Path | None,
     seed: int,
     workers: int | None,
     only: str | None,
@@ -156,7 +146,7 @@ def command(
             takes=takes,
             epochs=epochs,
             updates=updates,
-            start=mean_of([load_file(file) for file in start]) if start else None,
+            start=start,
             seed=seed,
             workers=workers,
             report=report,
@@ -174,7 +164,7 @@ def train_reader(
     takes: int,
     epochs: int,
     updates: int,
-    start: Mapping[str, Audio] | None,
+    start: Path | None,
     seed: int,
     workers: int | None,
     report: Callable[[str], None],
@@ -190,7 +180,7 @@ def train_reader(
     taught = [Variant(file=sound_file(one, sounds), take=take) for one in heard for take in range(takes)]
     file = folder / "windows.safetensors"
     if not file.exists() and start:
-        save_file(_network(start)._asdict(), file)
+        save_file(_network(load_file(start))._asdict(), file)
     elif not file.exists():
         make = partial(write_examples, folder=windows, count=count // takes, seed=seed)
         in_turn("windows", taught, make, workers=workers)
@@ -223,10 +213,8 @@ def train_reader(
                 report(f"memory, update {number} of {updates}: loss {loss:.3f}")
 
         weight = group_weights([one.group.name for one in heard for _ in range(takes)], rows)
-        memory = (
-            train_memory(rows, weight, updates=updates, seed=seed, report=update, start=start)
-            if updates or start is None
-            else start
+        memory = train_memory(
+            rows, weight, updates=updates, seed=seed, report=update, start=load_file(start) if start else None
         )
     save_file({**arrays, **memory}, folder / "network.safetensors")
     groups, result = [one.group.name for one in unheard], dict[str, Any]()
