@@ -1,8 +1,8 @@
 """A sealed plan by group: several models' evaluations of one rendering, side by side. Simulated.
 
-    monochord collect studies/plans/sealed_10.toml --out sealed_10
-    monochord evaluate demo --sessions 'sealed_10/*.mcap' --tuned --no-baselines --out demo
-    python -m studies.sealed demo before --rows sealed_10.json
+    monochord collect studies/plans/sealed_12.toml --out sealed_12
+    monochord evaluate demo --sessions 'sealed_12/*.mcap' --tuned --no-baselines --out demo
+    python -m studies.sealed demo before --rows sealed_12.json
 
 Each folder is one that `monochord evaluate --out` wrote; its name is the model's. A group's rows are of the
 sessions that a plan names ``GROUP_NUMBER``, those of `TOGETHER` of several groups.
@@ -21,6 +21,7 @@ from studies._rows import SummaryRow, summary_row
 
 from monochord.core.types import Flags
 from monochord.evaluation import Results, read_results, regression_rows
+from monochord.live import FilterSettings
 
 HARD, SOFT = "hard objects, held", "soft objects"
 TOGETHER: Mapping[str, tuple[str, ...]] = {
@@ -34,8 +35,8 @@ TOGETHER: Mapping[str, tuple[str, ...]] = {
 WORLD = "plausible"
 FAR = 0.010
 """Error in m from which a place is far off."""
-SLIP = 0.3
-"""Probability from which a window is counted as slip: where the bundled model's switch turns on."""
+SLIP = FilterSettings().slip.on
+"""Probability from which a window is counted as slip: where the switch turns on."""
 LEAST = 20
 """Fewest windows held and slid of which an area is told: held touches slip in a few windows of hundreds."""
 HEADS = (

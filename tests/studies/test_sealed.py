@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from studies.sealed import HARD, LEAST, SOFT, command, groups_of, row_of
+from studies.sealed import HARD, LEAST, SLIP, SOFT, command, groups_of, row_of
 
 from monochord.evaluation.results import Results, Trial, write_results
 
@@ -69,7 +69,7 @@ def test_an_area_is_told_of_enough_windows_that_slide(slid: int) -> None:
     count = 3 * LEAST
     one = Trial(session="hold_wood_000", build=0, simulated=True)
     slip = (np.arange(count) < slid).astype(float)
-    heard = np.where(slip > 0.0, 0.9, np.where(np.arange(count) < count - 3, 0.1, 0.31))
+    heard = np.where(slip > 0.0, 0.9, np.where(np.arange(count) < count - 3, 0.1, SLIP + 0.01))
     row = row_of(
         "hold_wood",
         Results(

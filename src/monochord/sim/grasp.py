@@ -293,7 +293,7 @@ def _compiled(grasped: GraspedObject) -> Any:
     return spec.compile()
 
 
-def slip_reflex(first: Newtons = 0.6, factor: float = 1.2, threshold: float = 0.3) -> Controller:
+def slip_reflex(first: Newtons = 0.6, factor: float = 1.2, threshold: float = 0.15) -> Controller:
     """Return a controller that grips harder by a factor, and again after 0.1 s, while the strings hear slip.
 
     `first` is the grip at first, in N, and `threshold` the mean estimate of slip of both strings from which

@@ -164,16 +164,9 @@ def test_a_model_that_hears_a_touch_first_does_not_err(percent: int) -> None:
 
 
 FAR_OUT = [(percent, name) for percent in (-15, -12, 12, 15, 20) for name in ESTIMATED]
-TOLD_TOUCHED = pytest.mark.xfail(strict=True, reason="1 and 2 of 31 windows: docs/ROADMAP.md")
 
 
-@pytest.mark.parametrize(
-    ("percent", "name"),
-    [
-        pytest.param(*each, marks=TOLD_TOUCHED if each in ((15, "model"), (20, "model")) else ())
-        for each in FAR_OUT
-    ],
-)
+@pytest.mark.parametrize(("percent", "name"), FAR_OUT)
 def test_no_place_and_no_false_touch_is_stated_on_a_string_that_is_far_out_of_tune(
     percent: int, name: str
 ) -> None:
