@@ -72,16 +72,7 @@ def test_the_chain_answers_alike_at_both_rates(
     assert np.median(np.abs(np.array(origins) - np.median(origins))) < 2e-3
 
 
-@pytest.mark.parametrize(
-    "rate",
-    [
-        44100,
-        pytest.param(
-            48000,
-            marks=pytest.mark.xfail(reason="0.31 mm: docs/ROADMAP.md", raises=AssertionError, strict=True),
-        ),
-    ],
-)
+@pytest.mark.parametrize("rate", [44100, 48000])
 def test_its_place_is_right(rate: int, heard: Callable[[int], Heard]) -> None:
     _, _, places, truths = heard(rate)
     assert np.nanmedian(np.abs(np.array(places) - truths)) < 3e-4
