@@ -1,0 +1,35 @@
+"""The bundled model and the switches tell a grip that swings at a node from a stroke across it."""
+
+import numpy as np
+import pytest
+
+import monochord as mc
+from monochord.core.types import Floats
+
+STEP = 1e-3
+FULL, STROKE = 0.5, 0.02
+"""Time in s until the touch is pressed fully, and speed of the stroke in m/s."""
+
+
+def decided(place: float, force: Floats, across: Floats) -> float:
+    """Return the share of windows after the press in which slip is decided, in the world ideal."""
+    twin = mc.VirtualSensor("prototype", seed=0, world="ideal", objects=["plastic"])
+    sound = [twin.advance(1.0)[0]]
+    for begin in range(0, force.size, 10):
+        part = slice(begin, begin + 10)
+        rest = np.zeros((1, 10))
+        keys = {"position": rest + place, "force": force[None, part], "clearance": rest}
+        twin.lead(STEP, across=across[None, part], **keys)
+        sound.append(twin.advance(10 * STEP)[0])
+    heard = np.concatenate(sound, axis=1).astype(np.float32)
+    updates = mc.listen(heard, model="demo", sensor="prototype", sample_rate=44100)
+    return float(np.mean([each.decided["slip"] for each in updates if each.time > 1.0 + 2.0 * FULL]))
+
+
+@pytest.mark.parametrize("place", [0.2 / 3.0, 0.08, 0.1, 0.12])
+def test_at_a_node_a_swing_is_no_slip_and_a_stroke_is(place: float) -> None:
+    time = STEP * np.arange(1, 2001)
+    pressed = np.minimum(time / FULL, 1.0)
+    swing = np.where(time > FULL, 0.5 * np.sin(4.0 * np.pi * (time - FULL)), 0.0)
+    assert decided(place, pressed + swing, 0.0 * time) < 0.02
+    assert decided(place, pressed, np.where(time > FULL, STROKE, 0.0)) > 0.9
