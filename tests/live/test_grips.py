@@ -32,4 +32,4 @@ def test_at_a_node_a_swing_is_no_slip_and_a_stroke_is(place: float) -> None:
     pressed = np.minimum(time / FULL, 1.0)
     swing = np.where(time > FULL, 0.5 * np.sin(4.0 * np.pi * (time - FULL)), 0.0)
     assert decided(place, pressed + swing, 0.0 * time) < 0.02
-    assert decided(place, pressed, np.where(time > FULL, STROKE, 0.0)) > 0.9
+    assert decided(place, pressed, STROKE * (time > FULL)) > 0.9
