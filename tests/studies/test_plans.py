@@ -13,9 +13,9 @@ from monochord.lab.plans import load_plan, plan_names
 FOLDER = Path(__file__).parents[2] / "studies" / "plans"
 NAMES = sorted(file.stem for file in FOLDER.glob("*.toml"))
 SEALED = [name for name in NAMES if name.startswith("sealed")]
-NEWEST = "sealed_12"
+NEWEST = "sealed_13"
 """The plan that judges next; those before it are as they were."""
-SIZES = {"sealed_9": (24, 13), "sealed_10": (24, 13), "sealed_11": (24, 13), "sealed_12": (24, 13)}
+SIZES = {f"sealed_{number}": (24, 13) for number in range(9, 14)}
 """Builds of one design and objects of a sealed plan; of those before, 20 and 10."""
 OURS = plan_names()
 
