@@ -90,7 +90,10 @@ def test_a_drawn_design_is_a_sessions_own_and_described() -> None:
         assert max(low.sense, low.drive) < 0.5 * plain.string.length < min(high.sense, high.drive)
 
 
-@pytest.mark.parametrize(("name", "least", "most"), [("drawn", 3e8, 2.1e11), ("drawn_soft", 5e5, 3e8)])
+@pytest.mark.parametrize(
+    ("name", "least", "most"),
+    [("drawn", 3e8, 2.1e11), ("drawn_smooth", 3e10, 2.1e11), ("drawn_soft", 5e5, 3e8)],
+)
 def test_a_drawn_object_is_the_sessions_own(name: str, least: float, most: float) -> None:
     first, second = assignments(tiny(groups=(Group(name="a", sessions=2, material=name),)))
     assert all(least <= each.material.young_modulus <= most for each in (first, second))

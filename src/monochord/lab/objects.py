@@ -1,6 +1,7 @@
 """Random objects: materials and shapes between and beyond the presets, for varied touches."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -48,6 +49,33 @@ def drawn_object(random: np.random.Generator) -> Material:
     )
 
 
+def smooth_object(random: np.random.Generator) -> Material:
+    """Return a random hard and smooth object, of metal, glass or stone; all ranges are assumed.
+
+    Ground and polished surfaces rub with little sound, and their friction goes from oiled to dry.
+
+    Examples
+    --------
+    >>> thing = smooth_object(np.random.default_rng(1))
+    >>> thing.roughness < 2e-6, thing.name
+    (True, 'drawn_smooth')
+    """
+    between = evenly(random)
+    thing = drawn_object(random)
+    kinetic = random.uniform(0.08, 0.6)
+    return replace(
+        thing,
+        name="drawn_smooth",
+        title="A hard and smooth object drawn at random",
+        young_modulus=between(3e10, HARDEST),
+        loss=float(1.5 * (1.0 - random.uniform(0.85, 0.95))),
+        friction_static=float(kinetic * random.uniform(1.05, 1.5)),
+        friction_kinetic=float(kinetic),
+        roughness=between(2e-7, 1.5e-6),
+        roughness_length=between(1e-5, 6e-5),
+    )
+
+
 def soft_object(random: np.random.Generator) -> Material:
     """Return a random soft object, from gel to soft plastic; all ranges are assumed.
 
@@ -87,6 +115,7 @@ def evenly(random: np.random.Generator) -> Callable[[float, float], float]:
 
 DRAWN: Mapping[str, Callable[[np.random.Generator], Material]] = {
     "drawn": drawn_object,
+    "drawn_smooth": smooth_object,
     "drawn_soft": soft_object,
 }
 """The sampler of an object for each session, by the material name in a plan."""

@@ -54,8 +54,8 @@ class Group(Checked):
     forces
         Range in N of the force with which the design's string at rest answers: it defines the depths.
     material
-        Material of the object, a preset's name or file; "drawn" or "drawn_soft" for one that is drawn for
-        each session, see `monochord.lab.objects`.
+        Material of the object, a preset's name or file; "drawn", "drawn_smooth" or "drawn_soft" for one that
+        is drawn for each session, see `monochord.lab.objects`.
     radii
         Radii of the object where it touches, in m; by default that of its material.
     design
