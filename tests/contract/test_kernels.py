@@ -95,7 +95,7 @@ def test_only_the_kernel_of_the_twin_calls_its_parts() -> None:
 WHO_CHECKS = {
     "dsp.levels": {"measure_levels": "itself"},
     "dsp.resample": {"_append": "itself"},
-    "dsp.series": dict.fromkeys(("fit_series", "series_evidence", "weigh"), "itself"),
+    "dsp.series": {"weigh": "itself"},
     "dsp.spectrum": {"power_spectrum": "itself", "find_peaks": "itself", "block_floors": "spectrum_of"},
     "perception.usable": {"unusable_reason": "Window"},
     "perception.spectrum": {"spectrum_of": "itself", "relisted": "spectrum_of"},

@@ -18,8 +18,6 @@ TORCH = "torch==2.13.0"
 """The release of PyTorch that Monochord is tested with."""
 TORCH_INDEX = "https://download.pytorch.org/whl/cpu"
 """The index that PyTorch's own installation page names for its builds for the CPU."""
-TORCH_LINE = f"pip install {TORCH} --index-url {TORCH_INDEX}"
-"""The line on every page that installs PyTorch."""
 NAME = "monochord"
 PACKAGES: Mapping[str, tuple[str, ...]] = {
     "monochord-encoders": ("monochord-encoders",),

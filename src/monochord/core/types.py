@@ -392,8 +392,8 @@ class Signal(Checked):
     Examples
     --------
     >>> signal = Signal(sample_rate=44100, channels=2)
-    >>> signal.string is None, signal.tension_scale
-    (True, 1.0)
+    >>> signal.string is None, signal.drivers
+    (True, ())
     """
 
     sample_rate: SampleRate
@@ -404,13 +404,6 @@ class Signal(Checked):
     sensing_range: Pair[Finite[Metres]] | None = None
     drivers: tuple[Pair[Finite[Metres]], ...] = ()
     sensor: SensorIdentity | None = None
-
-    @property
-    def tension_scale(self) -> float:
-        """Tension of the design relative to the string's; 1 without a separate design."""
-        if self.string is None or self.design is None:
-            return 1.0
-        return self.design.tension / self.string.tension
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -53,7 +53,7 @@ class PitchFinder:
     partials
         Largest number of partials.
     residual_weight
-        See `monochord.dsp.series.series_evidence`.
+        Weight in nats of the power that a series explains, in the evidence for it.
     inharmonicity_prior
         Mean and standard deviation of B at `lowest`; both scale with (f0 / lowest)^2, as on a shortened
         string.

@@ -64,8 +64,8 @@ class View(NamedTuple):
 
     `salience` is the logarithmic height of the spectrum over its noise floor, (bins,), or `HIDDEN`; `spacing`
     is the bin spacing and `resolution` one over the window's duration, in Hz. Peaks count from `bottom` to
-    `top`, in Hz; a series has at most `max_partials` partials; for `residual_weight` see `series_evidence`.
-    `others` is the power of the lines of other sources.
+    `top`, in Hz; a series has at most `max_partials` partials. `residual_weight` is the weight in nats of
+    the power that a series explains, and `others` the power of the lines of other sources.
     """
 
     salience: Floats
@@ -110,35 +110,16 @@ def partial_count(f0: Hertz, top: Hertz, max_partials: int) -> int:
     return max(1, min(max_partials, int(top / f0)))
 
 
-def fit_series(
-    f0: Hertz, inharmonicity: float, prior: tuple[float, float], peaks: Peaks, view: View
-) -> tuple[float, float, float, float, int]:
-    """Fit f0 and B to the peaks near a guess; return f0, its standard error, B, its standard error, matches.
-
-    The fit takes Gauss-Newton steps of weighted least squares on f_n = n f0 sqrt(1 + B n^2), with a normal
-    prior on B, while more partials are included (6, 12, 24, all) and the search range narrows. From the third
-    step on, peaks off the series lose weight as under a squared Cauchy error law.
-
-    Parameters
-    ----------
-    f0, inharmonicity
-        Starting guess of f0 in Hz and of B.
-    prior
-        Prior mean and standard deviation of B.
-    peaks, view
-        The spectral peaks, and the search limits.
-    """
-    rows, used = _weighed(*_checked(np.array([[f0, inharmonicity]]), (f0, *prior), peaks, view))
-    if not used[0]:
-        return f0, np.inf, inharmonicity, np.inf, 0
-    f0, std, inharmonicity, bend_std, _ = rows[0].tolist()
-    return f0, std, inharmonicity, bend_std, int(used[0])
-
-
 @part()
 def _fitted(
     f0: Hertz, inharmonicity: float, mean: float, deviation: float, peaks: Peaks, view: View
 ) -> tuple[float, float, float, float, int]:
+    """Return f0, its standard error, B, its standard error and the number of matches, fitted near a guess.
+
+    The fit takes Gauss-Newton steps of weighted least squares on f_n = n f0 sqrt(1 + B n^2), with a normal
+    prior on B, while more partials are included (6, 12, 24, all) and the search range narrows. From the third
+    step on, peaks off the series lose weight as under a squared Cauchy error law.
+    """
     std, bend_std, used = np.inf, np.inf, 0
     for step in range(6):
         count = partial_count(f0, view.top, min(view.max_partials, 6 * 2**step))
@@ -176,7 +157,10 @@ def _fitted(
     return f0, std, inharmonicity, bend_std, used
 
 
-def series_evidence(f0: Hertz, inharmonicity: float, peaks: Peaks, view: View) -> float:
+@part()
+def _evidence(
+    f0: Hertz, inharmonicity: float, peaks: Peaks, view: View, height: Floats, gain: Floats, claimed: Floats
+) -> float:
     """Return the log evidence for a series over clutter alone, in nats.
 
     It has three parts. (1) Each partial either shows a peak, normally distributed about its frequency, or
@@ -188,26 +172,9 @@ def series_evidence(f0: Hertz, inharmonicity: float, peaks: Peaks, view: View) -
     guess that leaves the strongest peak unexplained; the weight is half the effective number of independent
     residuals. Where another source's line hides a partial, the partial is absent, but does not count as
     missing.
+
+    `height`, `gain` and `claimed` are memory for partials and peaks.
     """
-    guesses, _, peaks, view = _checked(np.array([[f0, inharmonicity]]), (f0, 0.0, 1.0), peaks, view)
-    return float(_rated(guesses, peaks, view)[0])
-
-
-@kernel()
-def _rated(guesses: Floats, peaks: Peaks, view: View) -> Floats:
-    height, gain = np.empty(view.max_partials), np.empty(view.max_partials)
-    claimed = np.empty(peaks.frequency.size)
-    evidence = np.empty(guesses.shape[0])
-    for i in range(guesses.shape[0]):
-        evidence[i] = _evidence(guesses[i, 0], guesses[i, 1], peaks, view, height, gain, claimed)
-    return evidence
-
-
-@part()
-def _evidence(
-    f0: Hertz, inharmonicity: float, peaks: Peaks, view: View, height: Floats, gain: Floats, claimed: Floats
-) -> float:
-    """Return the evidence of a series; `height`, `gain` and `claimed` are memory for partials and peaks."""
     count = partial_count(f0, view.top, view.max_partials)
     for j in range(claimed.size):
         claimed[j] = 0.0

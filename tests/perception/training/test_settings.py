@@ -8,11 +8,13 @@ import pytest
 
 from monochord.core.config import dump_toml
 from monochord.core.errors import InputError
-from monochord.perception.training.configs import config_names, config_path
+from monochord.core.presets import preset_names
+from monochord.perception.training import configs
+from monochord.perception.training.configs import config_path
 from monochord.perception.training.settings import TrainingSettings
 
 
-@pytest.mark.parametrize("name", config_names())
+@pytest.mark.parametrize("name", preset_names(configs.__name__))
 def test_a_preset_has_the_four_heads(name: str) -> None:
     settings = TrainingSettings.read(tomllib.loads(config_path(name).read_text(encoding="utf-8")))
     assert list(settings.tasks()) == ["contact", "slip", "position", "force"]

@@ -2,21 +2,10 @@
 
 from pathlib import Path
 
-from monochord.core.presets import preset_names, preset_path
+from monochord.core.presets import preset_path
 
 DEFAULT = "reader"
 """The default preset of `monochord train`, and that of the bundled model."""
-
-
-def config_names() -> list[str]:
-    """Return the names of the presets, sorted.
-
-    Examples
-    --------
-    >>> "paper" in config_names()
-    True
-    """
-    return preset_names(__name__)
 
 
 def config_path(name: str) -> Path:
