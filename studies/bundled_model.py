@@ -46,6 +46,8 @@ OFTEN = frozenset(
         "slid",
         "slid_again",
         "slid_fast",
+        "slid_far",
+        "slid_smoothly",
         "swung",
         "swayed",
         "swayed_rolling",
