@@ -48,6 +48,7 @@ OFTEN = frozenset(
         "slid_fast",
         "slid_far",
         "slid_smoothly",
+        "slid_smoothly_again",
         "swung",
         "swayed",
         "swayed_rolling",

@@ -81,17 +81,11 @@ def test_press_and_follow(output: Output) -> None:
         ("contact", "begins"), ("slip", "begins"), ("slip", "ends"), ("contact", "ends")
     ]  # fmt: skip
     times = [float(time) for time, _, _ in events]
-    assert [*times[:2], times[3]] == pytest.approx([0.7, 1.3, 2.0], abs=0.2)
+    assert times == pytest.approx([0.7, 1.3, 1.7, 2.0], abs=0.2)
     rows = re.findall(r"([\d.]+) \+- [\d.]+ mm, .*\(truth ([\d.]+) mm\)$", text, re.MULTILINE)
     assert len(rows) > 5
     errors = sorted(abs(float(estimate) - float(truth)) for estimate, truth in rows)
     assert errors[len(errors) // 2] < 1.0
-
-
-def test_a_slide_ends_with_it(output: Output) -> None:
-    script = "press_and_follow.py"
-    (ends,) = re.findall(r"^([\d.]+) s  slip ends$", output(script), re.MULTILINE)
-    assert float(ends) == pytest.approx(1.7, abs=0.2)
 
 
 def test_touch_the_twin(output: Output) -> None:
