@@ -32,7 +32,7 @@ class FilterSettings:
         default_factory=lambda: SwitchSettings(on=0.6, off=0.4, average=0.01, dwell=0.01)
     )
     slip: SwitchSettings = field(
-        default_factory=lambda: SwitchSettings(on=0.3, off=0.2, average=0.01, dwell=0.04)
+        default_factory=lambda: SwitchSettings(on=0.4, off=0.3, average=0.01, dwell=0.04)
     )
 
 

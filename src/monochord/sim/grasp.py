@@ -293,11 +293,11 @@ def _compiled(grasped: GraspedObject) -> Any:
     return spec.compile()
 
 
-def slip_reflex(first: Newtons = 0.6, factor: float = 1.2, threshold: float = 0.15) -> Controller:
+def slip_reflex(first: Newtons = 0.6, factor: float = 1.2, threshold: float = 0.2) -> Controller:
     """Return a controller that grips harder by a factor, and again after 0.1 s, while the strings hear slip.
 
     `first` is the grip at first, in N, and `threshold` the mean estimate of slip of both strings from which
-    they hear it; 0.15 suits the world ideal, 0.5 plausible. A changed grip sounds like slip for as long as a
+    they hear it; 0.2 suits the world ideal, 0.5 plausible. A changed grip sounds like slip for as long as a
     window has of it, hence the pauses.
     """
     grip, raised = first, SETTLED
