@@ -165,12 +165,7 @@ def test_too_much_force_ends_an_episode() -> None:
     assert infos["contact"].tolist() == [1.0, 0.0]
 
 
-LOST = pytest.mark.xfail(
-    reason="one light touch of four is lost: docs/ROADMAP.md", raises=AssertionError, strict=True
-)
-
-
-@pytest.mark.parametrize("task", [pytest.param(each, marks=LOST if each == "find" else ()) for each in TASKS])
+@pytest.mark.parametrize("task", TASKS)
 def test_the_reflex_reaches_the_goal_by_the_estimates(task: str) -> None:
     envs = many(4, task=task, world="plausible", builds=2, first_build=201)
     observation, _ = envs.reset(seed=11)
