@@ -12,12 +12,15 @@ from monochord.core.errors import InputError
 from monochord.core.types import Estimate, Estimates, Prepared, Signal, Window
 from monochord.datasets.store import Dataset
 from monochord.evaluation.noise import Disturbance
-from monochord.evaluation.replay import Selection, replay
+from monochord.evaluation.replay import Selection, replay, replay_estimators
 from monochord.live import LiveRun
 from monochord.live.loop import opened
 from monochord.live.settings import WindowSettings
+from monochord.perception.estimators._loaded import LoadedModel
 from monochord.perception.estimators.base import Estimator
 from monochord.perception.estimators.closed_form import ClosedForm
+from monochord.perception.estimators.model import ModelEstimator
+from monochord.perception.model import load
 from monochord.physics.sensors import load_sensor
 
 STRING = load_sensor("prototype").string
@@ -62,6 +65,30 @@ def test_it_equals_live_inference_to_the_bit(dataset: Dataset, sessions: tuple[P
         why = [results.reasons[number] for number in results.reason_index[name].tolist()]
         assert why == [each[name].reason for each in live_estimates]
     assert np.isfinite(results.estimate("position")).sum() > 100
+
+
+def test_what_remembers_hears_between_the_rows_as_live(dataset: Dataset, sessions: tuple[Path, ...]) -> None:
+    demo = ModelEstimator(path=Path("demo"))
+    assert demo.tick == LoadedModel(loaded=load("demo")).tick == 0.02
+    results = replay(selection(dataset), demo, name="demo")
+    live: list[Estimates] = []
+    for path in sessions:
+        window = WindowSettings(length=0.1, hop=0.02)
+        with opened(LiveRun(source=SessionSource(path=path), estimator=demo, window=window)) as live_run:
+            live += [update.prediction.estimates for number, update in enumerate(live_run) if number % 5 == 0]
+    assert len(live) == len(results)
+    for name in ("contact", "position", "force", "slip"):
+        estimates = [each[name].value for each in live]
+        np.testing.assert_array_equal(results.estimate(name), estimates)
+        assert np.isfinite(estimates).sum() > 100
+
+
+def test_each_estimator_hears_what_it_would_alone(dataset: Dataset) -> None:
+    whole, demo, counting = selection(dataset, np.arange(20)), ModelEstimator(path=Path("demo")), Counting()
+    alone = replay(whole, demo, name="demo")
+    counted, together = replay_estimators((whole, whole), (counting, demo), name="both")
+    assert counted.estimate("count").tolist() == [*range(1, 21)]
+    np.testing.assert_array_equal(together.estimate("force"), alone.estimate("force"))
 
 
 def test_labels_and_trials_are_those_of_the_dataset(dataset: Dataset) -> None:

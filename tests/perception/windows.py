@@ -3,6 +3,8 @@
 import numpy as np
 
 from monochord.core.types import Audio, Floats, Window
+from monochord.datasets.hearing import heard
+from monochord.datasets.store import Dataset
 
 RATE, SIZE = 44100, 4410
 
@@ -19,3 +21,9 @@ def cut(
         )
         for at in range(0, sound.shape[1] - size + 1, hop)
     ]
+
+
+def window_of(dataset: Dataset, row: int) -> Window:
+    """Return a window of a dataset as a source yields it."""
+    ((_, window),) = heard(dataset, [row])
+    return window

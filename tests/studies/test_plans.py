@@ -13,9 +13,9 @@ from monochord.lab.plans import load_plan, plan_names
 FOLDER = Path(__file__).parents[2] / "studies" / "plans"
 NAMES = sorted(file.stem for file in FOLDER.glob("*.toml"))
 SEALED = [name for name in NAMES if name.startswith("sealed")]
-NEWEST = "sealed_13"
+NEWEST = "sealed_14"
 """The plan that judges next; those before it are as they were."""
-SIZES = {f"sealed_{number}": (24, 13) for number in range(9, 14)}
+SIZES = {f"sealed_{number}": (24, 13) for number in range(9, 15)}
 """Builds of one design and objects of a sealed plan; of those before, 20 and 10."""
 OURS = plan_names()
 

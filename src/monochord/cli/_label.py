@@ -122,10 +122,7 @@ def _record(out: Path, options: dict[str, Any], described: dict[str, Any]) -> No
     put_source(tree, options)
     definition = load(options["model"]).definition  # refused before any device is opened
     tree["estimator"] = {"name": MODEL, "path": options["model"]}
-    tree["window"] = {
-        "length": definition.window / definition.sample_rate,
-        "hop": definition.hop / definition.sample_rate,
-    }
+    tree["window"] = {"length": definition.window / definition.sample_rate}
     tree["sensor"] = options["sensor"] or ""
     setup = LiveRun.read(override(tree, options["assignments"]))
     low, high = options["forces"]

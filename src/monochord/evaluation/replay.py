@@ -1,6 +1,6 @@
 """Replays test sessions window by window through an estimator, as in live inference."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 from functools import partial
@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from monochord.core.config import to_tree
 from monochord.core.errors import InputError
 from monochord.core.reasons import Reason
-from monochord.core.types import Audio, Estimates, Floats, Indices, Progress, Signal, StringParams, Window
+from monochord.core.types import Audio, Estimates, Floats, Indices, Progress, Signal, StringParams
 from monochord.core.units import Metres
 from monochord.core.workers import ONE_PROCESS, Spread
+from monochord.datasets.hearing import heard
 from monochord.datasets.manifest import DatasetSession
 from monochord.datasets.store import Dataset
 from monochord.evaluation.noise import Disturbance
@@ -116,8 +117,9 @@ def replay(
     """Return the estimates of every selected window, beside the truth.
 
     The estimator is prepared anew for each session and receives its windows one by one, in order: the same
-    calls as in `monochord.live.run` with the dataset's window and hop, so the same numbers to the bit. It
-    never sees a label.
+    calls as in the live loop with the dataset's window and hop, so the same numbers to the bit. One with a
+    memory hears as many as its memory learned with, `Estimator.tick`: the same numbers as live at that hop.
+    It never sees a label.
 
     Parameters
     ----------
@@ -244,11 +246,16 @@ def _replayed(
     wanted = [set(each.rows_of(session).tolist()) for each in selections]
     audio = disturbed_audio(dataset, session, disturbance)
     estimates: list[list[Estimates]] = [[] for _ in selections]
-    for row, window in _windows(dataset, session, audio, max(set().union(*wanted))):
-        for rows, estimate, kept in zip(wanted, prepared, estimates, strict=True):
-            each = estimate(window)
-            if row in rows:
-                kept.append(each)
+    rows = range(dataset.manifest.parts[session].first, max(set().union(*wanted)) + 1)
+    ticks = [each.tick for each in estimators]
+    tick = min((each for each in ticks if each is not None), default=None)
+    for row, window in heard(dataset, rows, tick, audio):
+        is_own = window.start == dataset.start[row]
+        for chosen, estimate, hears_all, kept in zip(wanted, prepared, ticks, estimates, strict=True):
+            if is_own or hears_all:
+                each = estimate(window)
+                if is_own and row in chosen:
+                    kept.append(each)
     return estimates
 
 
@@ -318,16 +325,6 @@ def disturbed_audio(dataset: Dataset, session: int, disturbance: Disturbance | N
     return disturbance.apply(
         audio, float(np.mean(powers)), manifest.sample_rate, manifest.parts[session].name
     )
-
-
-def _windows(dataset: Dataset, session: int, audio: Audio, last: int) -> Iterator[tuple[int, Window]]:
-    """Yield the rows and windows of a session, from its first to row `last`."""
-    manifest = dataset.manifest
-    for row in range(manifest.parts[session].first, last + 1):
-        start = int(dataset.start[row])
-        samples = np.array(audio[:, start : start + manifest.window], np.float32)
-        gap = bool(dataset.has_gap[row])
-        yield row, Window(samples=samples, start=start, sample_rate=manifest.sample_rate, has_gap=gap)
 
 
 def _trial(selection: Selection, session: int, disturbance: Disturbance | None) -> Trial:

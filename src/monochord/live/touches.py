@@ -44,7 +44,7 @@ def touch_spans(
     setup = LiveRun(
         source=source_of(recording, {}),
         estimator=ESTIMATORS.build(MODEL, {"path": str(model)}),
-        window=WindowSettings(length=length, hop=definition.hop / definition.sample_rate),
+        window=WindowSettings(length=length),
         sensor=sensor,
     )
     changes: list[Event] = []

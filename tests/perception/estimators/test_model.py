@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from tests.perception.conftest import LessonBy
+from tests.perception.windows import window_of
 
 from monochord.core.config import from_tree
 from monochord.core.errors import InputError
@@ -19,7 +20,6 @@ from monochord.perception.estimators import ESTIMATORS
 from monochord.perception.estimators.model import ModelEstimator
 from monochord.perception.model.definition import Method
 from monochord.perception.training.settings import METHODS
-from monochord.perception.training.train import window_of
 
 pytest.importorskip("torch")
 SIGNAL = Signal(sample_rate=16000, channels=2)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from tests.perception.conftest import LessonBy
+from tests.perception.windows import window_of
 
 from monochord.core.errors import InputError, MissingLibraryError
 from monochord.core.installing import TORCH_INDEX
@@ -28,7 +29,7 @@ from monochord.perception.training.choice import LearnedHeads, choose, head_erro
 from monochord.perception.training.examples import Examples, scaled_heads, scaling
 from monochord.perception.training.regression import FittedRegression, RegressionWindows, fit_regression
 from monochord.perception.training.settings import TrainingSettings
-from monochord.perception.training.train import TrainingResult, train, window_of
+from monochord.perception.training.train import TrainingResult, train
 
 pytestmark = pytest.mark.usefixtures("made_up_features")
 EACH = pytest.mark.parametrize("method", ["ridge", "extra_trees"])

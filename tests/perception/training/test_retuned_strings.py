@@ -10,13 +10,16 @@ import soundfile
 from tests.lab.tiny import session, tiny
 
 from monochord.capture.recording.from_files import from_files
-from monochord.core.types import Signal
+from monochord.core.types import Signal, Window
 from monochord.datasets.build import build_dataset
 from monochord.datasets.store import Dataset
 from monochord.evaluation.replay import Selection
 from monochord.lab.offline import make
+from monochord.perception.features.base import RecurrentExtractor
 from monochord.perception.model import load
 from monochord.perception.model.network import quantity
+from monochord.perception.model.state import ModelState
+from monochord.perception.model.stepping import model_input, read_all
 from monochord.perception.training.examples import examples_of, stream_of, training_data
 from monochord.perception.training.rows import DatasetFeature
 from monochord.perception.training.settings import TrainingSettings
@@ -144,6 +147,27 @@ def test_a_model_is_calibrated_on_each_own_string(dataset: Dataset) -> None:
     assert np.abs(places - dataset.label("position")[rows]).max() < 5e-3
     forces = with_design_forces(model, dataset).label("force")
     np.testing.assert_allclose(forces * force_scales(dataset, DESIGN), dataset.label("force"))
+
+
+def test_features_and_outputs_are_what_a_stream_of_every_tick_hears(dataset: Dataset) -> None:
+    """Heads learn from the memory that they meet live, though the dataset has a fifth of its windows."""
+    model, manifest = load("demo"), dataset.manifest
+    signal = Signal(sample_rate=44100, channels=2, string=DESIGN)
+    rows = np.arange(manifest.parts[0].windows)
+    features = DatasetFeature.prepared(dataset, signal, "reading", {}, dataset.path / "features").of(rows)
+    outputs = read_in_turn(model, dataset, rows).outputs
+    extractor = model.prepared.extractor
+    assert isinstance(extractor, RecurrentExtractor)
+    memory, state, audio = extractor.begin(), ModelState(), dataset.audio(0)
+    for number, at in enumerate(range(0, int(dataset.start[rows[-1]]) + 1, round(0.02 * 44100))):
+        window = Window(samples=audio[:, at : at + manifest.window].copy(), start=at, sample_rate=44100)
+        spectrum = extractor.analyser.analyse(window.samples)
+        memory, row = extractor.step(memory, spectrum, at / 44100)
+        (reading,) = read_all([model_input(model.prepared, state, window)])
+        state = reading.state
+        if number % 5 == 0:
+            np.testing.assert_array_equal(features[number // 5], row)
+            assert outputs.get(number // 5, {}) == reading.outputs
 
 
 def test_a_measured_length_is_that_of_positions_and_forces(dataset: Dataset) -> None:

@@ -13,6 +13,7 @@ from typing import Any, get_args
 
 import numpy as np
 import pytest
+from tests.perception.windows import window_of
 
 from monochord.core.config import dump_toml
 from monochord.core.errors import InputError
@@ -21,7 +22,7 @@ from monochord.datasets.store import open_dataset
 from monochord.perception.model import ModelState, load
 from monochord.perception.model.definition import Method
 from monochord.perception.training.settings import METHODS, TrainingSettings
-from monochord.perception.training.train import read_in_turn, train, window_of
+from monochord.perception.training.train import read_in_turn, train
 
 pytest.importorskip("torch")
 pytestmark = pytest.mark.usefixtures("made_up_features")

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from monochord.core.types import Estimates, Prepared, Signal, Window
-from monochord.core.units import Samples
+from monochord.core.units import Samples, Seconds
 from monochord.perception.estimators.base import Estimator
 from monochord.perception.estimators.model import all_at_once
 from monochord.perception.model import Model
@@ -15,6 +15,11 @@ class LoadedModel(Estimator):
     """The estimator `model` of a model that is loaded already."""
 
     loaded: Model
+
+    @property
+    def tick(self) -> Seconds | None:
+        """The time in s between the windows that the model's memory hears; None without memory."""
+        return self.loaded.tick
 
     def prepare(self, signal: Signal, size: Samples) -> Prepared:
         """Adapt the model to the string's tuning, and check that it fits the signal."""

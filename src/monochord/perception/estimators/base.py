@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from monochord.core.ranges import Checked
 from monochord.core.types import Estimates, Prepared, Signal, Window
-from monochord.core.units import Metres, Samples
+from monochord.core.units import Metres, Samples, Seconds
 from monochord.perception.watching import Condition, Watching
 
 __all__ = ["Condition", "Estimator", "Watching"]
@@ -58,6 +58,14 @@ class Estimator(Checked, ABC):
         """Sample rate in Hz of the windows that it takes, None for any.
 
         The live loop resamples a source of a higher rate.
+        """
+        return None
+
+    @property
+    def tick(self) -> Seconds | None:
+        """Time in s between the windows that its memory learned with, None for none.
+
+        Where a dataset has fewer, a replay gives it those between, as the live loop would.
         """
         return None
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from monochord.core.types import Estimates, Prepared, Signal, Window
-from monochord.core.units import Samples
+from monochord.core.units import Samples, Seconds
 from monochord.perception.estimators.base import Estimator
 from monochord.perception.model import load
 from monochord.perception.model.stepping import step_all
@@ -38,6 +38,11 @@ class ModelEstimator(Estimator):
     def sample_rate(self) -> int:
         """The rate of the model's training, in Hz; raises `InputError` if there is no model."""
         return load(self.path).definition.sample_rate
+
+    @property
+    def tick(self) -> Seconds | None:
+        """The time in s between the windows that the model's memory hears; None without memory."""
+        return load(self.path).tick
 
     def prepare(self, signal: Signal, size: Samples) -> Prepared:
         """Load the model, adapt it to the string's tuning, and check that it fits the signal."""

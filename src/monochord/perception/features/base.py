@@ -70,6 +70,11 @@ class SpectrumExtractor(Extractor):
 class RecurrentExtractor(SpectrumExtractor):
     """An extractor with a memory of the windows before, which is passed in and out."""
 
+    @property
+    @abstractmethod
+    def tick(self) -> Seconds:
+        """Time in s between two windows that enter the memory; fewer tell it less than live ones."""
+
     @abstractmethod
     def begin(self) -> "Memory":
         """Return the memory at the beginning of a stream."""

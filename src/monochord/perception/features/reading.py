@@ -10,7 +10,7 @@ from monochord.perception.features.base import Extractor, Feature, RecurrentExtr
 from monochord.perception.heads.base import CERTAINTY
 from monochord.perception.reader.gaps import COLUMNS as GAPS
 from monochord.perception.reader.measures import COLUMNS as MEASURES
-from monochord.perception.reader.memory import SUMMARY, Memory, no_memory
+from monochord.perception.reader.memory import SUMMARY, TICK, Memory, no_memory
 from monochord.perception.reader.network import KINDS, OUTPUTS
 from monochord.perception.reader.reader import Reader
 from monochord.perception.spectrum import Spectrum, SpectrumAnalyser
@@ -63,6 +63,10 @@ class _Extractor(RecurrentExtractor):
     @property
     def columns(self) -> tuple[str, ...]:
         return COLUMNS
+
+    @property
+    def tick(self) -> Seconds:
+        return TICK
 
     def begin(self) -> Memory:
         return no_memory()

@@ -29,6 +29,7 @@ from monochord.core.units import Metres, Samples, Seconds
 from monochord.core.windows import windows
 from monochord.dsp.resample import resampled
 from monochord.metrics import hit_rate
+from monochord.perception.features.base import RecurrentExtractor
 from monochord.perception.model.correction import Correction
 from monochord.perception.model.definition import Definition
 from monochord.perception.model.network import HeadOutput
@@ -109,6 +110,15 @@ class Model(Checked):
             length_std=self.length_std,
             sensing_range=self.sensing_range,
         )
+
+    @property
+    def tick(self) -> Seconds | None:
+        """Time in s between the windows that its memory hears; None for a model without memory.
+
+        Windows in between are read as well, and leave the memory unchanged; fewer tell it less.
+        """
+        extractor = self.prepared.extractor
+        return extractor.tick if isinstance(extractor, RecurrentExtractor) else None
 
     @property
     def places(self) -> tuple[Metres, Metres] | None:

@@ -26,6 +26,7 @@ from monochord.core.units import Samples
 from monochord.core.workers import run_all
 from monochord.datasets.augment import Augmentation
 from monochord.datasets.faults import Fault
+from monochord.datasets.hearing import heard
 from monochord.datasets.manifest import FILE, file_checksum
 from monochord.datasets.store import Dataset
 from monochord.perception.features import FEATURES
@@ -198,13 +199,13 @@ class DatasetFeature:
             stream = np.arange(part.first, rows[members].max() + 1)
             stream = stream[dataset.usable[stream] | np.isin(stream, rows[members])]
             at = dict(zip(rows[members].tolist(), members.tolist(), strict=True))
-            for first in range(0, len(stream), BATCH):
-                some = stream[first : first + BATCH]
-                for row, window in zip(some.tolist(), self._windows(some, noise), strict=True):
-                    time = int(dataset.start[row]) / rate
-                    memory, values = extractor.step(memory, extractor.analyser.analyse(window), time)
-                    if row in at:
-                        result[at[row]] = values
+            for row, window in heard(dataset, stream.tolist(), extractor.tick):
+                samples, time = window.samples, window.start / rate
+                if noise is not None:
+                    samples = noise.added(samples[np.newaxis], np.array([row]))[0]
+                memory, values = extractor.step(memory, extractor.analyser.analyse(samples), time)
+                if row in at:  # its own window is the last
+                    result[at[row]] = values
         return result
 
     def _features(self, windows: Audio, rows: Indices) -> Audio:
@@ -230,6 +231,7 @@ class DatasetFeature:
             "dataset": file_checksum(self.dataset.path / FILE),
             "noise": None if noise is None else noise.key(),
             **({"own": sorted(self.retuned)} if self.retuned else {}),
+            **({"tick": self.extractor.tick} if isinstance(self.extractor, RecurrentExtractor) else {}),
             "rows": hashlib.sha256(np.ascontiguousarray(rows, np.int64).tobytes()).hexdigest(),
         }
         return hashlib.sha256(json.dumps(about, sort_keys=True).encode()).hexdigest()[:32]

@@ -4,6 +4,7 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
+from itertools import groupby
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +13,8 @@ from numpy.typing import NDArray
 from monochord.core.config import to_tree
 from monochord.core.installing import installation
 from monochord.core.ownership import sole_use
-from monochord.core.types import Floats, Indices, Progress, Signal, Window
-from monochord.core.units import Samples
+from monochord.core.types import Floats, Indices, Progress, Signal
+from monochord.datasets.hearing import heard
 from monochord.datasets.split import Split
 from monochord.datasets.store import Dataset, open_dataset
 from monochord.metrics import detection_score, mean_absolute_error, regression_score
@@ -276,17 +277,6 @@ def with_design_forces(model: Model, dataset: Dataset) -> Dataset:
     return dataclasses.replace(dataset, labels={**dataset.labels, **scaled})
 
 
-def window_of(dataset: Dataset, row: int) -> Window:
-    """Return a window of a dataset as a source yields it; the samples are a copy."""
-    start: Samples = int(dataset.start[row])
-    return Window(
-        samples=dataset.window(row).copy(),
-        start=start,
-        sample_rate=dataset.manifest.sample_rate,
-        has_gap=bool(dataset.has_gap[row]),
-    )
-
-
 def probability_scores(reference: NDArray[np.bool_], estimate: Floats) -> HeadScores:
     """Return accuracy, area under the ROC curve, and the accuracy of always guessing the majority class.
 
@@ -332,7 +322,7 @@ def read_in_turn(
     """Return a model's outputs for the usable windows in `rows` (n,), computed window by window.
 
     `rows` are in order of session and time. Each session is a separate stream, and features are relative to
-    its own string.
+    its own string. A model with a memory hears the windows between two rows as well; see `heard`.
 
     Raises
     ------
@@ -343,21 +333,21 @@ def read_in_turn(
     model.check(Signal(sample_rate=manifest.sample_rate, channels=manifest.channels), manifest.window)
     design = model.definition.string
     strings = retuned_strings(dataset, design) if design is not None else {}
-    tuned, state, session = model, ModelState(), -1
-    every = PackedOutputs()
-    odds: dict[int, Floats] = {}
-    for done, row in enumerate(map(int, rows), start=1):
-        if dataset.session[row] != session:
-            state, session = ModelState(), int(dataset.session[row])
-            tuned = model.tuned(strings[session]) if session in strings else model
-        (reading,) = read_all([model_input(tuned.prepared, state, window_of(dataset, row))])
-        state = reading.state
-        if reading.outputs:
-            every.append(row, reading.outputs)
-            if reading.odds is not None:
-                odds[row] = reading.odds
-        if done % 256 == 0 or done == len(rows):
-            progress("validation, window by window", done, len(rows))
+    every, odds, done = PackedOutputs(), dict[int, Floats](), 0
+    for session, own in groupby(map(int, rows), key=lambda row: int(dataset.session[row])):
+        tuned, state = (model.tuned(strings[session]) if session in strings else model), ModelState()
+        for row, window in heard(dataset, own, model.tick):
+            (reading,) = read_all([model_input(tuned.prepared, state, window)])
+            state = reading.state
+            if window.start != dataset.start[row]:
+                continue
+            if reading.outputs:
+                every.append(row, reading.outputs)
+                if reading.odds is not None:
+                    odds[row] = reading.odds
+            done += 1
+            if done % 256 == 0 or done == len(rows):
+                progress("validation, window by window", done, len(rows))
     return Replayed(outputs=every, odds=odds)
 
 
