@@ -98,17 +98,24 @@ class Augmentation(Checked):
         power = float(np.vdot(window, window))
         if not 0.0 < power < np.inf:
             return window
+        noise, ratio = _drawn(self, seeds, window.shape, sample_rate)
+        if noise is None:
+            return window
+        return mixed(window.astype(np.float64), noise, ratio).astype(np.float32)
+
+    def drawn(
+        self, seeds: tuple[int, int, int], shape: tuple[int, ...], sample_rate: int
+    ) -> tuple[Floats | None, float]:
+        """Return the noise that these seeds give, None for none, and its signal-to-noise ratio in dB."""
         stream = np.random.Generator(np.random.SFC64(np.random.SeedSequence(seeds)))
         if stream.random() >= self.share:
-            return window
+            return None, 0.0
         kinds = (*self.kinds, RECORDED) if self.recordings else self.kinds
         kind = kinds[int(stream.integers(len(kinds)))]
         ratio = stream.uniform(*self.ratios)
         if kind == RECORDED:
-            noise = self._excerpt(stream, window.shape, sample_rate)
-        else:
-            noise = NOISES[kind](stream, window.shape, float(sample_rate))
-        return mixed(window.astype(np.float64), noise, ratio).astype(np.float32)
+            return self._excerpt(stream, shape, sample_rate), ratio
+        return NOISES[kind](stream, shape, float(sample_rate)), ratio
 
     def _excerpt(self, stream: np.random.Generator, shape: tuple[int, ...], sample_rate: int) -> Floats:
         sounds = _sounds(self.recordings, sample_rate)
@@ -122,6 +129,13 @@ class Augmentation(Checked):
             if excerpt.any():
                 return np.broadcast_to(excerpt, shape)
         return NOISES["white"](stream, shape, float(sample_rate))
+
+
+@lru_cache(maxsize=1)  # some windows in turn have the same
+def _drawn(
+    noise: Augmentation, seeds: tuple[int, int, int], shape: tuple[int, ...], sample_rate: int
+) -> tuple[Floats | None, float]:
+    return noise.drawn(seeds, shape, sample_rate)
 
 
 @lru_cache(maxsize=1)
