@@ -238,22 +238,22 @@ def calibrated(
     The share `fault_share` of these windows, all ordinary, may be reported as faults. `noisy` has labels,
     logits and sessions of further, noisy windows, which the certainty of each probability covers as well.
 
-    The model reads the windows one by one, as in the live loop. Forces are scaled to the design's tension.
-    Contact is calibrated first, because some faults count in touched windows alone. The prior of a correction
-    comes from the errors after calibration.
+    The model reads the windows one by one, as in the live loop, and once: no scale changes an output, nor
+    which windows are touched. Forces are scaled to the design's tension. The prior of a correction comes from
+    the errors after calibration.
     """
     gate = model.definition.gate
     dataset, touch = with_design_forces(model, dataset), touches_of(dataset)
-    outputs = read_in_turn(model, dataset, rows, progress).outputs
+    replayed = read_in_turn(model, dataset, rows, progress)
+    outputs = replayed.outputs
     model = _with(model, gate, _calibration(model.definition, gate, dataset, outputs, touch, noisy))
     if fault_share:
-        odds = np.stack(list(read_in_turn(model, dataset, rows, progress).odds.values()))
+        odds = np.stack(list(replayed.odds.values()))
         limits = _fault_limits(odds, fault_share)
         record = FaultRecord(
             limits=tuple(limits.tolist()), measured={ORDINARY: float(np.mean((odds > limits).any(axis=1)))}
         )
         model = dataclasses.replace(model, definition=dataclasses.replace(model.definition, faults=record))
-    outputs = read_in_turn(model, dataset, rows, progress).outputs
     scores: dict[str, HeadScores] = {}
     for name in model.definition.heads:
         if name != gate:
