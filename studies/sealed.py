@@ -1,8 +1,8 @@
 """A sealed plan by group: several models' evaluations of one rendering, side by side. Simulated.
 
-    monochord collect studies/plans/sealed_13.toml --out sealed_13
-    monochord evaluate demo --sessions 'sealed_13/*.mcap' --tuned --no-baselines --out demo
-    python -m studies.sealed demo before --rows sealed_13.json
+    monochord collect studies/plans/sealed_14.toml --out sealed_14
+    monochord evaluate demo --sessions 'sealed_14/*.mcap' --tuned --no-baselines --out demo
+    python -m studies.sealed demo before --rows sealed_14.json
 
 Each folder is one that `monochord evaluate --out` wrote; its name is the model's. A group's rows are of the
 sessions that a plan names ``GROUP_NUMBER``, those of `TOGETHER` of several groups.
