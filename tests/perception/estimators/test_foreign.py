@@ -122,9 +122,7 @@ MISSED = {
     (2, "half of the bias"),
     (2, "stated errors"),
     (3, "force after"),
-    (3, "half of the bias"),
     (3, "force before"),
-    (3, "stated errors"),
 }
 """Seeds and promises that are missed: docs/ROADMAP.md."""
 
