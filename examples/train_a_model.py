@@ -3,14 +3,15 @@
 Run it: python examples/train_a_model.py
 """
 
+from itertools import groupby
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
 
 import monochord as mc
+from monochord.datasets import heard
 from monochord.perception.model import ModelState
-from monochord.perception.training.train import window_of
 
 
 def main() -> None:
@@ -24,13 +25,14 @@ def main() -> None:
         error = 1e3 * model.scores["position"]["mae"]
         print(f"simulated, on validation: {error:.1f} mm mean error of position")
 
-        dataset, state = data.dataset, ModelState()
-        errors: list[float] = []
-        for row in data.split.test.tolist():
-            state, estimates = model.step(state, window_of(dataset, row))
-            position = estimates["position"]
-            if position.valid and dataset.label("contact")[row] == 1.0:
-                errors.append(position.value - float(dataset.label("position")[row]))
+        dataset, errors = data.dataset, list[float]()
+        for _, rows in groupby(data.split.test.tolist(), dataset.session.__getitem__):
+            state = ModelState()  # each session is a stream of its own
+            for row, window in heard(dataset, rows):
+                state, estimates = model.step(state, window)
+                position = estimates["position"]
+                if position.valid and dataset.label("contact")[row] == 1.0:
+                    errors.append(position.value - float(dataset.label("position")[row]))
         size = 1e3 * np.abs(errors)  # a misread place, of which a small training has some, is far off
         print(f"test: {np.median(size):.1f} mm median error in {len(errors)} windows with a touch")
 

@@ -4,6 +4,7 @@ from monochord.datasets.audit import Audit, audit
 from monochord.datasets.augment import Augmentation
 from monochord.datasets.build import BuildOptions, Labelling, build_dataset, find_sessions
 from monochord.datasets.faults import FAULTS, Fault
+from monochord.datasets.hearing import heard
 from monochord.datasets.split import Split
 from monochord.datasets.store import Dataset, open_dataset
 from monochord.datasets.truth import MEASURED
@@ -21,5 +22,6 @@ __all__ = [
     "audit",
     "build_dataset",
     "find_sessions",
+    "heard",
     "open_dataset",
 ]
