@@ -23,7 +23,7 @@ def main() -> None:
         settings = ["optimiser.batch=64", "optimiser.epochs=20", "optimiser.decay=1.0"]
         model = mc.train(data, folder / "run", settings=settings)
         error = 1e3 * model.scores["position"]["mae"]
-        print(f"simulated, on validation: {error:.1f} mm mean error of position")
+        print(f"simulated, on validation: {error:.2f} mm mean error of position")
 
         dataset, errors = data.dataset, list[float]()
         for _, rows in groupby(data.split.test.tolist(), dataset.session.__getitem__):
@@ -34,7 +34,7 @@ def main() -> None:
                 if position.valid and dataset.label("contact")[row] == 1.0:
                     errors.append(position.value - float(dataset.label("position")[row]))
         size = 1e3 * np.abs(errors)  # a misread place, of which a small training has some, is far off
-        print(f"test: {np.median(size):.1f} mm median error in {len(errors)} windows with a touch")
+        print(f"test: {np.median(size):.2f} mm median error in {len(errors)} windows with a touch")
 
 
 if __name__ == "__main__":
