@@ -23,17 +23,18 @@ def heard(
     --------
     Of a dataset with a window every 0.1 s, ``heard(dataset, [0, 1], 0.02)`` yields rows 0, 1, 1, 1, 1, 1.
     """
-    manifest, usable, before = dataset.manifest, dataset.usable, -1
+    manifest, before, was_usable = dataset.manifest, -1, False
     size, rate = manifest.window, manifest.sample_rate
     for row in rows:
         sound = dataset.audio(int(dataset.session[row])) if audio is None else audio
         last, start, starts = int(dataset.start[before]), int(dataset.start[row]), list[int]()
-        follows = 0 <= before == row - 1 and start - last <= size and usable[before] and usable[row]
-        if tick is not None and follows:
+        usable = not (dataset.has_gap[row] or dataset.not_finite[row])
+        follows = before == row - 1 and start - last <= size
+        if tick is not None and follows and usable and was_usable:
             numbers = range(int(last / (tick * rate)), int(start / (tick * rate)) + 1)
             between = (round(number * tick * rate) for number in numbers)
             starts = [at for at in between if last < at < start]
         for at in (*starts, start):
             samples = np.array(sound[:, at : at + size], np.float32)
             yield row, Window(samples=samples, start=at, sample_rate=rate, has_gap=bool(dataset.has_gap[row]))
-        before = row
+        before, was_usable = row, usable
