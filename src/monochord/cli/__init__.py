@@ -12,6 +12,7 @@ fast: a command's module loads when the command is used.
 
 import ast
 import errno
+import gc
 import os
 import signal
 import sys
@@ -120,6 +121,7 @@ def main(arguments: list[str] | None = None) -> None:
     status = run(sys.argv[1:] if arguments is None else arguments, lambda: _take_signals(_raise))
     _take_signals(_end_at_once)  # the work is over, and the interpreter takes its time to end
     if status == INTERRUPTED:  # whatever an interruption left half loaded need not be taken down
+        gc.collect()  # a pool's semaphores: else multiprocessing warns that they leak
         _forget_output()
         os._exit(status)
     sys.exit(status)

@@ -241,7 +241,8 @@ def _pool(
 ) -> Generator[dict[Future[Result], int]]:
     """Yield the futures of jobs with their numbers, and end the processes afterwards."""
     number = min(workers, len(jobs))
-    pool = ProcessPoolExecutor(number, multiprocessing.get_context("spawn"), initializer=prepare)
+    with shielded():
+        pool = ProcessPoolExecutor(number, multiprocessing.get_context("spawn"), initializer=prepare)
     try:
         with shielded(), one_thread_each(), without_main():
             packed = pack(work)
@@ -255,11 +256,14 @@ def _end(pool: ProcessPoolExecutor) -> None:
     """End the processes of a pool, whatever they do."""
     with shielded():
         processes = list((pool._processes or {}).values())  # noqa: SLF001  (no other way to end one)
+        manager: Any = pool._executor_manager_thread  # noqa: SLF001  (shutdown forgets it)
         pool.shutdown(wait=False, cancel_futures=True)
         for process in processes:
             process.kill()
         for process in processes:
             process.join()
+        if manager is not None:
+            manager.join()
 
 
 def _results(client: Any, jobs: Sequence[Job], work: Callable[[Job], Result]) -> Iterator[tuple[Job, Result]]:
