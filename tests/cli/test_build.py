@@ -13,7 +13,9 @@ from tests.cli.running import Capture, record, refusal
 from monochord.cli import run
 from monochord.core.ownership import LOCK, part_folder
 from monochord.core.types import Block
+from monochord.datasets.audit import Audit
 from monochord.datasets.store import open_dataset
+from monochord.front.build import build
 from monochord.sessions import Description, SessionClock, SessionWriter, read_session
 from monochord.sessions.resample import resample
 
@@ -99,6 +101,18 @@ def test_a_leak_fails(sessions: Path, tmp_path: Path, capsys: Capture) -> None:
     assert re.search(r"leak: .*take1 and take9", captured.out)
     assert captured.err.count("\n") == 1
     assert run(["audit", str(tmp_path / "out")]) == 2
+
+
+def test_an_interrupt_within_the_audit_leaves_nothing(
+    sessions: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: object) -> Audit:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("monochord.front.build.audit", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        build(sessions, tmp_path / "out")
+    assert [path.name for path in tmp_path.iterdir()] == ["sessions"]
 
 
 def test_a_session_that_cannot_be_used_is_told_in_one_line(

@@ -13,6 +13,7 @@ from monochord.capture.recording import record
 from monochord.capture.recording.settings import RecordingJob
 from monochord.capture.sources.wav import Wav
 from monochord.cli import run
+from monochord.perception.estimators.model import ModelEstimator
 from monochord.sessions import read_session
 from monochord.sessions.resample import resample
 
@@ -51,6 +52,14 @@ def test_it_answers_at_any_rate_as_at_its_own(rate: int) -> None:
     assert np.isfinite(errors).all()
     assert np.median(errors) < 3e-4
     assert max(errors) < 2e-3
+
+
+def test_a_loaded_model_answers_as_the_one_that_is_named() -> None:
+    sound, _ = take(48000)
+    named = answers(sound, sample_rate=48000, model="demo")
+    assert len(named) == 191
+    assert answers(sound, sample_rate=48000, model=mc.load("demo")) == named
+    assert answers(sound, sample_rate=48000, model=ModelEstimator(path=Path("demo"))) == named
 
 
 def test_a_recording_keeps_its_rate_and_its_replay_has_the_same_bits(tmp_path: Path) -> None:

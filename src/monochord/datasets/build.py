@@ -179,6 +179,7 @@ def build_dataset(
     progress: Progress = lambda *_: None,
     listen: Listen = recorded_tension,
     *,
+    finish: Callable[[Dataset], None] = lambda _: None,
     workers: int | None = 1,
     cluster: str = "",
 ) -> Dataset:
@@ -201,6 +202,8 @@ def build_dataset(
         Called before each session, and at the end.
     listen
         Returns the tension of a session's string from its sound, its string and the recorded tension.
+    finish
+        Called with the complete dataset before it gets its name; what is written into its folder stays there.
     workers, cluster
         As in `monochord.core.workers.run_all`; None uses this process for fewer than `MANY` sessions.
 
@@ -241,6 +244,7 @@ def build_dataset(
                 places[job.number] = file.tell(), file.write(msgspec.msgpack.encode(each))
                 progress(names[done], done, len(files))
             _write(part, options, ((job, _contribution(file, *places[job.number])) for job in jobs))
+        finish(open_dataset(part))
         part.rename(out)
     return open_dataset(out)
 

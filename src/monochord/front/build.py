@@ -13,7 +13,7 @@ from monochord.core.ranges import Count, Positive, Seed, checked
 from monochord.core.types import Progress
 from monochord.core.units import Seconds
 from monochord.core.workers import refuse_both
-from monochord.datasets.audit import audit
+from monochord.datasets.audit import Audit, audit
 from monochord.datasets.build import (
     BuildOptions,
     Labelling,
@@ -24,10 +24,12 @@ from monochord.datasets.build import (
 from monochord.datasets.split import (
     PARTS,
     SPLIT_FILE,
+    Split,
     refuse_impossible,
     refuse_too_few,
     split_dataset,
 )
+from monochord.datasets.store import Dataset
 from monochord.lab.offline import CollectedSession
 from monochord.perception.data import LabelledData
 from monochord.perception.tuning.sessions import estimate_tension
@@ -173,21 +175,30 @@ def built(
         sensor=str(sensor or ""),
         sample_rate=rate,
     )
+    ended: list[tuple[Split, Audit] | InputError] = []
+
+    def finish(dataset: Dataset) -> None:
+        by = split or _default_split(len(dataset.manifest.parts))
+        try:
+            made = split_dataset(dataset, by=by, seed=seed, held_out=held_out)
+        except InputError as error:  # the dataset is kept: building it took the time
+            remedy = f"{error.remedy}; {out} stands without a split".removeprefix("; ")
+            ended.append(InputError(error.given, error.expected, remedy))
+        else:
+            made.write(dataset.path / SPLIT_FILE)
+            ended.append((made, audit(dataset, made)))
+
     with progress_bar(progress=progress) as report:
         dataset = build_dataset(
-            files, folder, options, report, estimate_tension, workers=workers, cluster=cluster
+            files, folder, options, report, estimate_tension, finish=finish, workers=workers, cluster=cluster
         )
     for line in dataset.manifest.refused.values():
         note(f"left out: {line}")
-    by = split or _default_split(len(dataset.manifest.parts))
-    try:
-        made = split_dataset(dataset, by=by, seed=seed, held_out=held_out)
-    except InputError as error:
-        remedy = f"{error.remedy}; {out} stands without a split".removeprefix("; ")
-        raise InputError(error.given, error.expected, remedy) from error
-    file = dataset.path / SPLIT_FILE
-    made.write(file)
-    return LabelledData(dataset=dataset, split=made, audit=audit(dataset, made), split_file=file)
+    (end,) = ended
+    if isinstance(end, InputError):
+        raise end
+    made, leaks = end
+    return LabelledData(dataset=dataset, split=made, audit=leaks, split_file=dataset.path / SPLIT_FILE)
 
 
 def session_names(sessions: Sessions) -> list[str]:

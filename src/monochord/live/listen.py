@@ -32,7 +32,8 @@ from monochord.live.update import Update
 from monochord.perception.estimators import ESTIMATORS
 from monochord.perception.estimators._loaded import LoadedModel
 from monochord.perception.estimators.base import Estimator
-from monochord.perception.model import Model, load
+from monochord.perception.estimators.model import ModelEstimator
+from monochord.perception.model import Model
 from monochord.physics.twin.virtual_sensor import VirtualSensor
 from monochord.physics.twin.virtual_sensors import VirtualSensors
 
@@ -167,8 +168,9 @@ def live_run(
     strings: Mapping[str, StringSettings] = ONE_STRING,
 ) -> LiveRun:
     """Return the run of `listen` for its arguments, of several `strings` where they are given."""
-    estimator, length = _estimator(model)
-    settings = WindowSettings(length=length if window is None else window, hop=hop)
+    estimator = _estimator(model)
+    length = estimator.window if window is None else window
+    settings = WindowSettings(hop=hop) if length is None else WindowSettings(length=length, hop=hop)
     run = LiveRun(
         source=source_of(source, options, settings, seconds),
         estimator=estimator,
@@ -226,13 +228,12 @@ def _array_source(
     return ArraySource(samples=samples, sample_rate=sample_rate, block=max(hop, 1))
 
 
-def _estimator(model: Answering) -> tuple[Estimator, Seconds]:
-    """Return an estimator and its window length."""
-    if isinstance(model, Model):
-        return LoadedModel(loaded=model), model.definition.window / model.definition.sample_rate
+def _estimator(model: Answering) -> Estimator:
+    """Return the estimator that an answer is asked of: itself, or by a model or a name."""
     if isinstance(model, Estimator):
-        return model, WindowSettings().length
+        return model
+    if isinstance(model, Model):
+        return LoadedModel(loaded=model)
     if isinstance(model, str) and model.replace("-", "_") in set(ESTIMATORS.names()) - {MODEL}:
-        return ESTIMATORS.build(model), WindowSettings().length
-    definition = load(model).definition
-    return ESTIMATORS.build(MODEL, {"path": str(model)}), definition.window / definition.sample_rate
+        return ESTIMATORS.build(model)
+    return ModelEstimator(path=Path(model))

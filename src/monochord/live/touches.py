@@ -12,9 +12,8 @@ from monochord.live.events import Event
 from monochord.live.filter import CONTACT
 from monochord.live.listen import source_of
 from monochord.live.loop import opened
-from monochord.live.settings import MODEL, LiveRun, WindowSettings
-from monochord.perception.estimators import ESTIMATORS
-from monochord.perception.model import load
+from monochord.live.settings import LiveRun, WindowSettings
+from monochord.perception.estimators.model import ModelEstimator
 from monochord.sessions import read_session
 
 SHORTEST: Seconds = 0.2
@@ -39,11 +38,11 @@ def touch_spans(
     recording does not name it. Raises `InputError` where one of them cannot be used, or no touch lasts for
     `SHORTEST`.
     """
-    definition = load(model).definition
-    length: Seconds = definition.window / definition.sample_rate
+    estimator = ModelEstimator(path=Path(model))
+    length = estimator.window
     setup = LiveRun(
         source=source_of(recording, {}),
-        estimator=ESTIMATORS.build(MODEL, {"path": str(model)}),
+        estimator=estimator,
         window=WindowSettings(length=length),
         sensor=sensor,
     )

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from monochord.core.types import Estimates, Prepared, Signal, Window
 from monochord.core.units import Samples, Seconds
 from monochord.perception.estimators.base import Estimator
-from monochord.perception.estimators.model import all_at_once
 from monochord.perception.model import Model
+from monochord.perception.model.stepping import step_all
+from monochord.perception.model.stream import ModelStream
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -15,6 +16,16 @@ class LoadedModel(Estimator):
     """The estimator `model` of a model that is loaded already."""
 
     loaded: Model
+
+    @property
+    def sample_rate(self) -> int:
+        """The rate of the model's training, in Hz."""
+        return self.loaded.definition.sample_rate
+
+    @property
+    def window(self) -> Seconds:
+        """The length in s of the windows of the model's training."""
+        return self.loaded.definition.window / self.sample_rate
 
     @property
     def tick(self) -> Seconds | None:
@@ -27,4 +38,8 @@ class LoadedModel(Estimator):
 
     def estimate_all(self, prepared: Sequence[Prepared], windows: Sequence[Window]) -> list[Estimates]:
         """Return the estimates for one window of each of several strings; all heads are computed at once."""
-        return all_at_once(self, prepared, windows)
+        streams = [each for each in prepared if isinstance(each, ModelStream)]
+        if len(streams) != len(prepared) or len(streams) < 2:
+            return Estimator.estimate_all(self, prepared, windows)
+        inputs = [stream.before(window) for stream, window in zip(streams, windows, strict=True)]
+        return [stream.after(*each) for stream, each in zip(streams, step_all(inputs), strict=True)]

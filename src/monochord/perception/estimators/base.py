@@ -62,6 +62,11 @@ class Estimator(Checked, ABC):
         return None
 
     @property
+    def window(self) -> Seconds | None:
+        """Length in s of the windows that it learned with, None for any."""
+        return None
+
+    @property
     def tick(self) -> Seconds | None:
         """Time in s between the windows that its memory learned with, None for none.
 
