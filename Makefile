@@ -8,6 +8,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
+PACKAGE_INSTALLED := $(VENV)/.installed-package
 DEMO_INSTALLED := $(VENV)/.installed-demo
 DOCS_INSTALLED := $(VENV)/.installed-docs
 ROS := .venv-ros
@@ -42,9 +43,12 @@ $(BIN)/python:
 	@echo "making $(VENV)"; $(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); exit 1; }
 
 # What is installed is not compiled to bytecode ahead: that takes as long again, for modules of which few are used.
-$(DEMO_INSTALLED): pyproject.toml $(VERSIONS) | system $(BIN)/python
+$(PACKAGE_INSTALLED): pyproject.toml $(VERSIONS) | system $(BIN)/python
 	@echo "installing Monochord into $(VENV)"
 	@$(INSTALL) --editable .
+	@touch $@
+
+$(DEMO_INSTALLED): $(PACKAGE_INSTALLED)
 	@echo "compiling the kernels, once"
 	@$(BIN)/python -m monochord.cli._compile
 	@touch $@
@@ -52,18 +56,19 @@ $(DEMO_INSTALLED): pyproject.toml $(VERSIONS) | system $(BIN)/python
 # PyTorch first and from its own index of builds for the CPU: from the default one it brings gigabytes for a graphics
 # card. Where such a build lies in a folder that pip is set to look into, it is installed from there, and nothing waits
 # for the index. What PyTorch depends on comes with the next line.
-$(INSTALLED): pyproject.toml packages/monochord-encoders/pyproject.toml $(VERSIONS) | $(DEMO_INSTALLED)
+$(INSTALLED): pyproject.toml packages/monochord-encoders/pyproject.toml $(VERSIONS) | $(PACKAGE_INSTALLED)
 	@echo "installing its development tools into $(VENV)"
 	@$(INSTALL) --no-deps --no-index '$(TORCH)+cpu' 2>/dev/null || $(INSTALL) --no-deps --index-url $(TORCH_INDEX) '$(TORCH)'
 	@$(INSTALL) --editable '.[$(EXTRAS)]' $(PACKAGES)
-	@$(BIN)/python -m monochord.cli._compile pitch
+	@echo "compiling the kernels for tests, once"
+	@$(BIN)/python -m tests.processor
 	@touch $@
 
 $(DOCS_INSTALLED): pyproject.toml $(VERSIONS) | $(INSTALLED)
 	@$(INSTALL) --editable '.[docs]'
 	@touch $@
 
-install: system $(INSTALLED) ## Set everything up: Debian packages, .venv, Monochord itself
+install: system $(INSTALLED) $(DEMO_INSTALLED) ## Set everything up: Debian packages, .venv, Monochord itself
 
 constraints: | $(BIN)/python ## Renew constraints.txt: the newest versions that pyproject.toml allows; installs nothing
 	@$(PIP) install --dry-run --ignore-installed --report $(VENV)/versions.json \
@@ -81,7 +86,7 @@ endef
 export LIST_VERSIONS
 
 # Types take longer than all else together: the two run side by side, and both are told whatever comes of one.
-check: install ## Linter, format, types, layers, docstrings, spelling, security, repository rules
+check: system $(INSTALLED) ## Linter, format, types, layers, docstrings, spelling, security, repository rules
 	@$(MAKE) --no-print-directory --jobs 2 --keep-going --output-sync types rules
 
 types: # Two threads: more of them read most of the files again, each with 3 GB
@@ -96,7 +101,7 @@ rules: # All of make check but types
 	$(BIN)/bandit --quiet --recursive --configfile pyproject.toml src packages
 	$(BIN)/pytest --quiet $(REPOSITORY_RULES)
 
-format: install ## Put the code in the house format and fix what the linter can
+format: system $(INSTALLED) ## Put the code in the house format and fix what the linter can
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format
 
@@ -111,17 +116,17 @@ $(BIN)/pytest -m "$(1)real_time" tests || status=1; \
 tail -n +1 -f --pid=$$others $(VENV)/tests.log; wait $$others || status=1; exit $$status
 endef
 
-test: install $(ROS)/.installed ## Every test but the slow ones
+test: system $(INSTALLED) $(ROS)/.installed ## Every test but the slow ones
 	@$(call RUN_TESTS,not slow and )
 
 slow-tests: # What slow tests use of Debian: Chromium, which opens the page, and PipeWire
 	@PYTHON="$(PYTHON)" .ci/system-packages browser pipewire
 
-test-all: install ros slow-tests ## Every test
+test-all: system $(INSTALLED) ros slow-tests ## Every test
 	@$(call RUN_TESTS,)
 
 FUZZ_SECONDS ?= 60
-fuzz: install ## Every reader and parser fed with damaged and made-up input; FUZZ_SECONDS=60 for each
+fuzz: system $(INSTALLED) ## Every reader and parser fed with damaged and made-up input; FUZZ_SECONDS=60 for each
 	$(BIN)/python -m tests.fuzz --seconds $(FUZZ_SECONDS)
 
 bench: install ## Every benchmark, each beside its baseline

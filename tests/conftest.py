@@ -19,6 +19,7 @@ import pytest
 import soundfile
 from hypothesis import settings
 from tests.networks import Networks, NoNetworkError, two_networks
+from tests.processor import COMPILED_FOR
 
 from monochord.capture.jack.server import JackServer
 
@@ -53,6 +54,10 @@ SERVERS = 4  # JACK's registry has room for eight on a machine
 
 
 PLACES = tuple(Path(__file__).parent / name for name in REAL_TIME)
+
+
+def pytest_report_header() -> str:
+    return f"kernels compiled for {COMPILED_FOR.get('NUMBA_CPU_NAME', 'this processor')}"
 
 
 def _runs_alone(file: Path) -> bool:

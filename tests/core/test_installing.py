@@ -192,14 +192,14 @@ def test_make_asks_the_index_only_where_no_build_for_the_cpu_is_at_hand(
     (venv / "bin").mkdir(parents=True)
     (venv / "bin" / "python").write_text(PIP, encoding="utf-8")
     (venv / "bin" / "python").chmod(0o755)
-    (venv / ".installed-demo").touch()
+    (venv / ".installed-package").touch()
     given = {"LOG": str(tmp_path / "log"), "WITHOUT_INDEX": str(int(not lies_here))}
     command = [
         "make",
         "--silent",
         f"VENV={venv}",
         "--assume-old=system",
-        f"--assume-old={venv}/.installed-demo",
+        f"--assume-old={venv}/.installed-package",
     ]
     subprocess.run([*command, f"{venv}/.installed"], cwd=ROOT, env=os.environ | given, check=True)
     lines = [line for line in (tmp_path / "log").read_text(encoding="utf-8").splitlines() if "torch" in line]

@@ -48,7 +48,7 @@ def test_every_estimate_is_the_same(
     assert run(["evaluate", *options, "--sessions", str(session), "--out", str(tmp_path / "report")]) == 0
     results = read_results(tmp_path / "report" / "results.npz")
     capsys.readouterr()
-    assert run(["live", *options, str(session), "--source", "session", "--hop", "0.1", "--json"]) == 0
+    assert run(["live", *options, str(session), "--source", "session", "--hop", "0.02", "--json"]) == 0
     lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     line_of = {round(line["time"] * 44100): line for line in lines}
     starts = np.rint(results.start * 44100).astype(int).tolist()

@@ -1,6 +1,7 @@
 """A session as it is written: whole after every flush and on every full disk, and on the disk at its end."""
 
 import errno
+import gc
 import os
 import resource
 import subprocess
@@ -60,6 +61,16 @@ def test_what_was_flushed_is_readable_without_closing(tmp_path: Path, *, flushed
     writer.close()
     assert read_session(path).complete
     assert read_session(path).audio.samples.shape[1] == 44641
+
+
+def test_a_writer_that_is_dropped_lets_its_file_go(tmp_path: Path) -> None:
+    writer = make(tmp_path / "a.mcap", seconds=1.0, close=False)
+    with pytest.raises(InputError, match="writ"):
+        recover(tmp_path / "a.mcap")
+    del writer
+    gc.collect()
+    recover(tmp_path / "a.mcap")
+    assert read_session(tmp_path / "a.mcap").audio.samples.shape[1] == RATE + 100  # a gap
 
 
 def test_its_end_is_on_the_disk_when_it_is_closed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,6 +12,7 @@ from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
+from weakref import finalize
 
 from monochord.core.errors import InputError
 from monochord.core.files import refuse_endless, synced, written
@@ -47,6 +48,7 @@ class SessionFile:
             raise InputError(f"file {path} (exists)", "a new file", "choose another name") from error
         except OSError as error:
             raise InputError(f"file {path} ({error.strerror})", "a writable file") from error
+        self._release = finalize(self, os.close, self._handle)  # the lock, too, of a writer that is dropped
         lock(self._handle)  # nobody else can have one that is new
         _sync_name(path)
         self.reserve()
@@ -100,7 +102,7 @@ class SessionFile:
             try:
                 os.ftruncate(handle, self._size)
             finally:
-                os.close(handle)
+                self._release()
 
 
 def size_limit() -> int:
