@@ -32,7 +32,6 @@ from monochord.live.update import Update
 from monochord.perception.estimators import ESTIMATORS
 from monochord.perception.estimators._loaded import LoadedModel
 from monochord.perception.estimators.base import Estimator
-from monochord.perception.estimators.model import ModelEstimator
 from monochord.perception.model import Model
 from monochord.physics.twin.virtual_sensor import VirtualSensor
 from monochord.physics.twin.virtual_sensors import VirtualSensors
@@ -236,4 +235,4 @@ def _estimator(model: Answering) -> Estimator:
         return LoadedModel(loaded=model)
     if isinstance(model, str) and model.replace("-", "_") in set(ESTIMATORS.names()) - {MODEL}:
         return ESTIMATORS.build(model)
-    return ModelEstimator(path=Path(model))
+    return ESTIMATORS.build(MODEL, {"path": str(model)})

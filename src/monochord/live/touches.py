@@ -13,7 +13,8 @@ from monochord.live.filter import CONTACT
 from monochord.live.listen import source_of
 from monochord.live.loop import opened
 from monochord.live.settings import LiveRun, WindowSettings
-from monochord.perception.estimators.model import ModelEstimator
+from monochord.perception.estimators._loaded import LoadedModel
+from monochord.perception.model import load
 from monochord.sessions import read_session
 
 SHORTEST: Seconds = 0.2
@@ -38,11 +39,11 @@ def touch_spans(
     recording does not name it. Raises `InputError` where one of them cannot be used, or no touch lasts for
     `SHORTEST`.
     """
-    estimator = ModelEstimator(path=Path(model))
-    length = estimator.window
+    learned = load(model)
+    length: Seconds = learned.definition.window / learned.definition.sample_rate
     setup = LiveRun(
         source=source_of(recording, {}),
-        estimator=estimator,
+        estimator=LoadedModel(loaded=learned),
         window=WindowSettings(length=length),
         sensor=sensor,
     )
