@@ -5,11 +5,14 @@
 """
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
+
+from tests.processor import COMPILED_FOR
 
 import monochord as mc
 
@@ -24,7 +27,7 @@ def scores(folder: Path) -> dict[str, Any]:
     A process of its own collects: the last bits of the twin depend on what the compiler has seen before it.
     """
     command = [sys.executable, "-m", "monochord", "collect", str(PLAN), "--out", str(folder)]
-    subprocess.run(command, check=True, capture_output=True)
+    subprocess.run(command, check=True, capture_output=True, env=os.environ | COMPILED_FOR)
     files = str(folder / "*.mcap")
     reports = {
         "demo": mc.evaluate("demo", sessions=files, tuned=True, baselines=False),
