@@ -35,7 +35,7 @@ REAL_TIME = (
     "capture/recording/test_loop.py", "capture/recording/test_opening.py",
     "capture/recording/test_pumps.py", "capture/sources/test_jack.py",
     "capture/sources/test_soundcard.py", "e2e/faults", "e2e/test_jack.py", "e2e/test_live_jack.py",
-    "e2e/test_live_model.py", "e2e/test_own_sensor.py", "e2e/test_pipewire.py", "e2e/test_record_jack.py",
+    "e2e/test_live_model.py", "e2e/test_live_rates.py", "e2e/test_own_sensor.py", "e2e/test_pipewire.py", "e2e/test_record_jack.py",
     "e2e/test_soak.py",
     "studies/test_encoder_speed.py", "studies/test_fdtd.py",
     "studies/test_feature_speed.py", "studies/test_strings_cost.py", "studies/test_strings_speed.py",
