@@ -42,20 +42,7 @@ def steady() -> np.ndarray:
     return sounding(TOTAL, build=1)
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(
-            name,
-            marks=pytest.mark.xfail(
-                reason="exchanged microphones are not noticed (docs/ROADMAP.md)", strict=True
-            ),
-        )
-        if name == "microphones exchanged"
-        else name
-        for name in BY_NAME
-    ],
-)
+@pytest.mark.parametrize("name", BY_NAME)
 def test_a_fault_of_the_sound_is_named_and_outlived(
     play: Any, tmp_path: Path, steady: np.ndarray, start_live: StartLive, name: str
 ) -> None:

@@ -4,7 +4,9 @@ import dataclasses
 
 import numpy as np
 import pytest
+from tests.twins import sound_of
 
+import monochord as mc
 from monochord.core.errors import InputError
 from monochord.core.reasons import Reason
 from monochord.datasets.faults import FAULTS as SIMULATED
@@ -20,6 +22,7 @@ from monochord.perception.model.faults import (
 from monochord.perception.model.network import HeadOutput
 from monochord.perception.model.stepping import WindowReading, estimates_in
 from monochord.perception.reader import KINDS
+from monochord.physics.twin.virtual_sensor import VirtualSensor
 
 COUNT = len(NAMES)
 
@@ -132,3 +135,23 @@ def test_a_feature_without_kinds_tells_no_faults(drawn: Model) -> None:
     definition = dataclasses.replace(drawn.definition, faults=FaultRecord(limits=(1.0,) * COUNT))
     with pytest.raises(InputError, match="'kind ordinary'"):
         _ = definition.fault_columns
+
+
+@pytest.mark.parametrize("build", [1, 131, 300])
+def test_a_touch_is_told_again_once_a_fault_has_passed(build: int) -> None:
+    rate, place, begin, end = 44100, 0.08, 3.0, 5.0
+    twin = VirtualSensor("prototype", seed=1, build=build, world="plausible")
+    sound, _ = sound_of(twin, 1.5, (place, 1.0), 5.5, material="plastic")
+    during = slice(round(begin * rate), round(end * rate))
+    spoilt = {
+        "clipped": np.clip(4.0 * sound / np.abs(sound).max(), -1.0, 1.0),
+        "microphone 1": sound * np.array([[0.0], [1.0]], np.float32),
+        "microphone 2": sound * np.array([[1.0], [0.0]], np.float32),
+    }
+    for name, bad in spoilt.items():
+        take = sound.copy()
+        take[:, during] = bad[:, during]
+        told = [(each.time, each.position) for each in mc.listen(take, sample_rate=rate, sensor="prototype")]
+        assert not any(x.valid for time, x in told if begin + 0.3 < time < end - 0.1), name
+        after = [abs(float(x) - place) < 2e-3 for time, x in told if time > end + 0.3]
+        assert np.mean(after) > 0.98, name

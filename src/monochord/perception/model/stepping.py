@@ -22,8 +22,6 @@ from monochord.perception.usable import unusable_reason
 EDGE_DEVIATIONS, MAX_EDGE = 2.0, 1e-3
 """Number of standard errors, and largest distance in m, by which the estimate of a touch at an end of the
 sensing range may lie outside."""
-UNUSABLE = (Reason.GAP, Reason.SILENCE, Reason.NOT_NUMBERS)
-"""Reasons that make a window unusable for a model. Clipped windows are usable: training includes them."""
 
 
 class ModelInput(NamedTuple):
@@ -98,9 +96,11 @@ def model_input(
 
 
 def _unusable_reason(model: PreparedModel, window: Window) -> Reason:
-    """Return why a window cannot be used; empty if it can."""
-    reason = unusable_reason(window)
-    if reason in UNUSABLE:
+    """Return why a window cannot be used; empty if it can.
+
+    A memory that heard a clipped window would take the ones after it for clipped, too.
+    """
+    if reason := unusable_reason(window):
         return reason
     samples = window.samples
     power = float(np.vdot(samples, samples)) / samples.size

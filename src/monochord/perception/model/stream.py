@@ -36,7 +36,7 @@ class ModelStream(ABC):
     """
 
     def __init__(self) -> None:
-        self._microphones, self._inputs_reason = Microphones(), ""
+        self._microphones = Microphones()
 
     def __call__(self, window: Window) -> Estimates:
         """Return the estimates of the next window."""
@@ -57,21 +57,15 @@ class ModelStream(ABC):
     def before(self, window: Window) -> ModelInput:
         """Return a window as input of the model that is applied to it."""
         window_input, inputs = self._input(window), self._microphones(window)
-        self._inputs_reason = "" if window_input.reason else inputs.reason
-        return window_input
+        return window_input._replace(reason=window_input.reason or inputs.reason)
 
+    @abstractmethod
     def after(self, state: ModelState, estimates: Estimates) -> Estimates:
         """Store the state after a window, and return the window's estimates."""
-        estimates = self._estimates(state, estimates)
-        return _abstaining(estimates, self._inputs_reason) if self._inputs_reason else estimates
 
     @abstractmethod
     def _input(self, window: Window) -> ModelInput:
         """Return a window as input of the model that is applied to it."""
-
-    @abstractmethod
-    def _estimates(self, state: ModelState, estimates: Estimates) -> Estimates:
-        """Store the state after a window, and return the estimates of two microphones."""
 
 
 class FixedPitchStream(ModelStream):
@@ -89,7 +83,7 @@ class FixedPitchStream(ModelStream):
         """Return the window as input of the model."""
         return model_input(self._model, self._state, window)
 
-    def _estimates(self, state: ModelState, estimates: Estimates) -> Estimates:
+    def after(self, state: ModelState, estimates: Estimates) -> Estimates:
         """Store the state, and return the estimates unchanged."""
         self._state = state
         return estimates
@@ -129,7 +123,7 @@ class FollowedPitchStream(ModelStream, Watching):
         self._follow(tuning)
         return model_input(self._model, self._state, window, window_input.spectrum)
 
-    def _estimates(self, state: ModelState, estimates: Estimates) -> Estimates:
+    def after(self, state: ModelState, estimates: Estimates) -> Estimates:
         """Store the state, and return the estimates; abstentions if the pitch cannot be followed.
 
         Under a touch they are abstentions, too, in a stream whose untouched string was not heard.
