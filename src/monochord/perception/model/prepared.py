@@ -77,9 +77,13 @@ class PreparedModel:
 
     @cached_property
     def corrections(self) -> dict[str, Correction]:
-        """The corrections, by head; heads without a correction are absent."""
+        """The corrections, by head, their kernels compiled; heads without a correction are absent."""
         names = self.definition.heads
-        return {name: correction for name in names if (correction := self.correction(name))}
+        found = {name: correction for name in names if (correction := self.correction(name))}
+        for name, correction in found.items():  # else the first touch of a stream would wait for them
+            if count := len(self.variables[name][0]):
+                correction.error(np.zeros(count))
+        return found
 
     def correction(self, name: str) -> Correction | None:
         """Return the correction of a head, None if it has none; raises `InputError` for an unknown head."""
