@@ -39,11 +39,11 @@ def touch_spans(
     recording does not name it. Raises `InputError` where one of them cannot be used, or no touch lasts for
     `SHORTEST`.
     """
-    learned = load(model)
-    length: Seconds = learned.definition.window / learned.definition.sample_rate
+    estimator = LoadedModel(loaded=load(model))
+    length = estimator.window
     setup = LiveRun(
         source=source_of(recording, {}),
-        estimator=LoadedModel(loaded=learned),
+        estimator=estimator,
         window=WindowSettings(length=length),
         sensor=sensor,
     )
