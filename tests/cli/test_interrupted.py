@@ -76,7 +76,9 @@ def test_it_ends_the_same_way_whenever_it_comes(
         if command == "build":
             assert [path for path in tmp_path.iterdir() if "out" in path.name] in ([], [out])
             if out.exists():  # whole, split and audited: what is left was to say so
-                assert load_dataset(out).split
+                data = load_dataset(out)
+                data.dataset.verify()
+                assert data.split
                 break
         if command == "collect":
             assert all(check(path).sound for path in out.glob("*"))  # those that were done stay
