@@ -7,16 +7,17 @@ common, and those of one are the other's, moved by the ratio of the rates.
 """
 
 from collections.abc import Iterable
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from monochord.core.clock import RATE_RATIOS
 from monochord.core.inputs import MIN_LOOKS, Inputs, InputState
+from monochord.core.kernels import kernel, part
 from monochord.core.shapes import sound
 from monochord.core.silence import SILENT_LEVEL
-from monochord.core.types import Audio, Flags, Floats, Window
+from monochord.core.types import Audio, Flags, Floats, Indices, Window
 from monochord.core.units import Hertz, Seconds
 from monochord.dsp.levels import MAINS
 
@@ -88,13 +89,9 @@ def compare_inputs(samples: Audio, sample_rate: int) -> Inputs:
     >>> compare_inputs(np.stack((one + two, np.ones(4410))), 44100).name
     'FIRST'
     """
-    both = sound(samples, 2).astype(np.float64)
-    if not np.isfinite(both).all():
-        return Inputs.UNKNOWN
-    both -= both.mean(axis=1, keepdims=True)
-    levels = both.std(axis=1)
+    both, levels = _centred(sound(samples, 2))
     louder = int(levels.argmax())
-    if levels[louder] < SILENT_LEVEL:
+    if not np.isfinite(levels).all() or levels[louder] < SILENT_LEVEL:
         return Inputs.UNKNOWN
     spectrum, quieter = _Spectrum(both, sample_rate), levels[1 - louder]
     is_unused = quieter < UNUSED_RATIO * levels[louder] and not spectrum.is_hum[louder]
@@ -176,7 +173,7 @@ def inputs_of(pieces: Iterable[Audio], sample_rate: int) -> Inputs:
 
 
 class _Spectrum:
-    """The spectra (2, bins) of a look, with their noise and lines."""
+    """The spectra (2, bins) of a look, and their lines."""
 
     def __init__(self, both: Floats, sample_rate: int) -> None:
         size = both.shape[1]
@@ -186,10 +183,9 @@ class _Spectrum:
         bands = max(int((min(HIGHEST, 0.45 * sample_rate) - LOWEST) / NEIGHBOURHOOD), 1)
         bins = slice(self._first, self._first + bands * self._width)
         taper = _taper(size)
-        self._values = np.fft.rfft(both * taper, axis=1)[:, bins] * (2.0 / taper.sum())
+        self._values = np.fft.rfft(both * taper)[:, bins] * (2.0 / taper.sum())
         self._power = _power_of(self._values)
-        self._noise = self._noise_of(self._power)
-        lines = [self._lines_of(*each) for each in zip(self._power, self._noise, strict=True)]
+        lines = [_lines_of(power, self._width, CLEAR) for power in self._power]
         self._lines = [self._other_than_hum(*each) for each in zip(self._values, lines, strict=True)]
         self.has_string = [string.size > 0 for string in self._lines]
         self.is_hum = [every.size > string.size for every, string in zip(lines, self._lines, strict=True)]
@@ -202,7 +198,7 @@ class _Spectrum:
 
     def explains(self, channel: int) -> bool:
         """Return whether a multiple of the other channel is nearly all that is in this one's lines."""
-        for bins in self._shared_bins():
+        for bins in self._shared_bins:
             here, other = self._values[channel][bins], self._values[1 - channel][bins]
             rest = here - self._multiple(channel, bins) * other
             if _power_of(rest).sum() < MAX_REST * _power_of(here).sum():
@@ -219,12 +215,11 @@ class _Spectrum:
 
     def is_deaf(self, channel: int) -> bool:
         """Return whether a channel does not hear the other's lines, though they are strong enough."""
-        lines, power = self._lines[1 - channel], self._power[1 - channel]
-        heard, noise = self._power[channel], self._noise[channel]
-        lines = lines[LEAST_CROSSTALK * power[lines] > PRESENT * noise[lines]]
+        lines, power, heard = self._lines[1 - channel], self._power[1 - channel], self._power[channel]
+        lines = lines[_would_stand_out(LEAST_CROSSTALK * power[lines], lines, heard, self._width, PRESENT)]
         if not lines.size:
             return False
-        there = self._frequency(self._values[channel], self._lines_of(heard, noise, PRESENT))
+        there = self._frequency(self._values[channel], _lines_of(heard, self._width, PRESENT))
         sent = self._frequency(self._values[1 - channel], lines)
         present = (np.abs(sent[:, None] - there) < SAME_LINE * self._spacing).any(axis=1)
         return float(power[lines][present].sum()) < APART * float(power[lines].sum())
@@ -239,8 +234,9 @@ class _Spectrum:
                 return True
         return False
 
-    def _shared_bins(self) -> list[NDArray[np.int64]]:
-        """Return the bins of both channels' lines: all, and those above hum's strongest."""
+    @cached_property
+    def _shared_bins(self) -> list[Indices]:
+        """The bins of both channels' lines: all, and those above hum's strongest."""
         lines = np.union1d(self._lines[0], self._lines[1])
         near = np.unique(lines[:, None] + np.arange(-1, 2))
         high = near[near > HUM_TOP / self._spacing - self._first]
@@ -248,9 +244,9 @@ class _Spectrum:
 
     def _multiples(self, channel: int) -> list[float]:
         """Return multiples of the other channel that may explain a channel."""
-        return [self._multiple(channel, bins) for bins in self._shared_bins()] or [0.0]
+        return [self._multiple(channel, bins) for bins in self._shared_bins] or [0.0]
 
-    def _multiple(self, channel: int, bins: NDArray[np.int64]) -> float:
+    def _multiple(self, channel: int, bins: Indices) -> float:
         here, other = self._values[channel][bins], self._values[1 - channel][bins]
         return float(np.vdot(other, here).real / max(np.vdot(other, other).real, 1e-300))
 
@@ -259,43 +255,83 @@ class _Spectrum:
         power = _power_of(rest)
         if power.max() < SILENT_LEVEL**2:
             return False
-        return self._other_than_hum(rest, self._lines_of(power, self._noise_of(power))).size > 0
+        return self._other_than_hum(rest, _lines_of(power, self._width, CLEAR)).size > 0
 
-    def _noise_of(self, power: Floats) -> Floats:
-        """Return the noise beside each bin, as a median: from its band's lower quarter, between lines."""
-        bands = power.reshape(*power.shape[:-1], -1, self._width)
-        place = self._width // 4
-        quarter = np.partition(bands, place, axis=-1)[..., place]
-        return np.repeat(quarter * QUARTER_TO_MEDIAN, self._width, axis=-1)
-
-    @staticmethod
-    def _lines_of(power: Floats, noise: Floats, least: float = CLEAR) -> NDArray[np.int64]:
-        """Return the bins of lines that stand out."""
-        inner = power[1:-1]
-        is_line: Flags = (inner > power[:-2]) & (inner >= power[2:])
-        is_line &= (inner > least * noise[1:-1]) & (inner > STRONG * power.max())
-        return np.flatnonzero(is_line) + 1
-
-    def _frequency(self, values: NDArray[np.complex128], lines: NDArray[np.int64]) -> Floats:
+    def _frequency(self, values: NDArray[np.complex128], lines: Indices) -> Floats:
         """Return the frequencies of lines, between bins."""
-        log = np.log(np.abs(values[lines[:, None] + np.arange(-1, 2)]) + 1e-300)
-        bend = log[:, 0] - 2.0 * log[:, 1] + log[:, 2]
-        shift = 0.5 * (log[:, 0] - log[:, 2]) / np.where(bend < 0.0, bend, -1.0)
-        return (self._first + lines + np.clip(shift, -0.5, 0.5)) * self._spacing
+        return (self._first + _places_of(values, lines)) * self._spacing
 
-    def _other_than_hum(self, values: NDArray[np.complex128], lines: NDArray[np.int64]) -> NDArray[np.int64]:
+    def _other_than_hum(self, values: NDArray[np.complex128], lines: Indices) -> Indices:
         """Return the lines of a spectrum (bins,); none if all of them are hum."""
         if not lines.size:
             return lines
-        strongest = lines[np.abs(values[lines]).argmax()]
-        if self._frequency(values, strongest[None])[0] >= HUM_TOP:
-            return lines
         frequency = self._frequency(values, lines)
+        if frequency[np.abs(values[lines]).argmax()] >= HUM_TOP:
+            return lines
         for mains in MAINS:
             off = np.abs(frequency - mains * np.round(frequency / mains))
             if (off < HUM_WIDTH + HUM_DRIFT * frequency).all():
                 return lines[:0]
         return lines
+
+
+@kernel("Tuple((float64[:,::1], float64[::1]))(float32[:,::1])")
+def _centred(samples: Audio) -> tuple[Floats, Floats]:
+    """Return the samples of each channel about their mean, and their standard deviation (channels,)."""
+    centred, levels = np.empty(samples.shape), np.empty(samples.shape[0])
+    for c in range(samples.shape[0]):
+        total = square = 0.0
+        for i in range(samples.shape[1]):
+            total += samples[c, i]
+        for i in range(samples.shape[1]):
+            centred[c, i] = samples[c, i] - total / samples.shape[1]
+            square += centred[c, i] ** 2
+        levels[c] = np.sqrt(square / samples.shape[1])
+    return centred, levels
+
+
+@part()
+def _stands_out(level: float, power: Floats, k: int, width: int, least: float) -> bool:
+    """Return whether a power is above the noise beside bin k by a factor.
+
+    Noise, as a median, is known from the lower quarter of a band, between lines.
+    """
+    first, below = k // width * width, 0
+    for quiet in power[first : first + width]:
+        below += level > least * (quiet * QUARTER_TO_MEDIAN)
+    return below > width // 4
+
+
+@kernel("int64[::1](float64[::1], intp, float64)")
+def _lines_of(power: Floats, width: int, least: float) -> Indices:
+    """Return the bins of lines that stand out of the noise, in bands of `width` bins, by a factor."""
+    is_line = np.zeros(power.size, np.bool_)
+    weakest = STRONG * power.max()
+    for k in range(1, power.size - 1):
+        is_peak = power[k] > weakest and power[k] > power[k - 1] and power[k] >= power[k + 1]
+        is_line[k] = is_peak and _stands_out(power[k], power, k, width, least)
+    return np.flatnonzero(is_line)
+
+
+@kernel("boolean[::1](float64[::1], int64[::1], float64[::1], intp, float64)")
+def _would_stand_out(level: Floats, lines: Indices, power: Floats, width: int, least: float) -> Flags:
+    """Return whether lines (n,) of such powers (n,) would stand out of a channel's noise by a factor."""
+    would = np.empty(lines.size, np.bool_)
+    for n in range(lines.size):
+        would[n] = _stands_out(level[n], power, lines[n], width, least)
+    return would
+
+
+@kernel("float64[::1](complex128[::1], int64[::1])")
+def _places_of(values: NDArray[np.complex128], lines: Indices) -> Floats:
+    """Return where lines lie, in bins: the highest point of a parabola through the logarithms of three."""
+    places = np.empty(lines.size)
+    for k, line in enumerate(lines):
+        below, peak, above = np.log(np.abs(values[line - 1 : line + 2]) + 1e-300)
+        bend = below - 2.0 * peak + above
+        shift = 0.5 * (below - above) / bend if bend < 0.0 else 0.5 * (above - below)
+        places[k] = line + min(max(shift, -0.5), 0.5)
+    return places
 
 
 @lru_cache(maxsize=8)

@@ -10,7 +10,7 @@ from monochord.core.clock import RATE_RATIOS
 from monochord.core.kernels import kernel, part
 from monochord.core.reasons import Reason
 from monochord.core.silence import SILENT_LEVEL
-from monochord.core.types import Audio, Floats, Window
+from monochord.core.types import Audio, Floats, Indices, Window
 from monochord.core.units import Samples, Seconds
 
 STRONG_LINE = 1e-2
@@ -20,6 +20,8 @@ SAME_RATIO, SAME_LEVEL = 0.004, 0.5
 PATIENCE: Seconds = 3.0
 """How long a stream may begin with a touch. A string that is more than a tenth out of tune always sounds like
 one that is touched."""
+
+_RATIOS = np.array(RATE_RATIOS)
 
 
 def unusable_reason(window: Window) -> Reason:
@@ -85,7 +87,7 @@ class PitchJumps:
     """
 
     def __init__(self) -> None:
-        self._windows = deque[tuple[Samples, list[tuple[Floats, Floats]]]]()
+        self._windows = deque[tuple[Samples, Floats, Floats]]()
 
     def __call__(self, start: Samples, size: Samples, frequency: Floats, height: Floats) -> bool:
         """Return whether a window's lines are those of the window before it at another pitch.
@@ -99,34 +101,36 @@ class PitchJumps:
             known.clear()
         while len(known) > 1 and known[1][0] + size <= start:
             known.popleft()
-        lines = [_strong(*channel) for channel in zip(frequency, height, strict=True)]
-        jumped = bool(known) and known[0][0] + size <= start and _is_jump(known[0][1], lines)
+        jumped = bool(known) and known[0][0] + size <= start and _is_jump(*known[0][1:], frequency, height)
         if jumped:
             known.clear()
-        known.append((start, lines))
+        known.append((start, frequency, height))
         return jumped
 
 
-def _is_jump(before: list[tuple[Floats, Floats]], after: list[tuple[Floats, Floats]]) -> bool:
+@kernel()
+def _is_jump(frequency_before: Floats, height_before: Floats, frequency: Floats, height: Floats) -> bool:
     """Return whether the strong lines of each channel have kept their levels and moved by one factor."""
-    ratios: list[Floats] = []
-    for one, two in zip(before, after, strict=True):
-        if (
-            not one[0].size
-            or one[0].size != two[0].size
-            or np.abs(np.log(two[1] / one[1])).max() > SAME_LEVEL
-        ):
+    possible = np.ones(_RATIOS.size, np.bool_)
+    for c in range(frequency.shape[0]):
+        before, after = _strong(frequency_before[c], height_before[c]), _strong(frequency[c], height[c])
+        if before.size == 0 or before.size != after.size:
             return False
-        ratios.append(two[0] / one[0])
-    off = np.abs(np.concatenate(ratios) / np.array(RATE_RATIOS)[:, np.newaxis] - 1.0)
-    return bool((off < SAME_RATIO).all(axis=1).any())
+        for one, two in zip(before, after):  # noqa: B905  (numba knows no strict)
+            if abs(np.log(height[c, two] / height_before[c, one])) > SAME_LEVEL:
+                return False
+            ratio = frequency[c, two] / frequency_before[c, one]
+            possible &= np.abs(ratio / _RATIOS - 1.0) < SAME_RATIO
+    return possible.any()
 
 
-def _strong(frequency: Floats, height: Floats) -> tuple[Floats, Floats]:
-    """Return frequency and height of a channel's strong lines, by frequency."""
-    strong = np.flatnonzero(height > STRONG_LINE * height[0])
-    strong = strong[np.argsort(frequency[strong])]
-    return frequency[strong], height[strong]
+@part()
+def _strong(frequency: Floats, height: Floats) -> Indices:
+    """Return the strong lines of a channel, by frequency."""
+    count = 0
+    while count < height.size and height[count] > STRONG_LINE * height[0]:
+        count += 1
+    return np.argsort(frequency[:count])
 
 
 @kernel(fastmath={"reassoc"})

@@ -86,17 +86,14 @@ class Correction:
 
     def terms(self, variables: Floats) -> Floats:
         """Return the terms (..., k) of variables (..., v or more): their polynomials."""
-        rows = variables.reshape(-1, variables.shape[-1])[:, : self.centre.size]
+        rows = variables.reshape(-1, variables.shape[-1])
         return _terms(rows, self.centre, self.scale).reshape(*variables.shape[:-1], self.mean.size)
 
     def error(self, variables: Floats) -> tuple[Floats, Floats]:
         """Return the expected error (...,) for variables (..., v), and its standard error without noise."""
-        terms = self.terms(variables)
-        variance = np.einsum("...i,...i", terms @ self.covariance, terms)
-        expected = terms @ self.mean
-        if self.forest.size:
-            expected = expected + self.residual(variables)
-        return expected, np.sqrt(np.maximum(variance, 0.0))
+        rows, shape = variables.reshape(-1, variables.shape[-1]), variables.shape[:-1]
+        expected, std = _errors(rows, self.centre, self.scale, self.mean, self.covariance, self.forest)
+        return expected.reshape(shape), std.reshape(shape)
 
     def residual(self, variables: Floats) -> Floats:
         """Return what the trees add to the expected error (...,) for variables (..., v)."""
@@ -250,6 +247,25 @@ def _terms(variables: Floats, centre: Floats, scale: Floats) -> Floats:
                 terms[row, at] = factors[one] * factors[other]
                 at += 1
     return terms
+
+
+@kernel()
+def _errors(
+    variables: Floats, centre: Floats, scale: Floats, mean: Floats, covariance: Floats, forest: Audio
+) -> tuple[Floats, Floats]:
+    """Return the expected error (rows,) for variables (rows, v), and its standard error without noise."""
+    terms, expected = _terms(variables, centre, scale), forest_sums(variables, forest)
+    std = np.empty(expected.size)
+    for row in range(expected.size):
+        variance = 0.0
+        for i in range(mean.size):
+            expected[row] += terms[row, i] * mean[i]
+            weighted = 0.0
+            for j in range(mean.size):
+                weighted += covariance[i, j] * terms[row, j]
+            variance += terms[row, i] * weighted
+        std[row] = np.sqrt(max(variance, 0.0))
+    return expected, std
 
 
 def touch_weights(touch: Indices) -> Floats:

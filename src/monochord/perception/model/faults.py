@@ -54,8 +54,10 @@ def log_odds(kinds: Floats, *, touched: bool) -> Floats:
     >>> log_odds(np.array([0.0, *[-9.0] * 7, 4.0, -20.0]), touched=True)[6:].tolist()
     [-9.0, 4.0, -10.0]
     """
-    odds = np.clip(kinds[1:] - kinds[0], -MAX_ODDS, MAX_ODDS)
-    return odds if touched else np.where(_OF_TOUCH, -MAX_ODDS, odds)
+    odds = np.minimum(np.maximum(kinds[1:] - kinds[0], -MAX_ODDS), MAX_ODDS)
+    if not touched:
+        odds[_OF_TOUCH] = -MAX_ODDS
+    return odds
 
 
 def fault_reason(odds: Floats, limits: Floats) -> Reason:

@@ -47,13 +47,9 @@ def forest_of(rows: Floats | Audio, target: Floats) -> Audio:
     return np.concatenate(parts).astype(np.float32)
 
 
+@kernel()
 def forest_sums(rows: Floats, nodes: Audio) -> Floats:
     """Return the sum (k,) of the leaves that rows (k, v) reach; any nodes end, and read no further."""
-    return _sums(rows, nodes)
-
-
-@kernel()
-def _sums(rows: Floats, nodes: Audio) -> Floats:
     sums = np.zeros(rows.shape[0])
     for row in range(rows.shape[0]):
         k = 0

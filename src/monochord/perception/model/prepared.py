@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,6 +23,20 @@ from monochord.physics.theory import open_frequency
 
 MAX_RETUNING = 0.12
 """Largest relative deviation of a string's pitch from the training's, if that is known."""
+
+
+class CorrectionVariables(NamedTuple):
+    """Where a correction's variables stand: `columns`, less another column for those at `differences`."""
+
+    columns: Indices
+    differences: Indices
+    less: Indices
+
+    def of(self, row: Audio) -> Floats:
+        """Return the variables of a window from its features (columns,)."""
+        values = row[self.columns].astype(np.float64)
+        values[self.differences] -= row[self.less]
+        return values
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -81,7 +96,7 @@ class PreparedModel:
         names = self.definition.heads
         found = {name: correction for name in names if (correction := self.correction(name))}
         for name, correction in found.items():  # else the first touch of a stream would wait for them
-            if count := len(self.variables[name][0]):
+            if count := self.variables[name].columns.size:
                 correction.error(np.zeros(count))
         return found
 
@@ -159,13 +174,14 @@ class PreparedModel:
         return None if string is None or trained is None else force_scale(string, trained)
 
     @cached_property
-    def variables(self) -> dict[str, tuple[Indices, Indices]]:
-        """Of each correction the columns whose difference is a variable; see `Definition.variables_of`."""
-        variables: dict[str, tuple[Indices, Indices]] = {}
+    def variables(self) -> dict[str, CorrectionVariables]:
+        """The variables of each correction; see `Definition.variables_of`."""
+        variables: dict[str, CorrectionVariables] = {}
         for name, record in self.definition.heads.items():
             if record.correction:
                 pairs = np.array(self.definition.variables_of(name), np.int64).reshape(-1, 2)
-                variables[name] = pairs[:, 0], pairs[:, 1]
+                less = np.flatnonzero(pairs[:, 1] >= 0)
+                variables[name] = CorrectionVariables(pairs[:, 0], less, pairs[less, 1])
         return variables
 
     @cached_property

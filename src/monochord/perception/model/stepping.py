@@ -128,11 +128,8 @@ def _reading(
     """
     for name, (column, unit) in model.refined.items():
         outputs[name] = outputs[name]._replace(value=outputs[name].value + unit * float(row[column]))
-    if model.variables:
-        columns = np.append(row, np.float32(0.0)).astype(np.float64)
-        for name, (of, less) in model.variables.items():
-            values = tuple((columns[of] - columns[less]).tolist())
-            outputs[name] = outputs[name]._replace(variables=values)
+    for name, variables in model.variables.items():
+        outputs[name] = outputs[name]._replace(variables=tuple(variables.of(row).tolist()))
     heads = model.definition.heads
     if model.definition.faults is None:
         return WindowReading(state, outputs, "")
