@@ -121,7 +121,7 @@ def _is_jump(frequency_before: Floats, height_before: Floats, frequency: Floats,
                 return False
             ratio = frequency[c, two] / frequency_before[c, one]
             possible &= np.abs(ratio / _RATIOS - 1.0) < SAME_RATIO
-    return possible.any()
+    return bool(possible.any())
 
 
 @part()

@@ -50,6 +50,7 @@ COLUMNS = (
 """Names of the measures in the order of `measure`."""
 (PLACE, MASS, SPREAD, RIVAL, UNTOUCHED, POSITION, SHIFT, PAIRED, OPEN, MODE_1, MODE_2) = range(11)
 (REST, AGREEMENT, LOWEST_PARTIAL, LOWEST_NUMBER, HELD_1, HELD_2, FIRST_LEVEL) = range(11, 18)
+MICROPHONES, GLIDES = COLUMNS.index("mic 1 level"), COLUMNS.index("glide 1")
 
 
 def _views() -> NDArray[np.complex128]:
@@ -101,17 +102,28 @@ def measure(
     """
     spacing, nominal, bending = pitch
     row = np.zeros(len(COLUMNS))
-    _measure_density(row, logits, positions)
-    line_1, line_2 = _measure_pair(row, frequency, height, nominal, bending)
     _measure_partials(row, frequency, height, nominal, bending)
-    at = _measure_levels(row, power, line_1 / spacing, line_2 / spacing)
-    for c in range(2):
-        row[at + c] = np.log10(np.mean(samples[c] ** 2) + 1.0e-12)
-        for b in range(2):
-            first, last = int(np.ceil(RUMBLE[b, 0] / spacing)), int(np.ceil(RUMBLE[b, 1] / spacing))
-            row[at + 2 + 2 * b + c] = np.log10(power[c, first:last].sum() + 1.0e-14)
-    if row[PAIRED] > 0.0:
-        _measure_glides(row[at + 6 :], transform, line_1, line_2, spacing, row[POSITION])
+    _measure_microphones(row[MICROPHONES:], samples, power, spacing)
+    _measure_place(row, logits, positions, transform, power, frequency, height, pitch)
+    return row
+
+
+@kernel()
+def measured_again(
+    measures: Floats,
+    logits: Floats,
+    positions: Floats,
+    transform: NDArray[np.complex128],
+    power: Floats,
+    frequency: Floats,
+    height: Floats,
+    pitch: tuple[float, float, float],
+) -> Floats:
+    """Return the measures of the same window for other logits; arguments are as in `measure`."""
+    row = measures.copy()
+    row[:REST] = 0.0
+    row[GLIDES:] = 0.0
+    _measure_place(row, logits, positions, transform, power, frequency, height, pitch)
     return row
 
 
@@ -125,6 +137,40 @@ def touch_near(logits: Floats, positions: Floats, place: float, reach: float) ->
     probability /= probability.sum()
     touched = np.log(probability[1:].sum() + LEAST_OF_ODDS) - np.log(probability[0] + LEAST_OF_ODDS)
     return touched, probability[1:][np.abs(positions - place) <= reach].sum()
+
+
+@part()
+def _measure_place(
+    row: Floats,
+    logits: Floats,
+    positions: Floats,
+    transform: NDArray[np.complex128],
+    power: Floats,
+    frequency: Floats,
+    height: Floats,
+    pitch: tuple[float, float, float],
+) -> None:
+    """Fill in all that depends on where something touches."""
+    spacing, nominal, bending = pitch
+    _measure_density(row, logits, positions)
+    line_1, line_2 = _measure_pair(row, frequency, height, nominal, bending)
+    _measure_levels(row, power, line_1 / spacing, line_2 / spacing)
+    if row[PAIRED] > 0.0:
+        _measure_glides(row[GLIDES:], transform, line_1, line_2, spacing, row[POSITION])
+
+
+@part()
+def _measure_microphones(row: Floats, samples: Floats, power: Floats, spacing: float) -> None:
+    """Fill in the level of each microphone, and its power in the bands `RUMBLE`."""
+    square_1 = square_2 = 0.0
+    for i in range(samples.shape[1]):  # both in one loop: a sum in order waits for each of its terms
+        square_1 += samples[0, i] ** 2
+        square_2 += samples[1, i] ** 2
+    for c, square in enumerate((square_1, square_2)):
+        row[c] = np.log10(square / samples.shape[1] + 1.0e-12)
+        for b in range(2):
+            first, last = int(np.ceil(RUMBLE[b, 0] / spacing)), int(np.ceil(RUMBLE[b, 1] / spacing))
+            row[2 + 2 * b + c] = np.log10(power[c, first:last].sum() + 1.0e-14)
 
 
 @part()
@@ -228,8 +274,8 @@ def _measure_partials(row: Floats, frequency: Floats, height: Floats, nominal: f
 
 
 @part()
-def _measure_levels(row: Floats, power: Floats, one: float, two: float) -> int:
-    """Fill in the levels at both lines, in bins, and at their combination tones; return the next column."""
+def _measure_levels(row: Floats, power: Floats, one: float, two: float) -> None:
+    """Fill in the levels at both lines, in bins, and at their combination tones."""
     tones = np.array((one, two, one + two, one - two, 2.0 * one - two, 2.0 * two - one, 0.0, 0.0, 0.0, 0.0))
     tones[6:8], tones[8:] = 2.0 * tones[:2], 3.0 * tones[:2]
     loudest, at = -np.inf, FIRST_LEVEL
@@ -240,8 +286,7 @@ def _measure_levels(row: Floats, power: Floats, one: float, two: float) -> int:
             if at < FIRST_LEVEL + 4:
                 loudest = max(loudest, row[at])
             at += 1
-    row[FIRST_LEVEL:at] -= loudest
-    return at
+    row[FIRST_LEVEL:MICROPHONES] -= loudest
 
 
 @part()

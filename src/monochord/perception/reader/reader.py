@@ -7,7 +7,7 @@ from monochord.core.types import Audio, Floats
 from monochord.core.units import Seconds
 from monochord.perception.reader.cells import spectrum_cells
 from monochord.perception.reader.gaps import measure_gaps
-from monochord.perception.reader.measures import PLACE, measure, touch_near
+from monochord.perception.reader.measures import PLACE, measure, measured_again, touch_near
 from monochord.perception.reader.memory import Memory, bundled_memory, recall
 from monochord.perception.reader.network import (
     KINDS,
@@ -58,14 +58,14 @@ class Reader:
     def alone(self, spectrum: Spectrum) -> tuple[Floats, Audio, Floats]:
         """Return what a window alone tells: its measures, and the network's hidden layer and outputs."""
         hidden, outputs = activations(spectrum_cells(self.analyser, spectrum), self.network)
-        return self._measures(outputs[: -len(KINDS)], spectrum), hidden, outputs
+        return measure(outputs[: -len(KINDS)], POSITIONS, *spectrum, self._pitch), hidden, outputs
 
-    def inputs(self, spectrum: Spectrum) -> tuple[Audio, Audio, Floats]:
-        """Return what a window gives the memory (`memory_inputs`), and its sound between the lines."""
+    def inputs(self, spectrum: Spectrum) -> tuple[Audio, Audio, Floats, Floats]:
+        """Return what a window gives the memory (`memory_inputs`), its measures and sound between lines."""
         measures, hidden, outputs = self.alone(spectrum)
         gaps = measure_gaps(spectrum.transform, spectrum.power, self.analyser.bin_spacing)
         told = memory_inputs(hidden, outputs[: -len(KINDS)], outputs[-len(KINDS) :], measures, gaps)
-        return *told, gaps
+        return *told, measures, gaps
 
     def read(self, memory: Memory, spectrum: Spectrum, time: Seconds) -> tuple[Memory, SpectrumReading]:
         """Return the memory after a window that starts at a time in s, and the window's reading.
@@ -73,12 +73,12 @@ class Reader:
         What the window alone tells enters the memory; then that pair of lines is measured which is nearest to
         the place that both tell.
         """
-        inputs, density, gaps = self.inputs(spectrum)
+        inputs, density, measures, gaps = self.inputs(spectrum)
         memory, both = recall(memory, inputs, density, time, self.memory)
-        measures = self._measures(both.logits, spectrum)
+        measures = measured_again(measures, both.logits, POSITIONS, *spectrum[1:], self._pitch)
         near = touch_near(both.logits, POSITIONS, measures[PLACE], RIGHT_WITHIN)
         return memory, SpectrumReading(measures, *near, both.kinds, gaps, both.outputs, both.summary)
 
-    def _measures(self, logits: Floats, spectrum: Spectrum) -> Floats:
-        pitch = self.analyser.bin_spacing, self.analyser.nominal, self.analyser.bending
-        return measure(logits, POSITIONS, *spectrum, pitch)
+    @property
+    def _pitch(self) -> tuple[float, float, float]:
+        return self.analyser.bin_spacing, self.analyser.nominal, self.analyser.bending
