@@ -66,6 +66,8 @@ LEAST = 1.0e-4
 """Added to probabilities before their logarithm."""
 MAX_INPUT = 6.0
 """Largest magnitude of an input, in standard deviations of the training."""
+VECTOR = 16
+"""Numbers of single precision that the widest vector units take at once."""
 
 
 class ReaderNetwork(NamedTuple):
@@ -267,41 +269,57 @@ def _convolved(values: Audio, weights: Audio, sums: Audio, stride: int, taps: ND
 
     Taps are the cells from an output's own to those that it weighs, ascending; beyond either end are zeros.
     Inputs and outputs come by fours: a pass along the cells, many at a time by vector units, adds four inputs
-    to four outputs, so that each number that is loaded is used four times.
+    to four outputs, so that each number that is loaded is used four times. Rows are a multiple of what vector
+    units take.
     """
-    (inputs, cells), (outputs, out) = values.shape, sums.shape
-    pad = max(-taps[0], 0)
-    # Cells that are a stride apart beside each other.
-    x = np.zeros((stride, inputs, out + (taps[-1] + pad) // stride + 1), np.float32)
-    for s in range(stride):
-        for i in range(inputs):
-            for q in range(x.shape[2]):
-                k = q * stride + s - pad
-                if 0 <= k < cells:
-                    x[s, i, q] = values[i, k]
+    inputs, (outputs, out) = values.shape[0], sums.shape
+    pad, width = max(-taps[0], 0), (out + VECTOR - 1) // VECTOR * VECTOR
+    x = _by_stride(values, stride, pad, width + (taps[-1] + pad) // stride + 1)
     zero = np.float32(0.0)
+    rows = np.zeros((4, width), np.float32)
+    s0, s1, s2, s3 = rows[0], rows[1], rows[2], rows[3]
     for o in range(0, outputs, 4):
-        s0, s1, s2, s3 = sums[o], sums[o + 1], sums[o + 2], sums[o + 3]
+        for p in range(out):
+            s0[p], s1[p], s2[p], s3[p] = sums[o, p], sums[o + 1, p], sums[o + 2, p], sums[o + 3, p]
         for tap in range(taps.size):
             part, first = x[(taps[tap] + pad) % stride], (taps[tap] + pad) // stride
             for i in range(0, inputs, 4):
-                x0, x1 = part[i, first : first + out], part[i + 1, first : first + out]
-                x2, x3 = part[i + 2, first : first + out], part[i + 3, first : first + out]
+                x0, x1 = part[i, first : first + width], part[i + 1, first : first + width]
+                x2, x3 = part[i + 2, first : first + width], part[i + 3, first : first + width]
                 w0, w1 = weights[tap * inputs + i], weights[tap * inputs + i + 1]
                 w2, w3 = weights[tap * inputs + i + 2], weights[tap * inputs + i + 3]
                 a0, a1, a2, a3 = w0[o], w1[o], w2[o], w3[o]
                 b0, b1, b2, b3 = w0[o + 1], w1[o + 1], w2[o + 1], w3[o + 1]
                 c0, c1, c2, c3 = w0[o + 2], w1[o + 2], w2[o + 2], w3[o + 2]
                 d0, d1, d2, d3 = w0[o + 3], w1[o + 3], w2[o + 3], w3[o + 3]
-                for p in range(out):
-                    s0[p] = s0[p] + a0 * x0[p] + a1 * x1[p] + a2 * x2[p] + a3 * x3[p]
-                    s1[p] = s1[p] + b0 * x0[p] + b1 * x1[p] + b2 * x2[p] + b3 * x3[p]
-                    s2[p] = s2[p] + c0 * x0[p] + c1 * x1[p] + c2 * x2[p] + c3 * x3[p]
-                    s3[p] = s3[p] + d0 * x0[p] + d1 * x1[p] + d2 * x2[p] + d3 * x3[p]
+                for p in range(width):
+                    # All is loaded before anything is stored, or the compiler loads it for each output.
+                    v0, v1, v2, v3 = x0[p], x1[p], x2[p], x3[p]
+                    r0 = s0[p] + a0 * v0 + a1 * v1 + a2 * v2 + a3 * v3
+                    r1 = s1[p] + b0 * v0 + b1 * v1 + b2 * v2 + b3 * v3
+                    r2 = s2[p] + c0 * v0 + c1 * v1 + c2 * v2 + c3 * v3
+                    r3 = s3[p] + d0 * v0 + d1 * v1 + d2 * v2 + d3 * v3
+                    s0[p], s1[p], s2[p], s3[p] = r0, r1, r2, r3
         for p in range(out):
-            s0[p], s1[p] = max(s0[p], zero), max(s1[p], zero)
-            s2[p], s3[p] = max(s2[p], zero), max(s3[p], zero)
+            sums[o, p], sums[o + 1, p] = max(s0[p], zero), max(s1[p], zero)
+            sums[o + 2, p], sums[o + 3, p] = max(s2[p], zero), max(s3[p], zero)
     return sums
+
+
+@part()
+def _by_stride(values: Audio, stride: int, pad: int, width: int) -> Audio:
+    """Return values (inputs, cells) from `pad` before the first on, (stride, inputs, width).
+
+    Cells that are a stride apart lie beside each other; those before the first and after the last are zeros.
+    """
+    ordered = np.zeros((stride, values.shape[0], width), np.float32)
+    for s in range(stride):
+        for i in range(values.shape[0]):
+            for q in range(width):
+                k = q * stride + s - pad
+                if 0 <= k < values.shape[1]:
+                    ordered[s, i, q] = values[i, k]
+    return ordered
 
 
 @part()
