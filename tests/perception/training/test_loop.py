@@ -26,6 +26,8 @@ TASKS = {
     "force": Task(label="force", unit="N", loss="laplace", hidden=(16, 16)),
 }
 COLUMNS = tuple("abcde")
+QUICK = {"epochs": 20, "batch": 64, "rate": 0.02}
+"""Options with which a thousand examples are learned in half a second."""
 SCALER = {"scaler.mean": np.zeros(5, np.float32), "scaler.scale": np.ones(5, np.float32)}
 
 
@@ -40,6 +42,13 @@ def plan(**options: float) -> TrainingSetup:
     )
     usual = {"rate": 0.01, "batch": 32, "epochs": 12, **options}
     return TrainingSetup(definition=definition, optimiser=OptimiserSettings(**usual), seed=5)  # pyright: ignore[reportArgumentType]
+
+
+def with_force_task(setup: TrainingSetup, **changes: Any) -> TrainingSetup:
+    """Return the setup with another task of force."""
+    record = HeadRecord(task=dataclasses.replace(TASKS["force"], **changes), scale=0.5)
+    heads = {**setup.definition.heads, "force": record}
+    return dataclasses.replace(setup, definition=dataclasses.replace(setup.definition, heads=heads))
 
 
 def examples(seed: int, count: int = 256, copies: int = 2) -> Examples:
@@ -73,22 +82,25 @@ def after(epochs: int) -> Callable[[Checkpoint], None]:
 
 
 def test_it_learns_what_there_is_to_learn(tmp_path: Path) -> None:
-    state, _ = fit(plan(epochs=24), SCALER, examples(0, 1024), examples(1), tmp_path / "a")
+    state, _ = fit(plan(**QUICK), SCALER, examples(0, 1024), examples(1), tmp_path / "a")
     assert state.history[0]["contact"] > 3.0 * state.score["contact"]
     assert state.score["force"] < 0.3 * np.abs(examples(1).labels["force"][examples(1).masks["force"]]).mean()
 
 
-@pytest.mark.parametrize("at", [1, 11])
-def test_a_run_that_was_killed_ends_as_one_that_was_not(tmp_path: Path, at: int) -> None:
-    train, validation = examples(0), examples(1)
-    whole, _ = fit(plan(), SCALER, train, validation, tmp_path / "whole")
+@pytest.mark.parametrize(("at", "blur"), [(1, 0.0), (11, 0.0), (3, 0.3)])
+def test_a_run_that_was_killed_ends_as_one_that_was_not(tmp_path: Path, at: int, blur: float) -> None:
+    train, validation, setup = examples(0), examples(1), with_force_task(plan(), blur=blur)
+    whole, _ = fit(setup, SCALER, train, validation, tmp_path / "whole")
     with pytest.raises(KilledError):
-        fit(plan(), SCALER, train, validation, tmp_path / "cut", after(at))
-    cut, _ = fit(plan(), SCALER, train, validation, tmp_path / "cut")
+        fit(setup, SCALER, train, validation, tmp_path / "cut", after(at))
+    cut, _ = fit(setup, SCALER, train, validation, tmp_path / "cut")
     assert (cut.history, cut.score, cut.at) == (whole.history, whole.score, whole.at)
     for name, array in whole.best.items():
         np.testing.assert_array_equal(cut.best[name], array)
     assert (tmp_path / "cut").read_bytes() == (tmp_path / "whole").read_bytes()
+    if blur:
+        plain, _ = fit(plan(), SCALER, train, validation, tmp_path / "plain")
+        assert whole.history[-1]["force"] != plain.history[-1]["force"]
 
 
 def test_each_head_keeps_the_weights_of_its_own_best_epoch(tmp_path: Path) -> None:
@@ -158,31 +170,11 @@ def test_a_checkpoint_of_another_network_is_refused(tmp_path: Path, change: dict
 def test_a_head_learns_from_the_columns_that_are_its_inputs(
     tmp_path: Path, columns: tuple[str, ...], least: float, most: float
 ) -> None:
-    usual = plan(epochs=20)
-    task = dataclasses.replace(TASKS["force"], columns=columns)
-    heads = {**usual.definition.heads, "force": HeadRecord(task=task, scale=0.5)}
-    setup = dataclasses.replace(usual, definition=dataclasses.replace(usual.definition, heads=heads))
+    setup = with_force_task(plan(**QUICK), columns=columns)
     state, _ = fit(setup, SCALER, examples(0, 1024), examples(1), tmp_path / "a")
     assert state.weights["force.0.weight"].shape == (16, len(columns))
     usual_size = np.abs(examples(1).labels["force"][examples(1).masks["force"]]).mean()
     assert least < state.score["force"] / usual_size < most
-
-
-def test_a_blurred_run_that_was_killed_ends_as_one_that_was_not(tmp_path: Path) -> None:
-    usual = plan(epochs=6)
-    heads = {
-        **usual.definition.heads,
-        "force": HeadRecord(task=dataclasses.replace(TASKS["force"], blur=0.3), scale=0.5),
-    }
-    setup = dataclasses.replace(usual, definition=dataclasses.replace(usual.definition, heads=heads))
-    train, validation = examples(0), examples(1)
-    whole, _ = fit(setup, SCALER, train, validation, tmp_path / "whole")
-    other, _ = fit(usual, SCALER, train, validation, tmp_path / "other")
-    with pytest.raises(KilledError):
-        fit(setup, SCALER, train, validation, tmp_path / "cut", after(3))
-    cut, _ = fit(setup, SCALER, train, validation, tmp_path / "cut")
-    assert cut.history == whole.history
-    assert whole.history[-1]["force"] != other.history[-1]["force"]
 
 
 def test_weights_decay_in_heads_with_hidden_layers_alone(tmp_path: Path) -> None:
@@ -196,7 +188,7 @@ def test_weights_decay_in_heads_with_hidden_layers_alone(tmp_path: Path) -> None
 
 def refining(scale: float = 1e-3) -> TrainingSetup:
     """Return the setup of a position head that refines the first column, as certain as the second."""
-    usual = plan(epochs=30)
+    usual = plan(**QUICK)
     columns = ("cert*", "c")
     task = dataclasses.replace(TASKS["force"], label="position", unit="m", refines="a", columns=columns)
     heads = {**usual.definition.heads, "force": HeadRecord(task=task, scale=scale)}
@@ -208,7 +200,7 @@ def refining(scale: float = 1e-3) -> TrainingSetup:
 
 def test_a_head_refines_a_position_where_it_is_right(tmp_path: Path) -> None:
     setup = refining()
-    train, judged = (misread(examples(seed, 2048, 1)) for seed in (0, 1))
+    train, judged = (misread(examples(seed, 1024, 1)) for seed in (0, 1))
     _, weights = fit(setup, SCALER, train, judged, tmp_path / "a")
     network = HeadNetwork.of(setup.definition, {**SCALER, **weights})
     mask = judged.masks["force"]
