@@ -6,7 +6,7 @@ from tests.lab.tiny import session, tiny
 
 from monochord.core.config import from_tree, to_tree
 from monochord.core.errors import InputError
-from monochord.lab.assignment import assignments
+from monochord.lab.assignment import Assignment, assignments
 from monochord.lab.deviation import Deviation
 from monochord.lab.offline import describe
 from monochord.lab.plan import Delays, Group, Plan
@@ -152,10 +152,10 @@ def test_delays_that_cannot_be(span: tuple[float, float]) -> None:
         Delays(pose=span)
 
 
-def windows(plan: Plan, name: str, kind: str) -> int:
+def windows(sessions: list[Assignment], name: str, kind: str) -> int:
     """Whole windows of 0.1 s on a grid that the phases of a group surely hold."""
-    sessions = [one for one in assignments(plan) if one.group.name == name]
-    phases = [phase for one in sessions for phase in schedule(one).motion.phases if phase.kind == kind]
+    own = [one for one in sessions if one.group.name == name]
+    phases = [phase for one in own for phase in schedule(one).motion.phases if phase.kind == kind]
     return sum(max(0, int((phase.stop - phase.start) / 0.1 + 1e-6) - 1) for phase in phases)
 
 
@@ -174,9 +174,10 @@ def test_the_small_plan_is_a_minute() -> None:
 
 def test_the_plan_of_the_paper_has_its_windows_range_and_objects() -> None:
     plan = load_plan("paper")
-    assert windows(plan, "static", "hold") >= 0.9 * 10791  # the rest stands in "settle"
-    assert windows(plan, "slip", "slide") >= 6795
-    cells = np.concatenate([one.cells() for one in assignments(plan) if one.group.name == "static"])
+    sessions = assignments(plan)
+    assert windows(sessions, "static", "hold") >= 0.9 * 10791  # the rest stands in "settle"
+    assert windows(sessions, "slip", "slide") >= 6795
+    cells = np.concatenate([one.cells() for one in sessions if one.group.name == "static"])
     assert len(cells) == 3 * 26 * 16
     assert np.ptp(cells[:, 0]) > 0.095
     assert cells[:, 1].min() < 0.1

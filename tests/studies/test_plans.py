@@ -1,5 +1,6 @@
 """The plans of studies: what judges a model is never what it learned from."""
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ SIZES = {f"sealed_{number}": (24, 13) for number in range(9, 15)}
 OURS = plan_names()
 
 
+@cache
 def plan_of(name: str) -> Plan:
     return load_plan(name if name in OURS else str(FOLDER / f"{name}.toml"))
 
