@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import monochord as mc
-from monochord.sim.grasp import CAUGHT, OBJECTS, GraspScene, grasp, slip_reflex
+from monochord.sim.grasp import CAUGHT, OBJECTS, GraspScene, grasp
 
 
 @pytest.fixture(scope="module")
@@ -61,14 +61,6 @@ def test_seeds_draw_all_objects(scene: GraspScene) -> None:
         scene.reset(seed)
         drawn.add(scene.object)
     assert drawn == set(OBJECTS)
-
-
-def test_the_reflex_catches_what_it_would_lose(scene: GraspScene) -> None:
-    caught = grasp(scene, slip_reflex(), 4, "tube")
-    lost = grasp(scene, lambda _: 0.6, 4, "tube")
-    assert caught.caught
-    assert 1.0 < caught.grip / caught.needed < 2.0
-    assert not lost.caught
 
 
 def test_what_cannot_be_is_refused() -> None:

@@ -167,7 +167,7 @@ def test_too_much_force_ends_an_episode() -> None:
 
 @pytest.mark.parametrize("task", TASKS)
 def test_the_reflex_reaches_the_goal_by_the_estimates(task: str) -> None:
-    envs = many(4, task=task, world="plausible", builds=2, first_build=201)
+    envs = many(2, task=task, world="plausible", builds=2, first_build=201)
     observation, _ = envs.reset(seed=11)
     rewards: list[Any] = []
     truth: dict[str, Any] = {}

@@ -10,6 +10,7 @@ from monochord.core.errors import InputError
 SHORT = Following(builds=(301,), seconds=4.0, noises=("motors",), thresholds=(0.3, 0.6))
 
 
+@pytest.mark.slow
 def test_what_is_followed_is_compared_with_single_windows() -> None:
     numbers = SHORT.numbers()
     assert numbers["simulated"] is True

@@ -8,6 +8,7 @@ from monochord.core.errors import InputError
 from studies import mujoco_scenes
 
 
+@pytest.mark.slow
 def test_a_string_costs_less_than_real_time_beside_mujoco() -> None:
     rows = list(mujoco_scenes._cost_rows())
     assert len(rows) == 2
@@ -17,6 +18,7 @@ def test_a_string_costs_less_than_real_time_beside_mujoco() -> None:
         assert 0.0 < row.baseline_value < row.value < 1000.0
 
 
+@pytest.mark.slow
 def test_a_block_between_two_strings_is_told_and_not_placed() -> None:
     rows = {row.name: row.value for row in mujoco_scenes._block_rows("plausible", "demo")}
     assert rows["block, plausible: windows in contact"] > 200

@@ -10,9 +10,9 @@ from monochord.evaluation import folder
 real = pytest.mark.skipif(folder() is None, reason="no real recordings (MONOCHORD_REALSTRINGS)")
 
 
-@pytest.fixture(scope="module", params=[0.2, pytest.param(0.1, marks=pytest.mark.slow)])
+@pytest.fixture(scope="module", params=[0.4, pytest.param(0.1, marks=pytest.mark.slow)])
 def figures(request: pytest.FixtureRequest) -> dict[str, float]:
-    """The rows of every other window, or of all."""
+    """The rows of every fourth window, or of all."""
     return {row.name: row.value for row in Realstrings(hop=request.param).run()}
 
 

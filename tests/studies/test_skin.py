@@ -4,6 +4,7 @@ import pytest
 from studies.skin import Skin
 
 
+@pytest.mark.slow
 def test_the_wrench_is_exact_and_its_covariance_that_of_many_errors() -> None:
     rows = {row.name: row.value for row in Skin(strings=2, touches=1, draws=8000, world="ideal").run()}
     assert rows["adjoint, largest error"] <= 2.3e-16

@@ -88,6 +88,7 @@ def test_known_touches_help_and_are_not_scored(correctable: Path, tmp_path: Path
         pytest.xfail("trees on eight touches place the made-up sound better than its model: docs/ROADMAP.md")
 
 
+@pytest.mark.slow
 def test_rows_of_measured_labels_are_of_the_same_touches_and_say_so(small: Path) -> None:
     settings = EvaluationSettings(model="demo", sessions=(str(small / "hold_000.mcap"),))
     truth, measured = (

@@ -24,28 +24,26 @@ from monochord.perception.training.settings import METHODS
 pytest.importorskip("torch")
 SIGNAL = Signal(sample_rate=16000, channels=2)
 MADE_UP = Path(__file__).parents[2] / "made_up_features"
-SESSIONS = (0, 3)
 
 
 @pytest.mark.parametrize("method", ["network", "extra_trees"])
 def test_live_is_offline_to_the_bit(lesson_by: LessonBy, method: Method, learnable: Path) -> None:
     dataset, path, estimates = open_dataset(learnable), str(lesson_by(method)), list[str]()
-    for number in SESSIONS:
-        session = learnable.parent / f"{dataset.manifest.parts[number].name}.mcap"
-        setup = LiveRun.read(
-            {
-                "source": {"name": "session", "path": str(session), "block": 3001},
-                "estimator": {"name": "model", "path": path},
-                "window": {"length": 0.1, "hop": 0.1},
-                "sinks": {},
-            }
-        )
-        with opened(setup) as live:
-            estimates += [str(dict(update.prediction.estimates)) for update in live]
+    session = learnable.parent / f"{dataset.manifest.parts[0].name}.mcap"
+    setup = LiveRun.read(
+        {
+            "source": {"name": "session", "path": str(session), "block": 3001},
+            "estimator": {"name": "model", "path": path},
+            "window": {"length": 0.1, "hop": 0.1},
+            "sinks": {},
+        }
+    )
+    with opened(setup) as live:
+        estimates += [str(dict(update.prediction.estimates)) for update in live]
     estimate = ESTIMATORS.build("model", {"path": path}).prepare(SIGNAL, 1600)
-    rows = np.flatnonzero(np.isin(dataset.session, SESSIONS))
+    rows = np.flatnonzero(dataset.session == 0)
     assert estimates == [str(dict(estimate(window_of(dataset, row)))) for row in rows.tolist()]
-    assert len(rows) == 480
+    assert len(rows) == 240
 
 
 def test_what_it_was_not_trained_on_is_refused_before_any_window_comes(

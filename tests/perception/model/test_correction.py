@@ -29,7 +29,7 @@ def groups(count: int, seed: int, touches: int = 12) -> tuple[Floats, Floats, In
 
 @pytest.fixture(scope="module")
 def unknown() -> Correction:
-    variables, error, group, touch = groups(150, 0)
+    variables, error, group, touch = groups(80, 0)
     return prior(variables, error, np.full(error.size, NOISE), group, touch)
 
 
@@ -38,7 +38,7 @@ def stated(correction: Correction, variables: Floats) -> tuple[Floats, Floats]:
 
 
 def test_what_a_group_has_in_common_is_learned_where_the_head_states_it_as_noise() -> None:
-    random, count, touches = np.random.default_rng(0), 200, 5
+    random, count, touches = np.random.default_rng(0), 80, 5
     group, touch = np.repeat(np.arange(count), touches), np.arange(count * touches)
     common = 0.6 * random.standard_t(3, size=count)
     error = common[group] + 0.6 * random.standard_t(3, size=group.size)
