@@ -59,15 +59,15 @@ def biased(tmp_path: Path, name: str, seed: int, bias: float, **more: Any) -> Pa
     return sing(tmp_path / f"{name}.mcap", seed, bias=bias, **more)
 
 
-@pytest.fixture
-def foreign_session(tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def foreign_session(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A session of a build on which the same sound means half a newton more."""
-    return biased(tmp_path, "foreign", 77, BIAS)
+    return biased(tmp_path_factory.mktemp("foreign"), "foreign", 77, BIAS)
 
 
-@pytest.fixture
-def foreign(foreign_session: Path, tmp_path: Path) -> Dataset:
-    return build_dataset([foreign_session], tmp_path / "foreign")
+@pytest.fixture(scope="module")
+def foreign(foreign_session: Path) -> Dataset:
+    return build_dataset([foreign_session], foreign_session.with_name("dataset"))
 
 
 @pytest.fixture
@@ -239,10 +239,10 @@ def test_one_touch_moves_force_by_less_than_its_error(correctable: Model, foreig
 
 def test_many_touches_teach_what_physics_does_not_say(correctable: Model, tmp_path: Path) -> None:
     """Force that follows the level of the hum, too, is learned from the window's columns."""
-    files = [biased(tmp_path, f"take_{seed}", seed, 0.0) for seed in range(80, 85)]
+    files = [biased(tmp_path, f"take_{seed}", seed, 0.0) for seed in range(80, 83)]
     dataset = build_dataset(files, tmp_path / "many")
     extract = correctable.prepared.extractor
-    level = np.array([extract(dataset.batch(np.array([row])))[0, 3] for row in range(len(dataset))])
+    level = extract(dataset.batch(np.arange(len(dataset))))[:, 3]
     touched = dataset.label("contact") == 1.0
     level = (level - level[touched].mean()) / level[touched].std()
     force = dataset.label("force") + 0.5 + 0.3 * np.clip(level, -1.5, 1.5)
