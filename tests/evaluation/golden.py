@@ -27,6 +27,7 @@ def scores(folder: Path) -> dict[str, Any]:
     A process of its own collects: the last bits of the twin depend on what the compiler has seen before it.
     """
     command = [sys.executable, "-m", "monochord", "collect", str(PLAN), "--out", str(folder)]
+    command += ["--workers", "1"]  # more would each begin anew
     subprocess.run(command, check=True, capture_output=True, env=os.environ | COMPILED_FOR)
     files = str(folder / "*.mcap")
     reports = {

@@ -29,7 +29,7 @@ def in_music(results: Results, ratio: float | None = None) -> Results:
 def test_the_table_has_every_object_condition_and_state(oracle: Oracle) -> None:
     results = oracle(objects=OBJECTS)
     conditions = {"clean", "music", "music 10 dB"}
-    card = scorecard(join([results, in_music(results), in_music(results, 10.0)]), string=STRING, draws=20)
+    card = scorecard(join([results, in_music(results), in_music(results, 10.0)]), string=STRING, draws=0)
     assert {row.condition for row in card.table} == conditions
     assert {row.object for row in card.table} == {"plastic", "wood", "metal", EVERYTHING}
     assert len(card.table) == 4 * 3 * 3

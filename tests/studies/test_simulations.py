@@ -22,7 +22,7 @@ from studies import convergence, modes, touch
 APPENDIX = load_string("appendix").string
 SPLIT_STRING = simulator("split_string")
 SENSOR = load_sensor("prototype")
-FEW_HISTORIES = Modes(histories=12, after=2.0)
+FEW_HISTORIES = Modes(histories=6, after=2.0)
 
 
 @pytest.fixture(scope="module")
@@ -69,20 +69,6 @@ def ridge_near(frequencies: Floats, levels: Floats, expected: float) -> float:
     return float(frequencies[near[np.argmax(levels[near])]])
 
 
-@pytest.mark.parametrize("which", [0, 1], ids=["position", "force"])
-def test_ridges_of_simulated_spectra_lie_on_theory(which: int) -> None:
-    sweep = Trends(steps=5).sweeps(APPENDIX)[which]
-    frequencies, levels = simulated_spectra(SPLIT_STRING, APPENDIX, sweep)
-    np.testing.assert_array_equal(levels.max(axis=1), 0.0)
-    expected = np.array(split_frequencies(APPENDIX, sweep.positions, sweep.forces)).T
-    for level, (f1, f2) in zip(levels, expected, strict=True):
-        for f, other in ((f1, f2), (f2, f1)):
-            if abs(f - other) > 0.3 * f:
-                # Within the bin of the padded spectrum, 2.5 Hz, and what the driver pulls.
-                assert ridge_near(frequencies, level, f) == pytest.approx(f, abs=3.0)
-                assert level[np.argmin(np.abs(frequencies - f))] > -20.0
-
-
 def test_the_tension_law_applies_to_theory_and_every_simulator() -> None:
     plain = load_string("plain_010").string
     sweep = Trends(steps=3, highest_force=20.0, law="geometric").sweeps(plain)[1]
@@ -97,17 +83,6 @@ def test_the_tension_law_applies_to_theory_and_every_simulator() -> None:
         peaks.append(float(frequencies[levels[0].argmax()]))
     # k_T 0.3 against 4 N^2 of stretch: 0.6 N and 1.2 N on 65 N.
     assert peaks[1] > peaks[0] + 2.0
-
-
-@pytest.mark.parametrize("which", [0, 1], ids=["position", "force"])
-def test_the_twin_has_lines_on_the_harmonics_of_both_segments(which: int) -> None:
-    sweep = Trends(steps=3, edge=0.27, highest_force=2.0, law="geometric").sweeps(SENSOR.string)[which]
-    frequencies, levels = simulated_spectra(simulator("twin"), SENSOR.string, sweep)
-    for level, force, *both in zip(levels, sweep.forces, *sweep.fundamentals(SENSOR.string), strict=True):
-        for f in both if force > 0.0 else ():
-            # A light touch yields, a stiff string is up by less than 1 %; a driver holds one of four.
-            bands = [(frequencies > 0.97 * n * f) & (frequencies < 1.01 * n * f) for n in range(1, 5)]
-            assert max(level[band].max() for band in bands) > -30.0
 
 
 def test_trends_draws_theory_in_millimetres() -> None:
@@ -161,8 +136,8 @@ def test_histories_stay_within_range_and_force_and_end_clear_of_the_string() -> 
 def test_modes_counts_every_history_once_and_draws_a_column_for_each_pattern() -> None:
     numbers = FEW_HISTORIES.numbers()
     counts = numbers["counts"]
-    assert (numbers["histories"], numbers["seeds"]) == (12, [0, 11])
-    assert sum(counts) == numbers["steady"] <= 12
+    assert (numbers["histories"], numbers["seeds"]) == (6, [0, 5])
+    assert sum(counts) == numbers["steady"] <= 6
     assert counts == sorted(counts, reverse=True) == [one["count"] for one in numbers["patterns"]]
     pattern = numbers["patterns"][0]
     sound, _ = modes.sound_of(SENSOR, pattern["seed"], 2.0)
@@ -192,24 +167,6 @@ def during(number: int) -> slice:
     start, stop = edges[number], edges[number + 1]
     quarter = 0.25 * (stop - start)
     return slice(round((start + quarter) * RATE), round((stop - quarter) * RATE))
-
-
-def test_labels_of_the_touch_follow_its_phases() -> None:
-    labels = played().labels
-    names = [name for name, _ in PHASES]
-    for number, name in enumerate(names):
-        cut = during(number)
-        slips = name.startswith("slide")
-        touched = name in {"press", "hold"} or slips
-        if name != "release":
-            assert labels.contact[0, cut].all() == touched
-        if touched and name != "press":
-            assert labels.slip[0, cut].mean() == pytest.approx(float(slips), abs=0.05)
-            assert labels.force[0, cut].mean() == pytest.approx(1.0, abs=0.05)
-    across, along = during(names.index("slide across")), during(names.index("slide along"))
-    assert labels.across[0, across].mean() == pytest.approx(0.03, rel=0.05)
-    assert labels.along[0, along].mean() == pytest.approx(0.1, rel=0.02)
-    assert labels.settled[during(names.index("hold"))].all()
 
 
 def test_the_touch_sounds_throughout_and_is_drawn() -> None:

@@ -73,14 +73,6 @@ def test_without_a_network_get_says_what_to_do(
     assert "MONOCHORD_AST" in refusal(capsys, "weights", "get", "ast", "--folder", tmp_path)
 
 
-def test_check_of_what_is_not_there_says_how_to_get_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
-) -> None:
-    monkeypatch.delenv("MONOCHORD_AST", raising=False)
-    monkeypatch.setenv("MONOCHORD_WEIGHTS", str(tmp_path))
-    assert "'monochord weights get ast'" in refusal(capsys, "weights", "check", "ast")
-
-
 @pytest.mark.parametrize("damage", ["cut", "text"])
 def test_check_of_a_damaged_file_is_one_line(published: Path, capsys: Capture, damage: str) -> None:
     content = published.read_bytes()

@@ -135,8 +135,7 @@ def test_hum_alone_has_no_place(kind: str, base: float, open_frequency: float) -
     assert not any(each.valid for each in estimates)
 
 
-@pytest.mark.parametrize("kind", HUMS)
-@pytest.mark.parametrize("level", [-20.0, -35.0])
+@pytest.mark.parametrize(("kind", "level"), [*((kind, -20.0) for kind in HUMS), ("mains", -35.0)])
 @pytest.mark.parametrize(
     ("base", "open_frequency", "frequency"),
     [(60.0, 61.5, 123.0), (60.0, 61.5, 61.5), (60.0, 110.0, 120.3), (50.0, 98.0, 98.0), (50.0, 82.4, 146.8)],
