@@ -63,14 +63,6 @@ def test_held_out_objects_are_in_the_test_alone(several: Dataset) -> None:
     assert split.groups["test"] == ("metal", "wood")
 
 
-def test_sessions_of_known_objects_may_stand_beside_held_out_ones_in_the_test(several: Dataset) -> None:
-    split = split_dataset(several, by="session", held_out=["wood"])
-    bodies = held(several, split, "body")
-    assert bodies["test"] > {"wood"}
-    assert "wood" not in bodies["train"] | bodies["validation"]
-    assert audit(several, split, duplicates=False).clean
-
-
 def test_sessions_are_held_out_by_patterns_of_their_names(several: Dataset) -> None:
     split = split_dataset(several, held_out=["wood", "take[01]"], seed=5)
     again = split_dataset(several, held_out=["wood", "take[01]"], seed=5)

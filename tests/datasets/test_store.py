@@ -96,12 +96,6 @@ def test_a_full_disk_is_reported_as_such(tmp_path: Path) -> None:
     assert error.value.errno == errno.ENOSPC
 
 
-def test_a_manifest_is_read_as_it_was_written(several: Dataset, tmp_path: Path) -> None:
-    several.manifest.write(tmp_path)
-    assert Manifest.read(tmp_path) == several.manifest
-    assert (tmp_path / FILE).read_bytes() == (several.path / FILE).read_bytes()
-
-
 def test_it_tells_its_rules_its_sessions_and_no_folder_of_this_machine(several: Dataset) -> None:
     text = (several.path / FILE).read_text()
     manifest = json.loads(text)

@@ -75,11 +75,6 @@ def test_untouched_and_incomplete_windows_are_not_scored(oracle: Oracle) -> None
     assert regression(half, "position").windows < 0.6 * TOUCHED
 
 
-def test_normal_errors_are_covered_as_stated(oracle: Oracle) -> None:
-    covered = regression(oracle(spread=1.0), "position").covered
-    assert covered == pytest.approx((0.683, 0.954), abs=0.05)
-
-
 def test_intervals_draw_sessions_or_stretches_of_time(oracle: Oracle) -> None:
     assert len(np.unique(blocks_of(oracle())[0])) == 6
     blocks, what = blocks_of(oracle(objects=("plastic",) * 3))

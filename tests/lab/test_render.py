@@ -141,16 +141,6 @@ def test_pieces_of_any_length_make_the_same_session(monkeypatch: pytest.MonkeyPa
         np.testing.assert_allclose(again.labels[name], values, rtol=0.0, atol=1e-6, equal_nan=True)
 
 
-def test_lifted_there_is_no_contact_but_in_taps() -> None:
-    plan = tiny(groups=(*GROUPS, Group(name="clear", like="hold", lifted=3e-3)))
-    one = session("clear_000", plan)
-    timing, sound = schedule(one), render(one)
-    between = (sound.label_time > timing.on) & (sound.label_time < timing.off)
-    assert sound.labels["contact"][between].max() == 0.0
-    assert np.isnan(sound.labels["force"][between]).all()
-    assert sound.labels["contact"][~between].sum() > 6 * 5
-
-
 def test_music_is_at_its_ratio_and_pauses_for_the_taps(tmp_path: Path) -> None:
     time = np.arange(44100) / 44100.0
     soundfile.write(tmp_path / "hum.wav", 0.3 * np.sin(2.0 * np.pi * 6000.0 * time), 44100, subtype="FLOAT")
@@ -214,15 +204,6 @@ def test_a_tool_that_hovers_never_meets_a_string_at_rest() -> None:
     assert len(phases) == 2
     for within in phases:
         assert ((height[within] >= 3e-4 - 1e-9) & (height[within] <= 4e-4 + 1e-9)).all()
-
-
-def test_two_objects_press_at_once_and_have_no_one_position() -> None:
-    one = session("pair_000", quiet(groups=(replace(GROUPS[0], name="pair", second=0.04),)))
-    timing, sound = schedule(one), render(one)
-    within = np.any(during(timing, "settle", sound.label_time, 0.05), axis=0)
-    assert (sound.labels["contact"][within] == 1.0).all()
-    assert np.isnan(sound.labels["position"]).all()
-    assert (sound.labels["force"][within] > 1.3).all()  # one alone presses with 1.2 N at most
 
 
 def test_an_oblique_press_loads_the_touch_sideways() -> None:

@@ -88,13 +88,6 @@ def test_likeness_is_that_between_the_lines(bands: Bands, sing: Sing) -> None:
     assert (opposite[2, WIDE] < -0.8).all()
 
 
-def test_gain_moves_density_alone(bands: Bands, sing: Sing) -> None:
-    window = (sing(0.083, (1, 2)) + noise(6)).astype(np.float32)
-    loud, quiet = bands(window), bands(window / 16.0)
-    assert quiet[:2] == pytest.approx(loud[:2] - 2.0 * np.log10(16.0), abs=1e-3)
-    assert quiet[2] == pytest.approx(loud[2], abs=1e-5)
-
-
 def test_silence_is_the_least_density_and_a_dead_microphone_like_nothing(bands: Bands) -> None:
     silent = bands(np.zeros((2, SIZE)))
     assert (silent[:2] == np.float32(-15.0)).all()

@@ -206,20 +206,6 @@ def test_each_effect_is_a_switch_that_leaves_the_others(name: str) -> None:
         assert whole != off
 
 
-CHANGES: dict[str, tuple[Any, Any]] = {
-    "build": (plausible_build, DESIGN),
-    "day": (plausible_day, DESIGN),
-    "touch": (plausible_touch, PRESS),
-}
-
-
-@pytest.mark.parametrize("name", CHANGES)
-def test_the_same_seed_gives_the_same_and_another_another(name: str) -> None:
-    change, of = CHANGES[name]
-    assert change(of, 5) == change(of, 5)
-    assert change(of, 5) != change(of, 6)
-
-
 def test_each_material_has_a_mount_of_its_own() -> None:
     wood = replace(PRESS, material=load_material("wood"))
     assert plausible_touch(wood, 5).mount != plausible_touch(PRESS, 5).mount
