@@ -12,11 +12,9 @@ BOUNDS = {20.0: (93.0, 99.5), 10.0: (88.0, 99.0), 5.0: (75.0, 98.0), 0.0: (45.0,
 """Per ratio in dB: least share answered, and least share of the answers within 5 mm, in %."""
 
 
+@pytest.mark.slow
 @real
-@pytest.mark.parametrize(
-    "ratio",
-    [*(pytest.param(ratio, marks=pytest.mark.slow) for ratio in (20.0, 10.0, 5.0)), 0.0],
-)
+@pytest.mark.parametrize("ratio", BOUNDS)
 def test_answers_enough_and_rightly(ratio: float) -> None:
     answered, near = BOUNDS[ratio]
     for row in Interference(ratios=(ratio,)).run():

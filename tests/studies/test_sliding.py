@@ -73,6 +73,7 @@ def test_noise_has_the_stated_level() -> None:
     assert level == pytest.approx(-40.0, abs=1.0)  # windows that do not count had their share in the level
 
 
+@pytest.mark.slow
 def test_noise_hides_slow_sliding() -> None:
     quiet, noisy = (
         {one.feature: one.area for one in separations(replace(STUDY, noise=noise), (0.005,))}

@@ -11,6 +11,7 @@ from monochord.core.errors import InputError
 FEW_TOUCHES = Slip(runs=3, speeds=(0.01, 0.1), seconds=0.12)
 
 
+@pytest.mark.slow
 def test_slip_has_areas_with_intervals_and_draws_four_panels() -> None:
     numbers = FEW_TOUCHES.numbers()
     assert numbers["simulated"] is True

@@ -83,7 +83,7 @@ SENSORS = {
 }
 """Sensors of scenes that are not `SENSOR`."""
 FRAMES = 150
-SKIPPED = {"two": 75, "two that turn": 75, "two at one place": 120, "two mounted": 90}
+SKIPPED = {"two": 75, "two that turn": 75, "two at one place": 120, "two mounted": 120}
 """Frames of the first that the kernel alone advances: two touches take the readable step many rounds."""
 
 
