@@ -7,9 +7,12 @@ import numpy as np
 import pytest
 
 from monochord.datasets.store import Dataset, open_dataset
+from monochord.evaluation.replay import Selection
 from monochord.evaluation.results import Results, Trial
+from monochord.physics.sensors import load_sensor
 
 Oracle = Callable[..., Results]
+STRING = load_sensor("prototype").string
 SESSIONS, WINDOWS, HOP = 6, 200, 0.1
 
 
@@ -80,3 +83,8 @@ def sessions(small: Path) -> tuple[Path, ...]:
 def dataset(small: Path) -> Dataset:
     """Return the dataset of these sessions."""
     return open_dataset(small / "dataset")
+
+
+def selection(dataset: Dataset, rows: np.ndarray | None = None) -> Selection:
+    """Return rows of a dataset, or all of it, as sound of the prototype's string."""
+    return Selection(dataset=dataset, rows=np.arange(len(dataset)) if rows is None else rows, string=STRING)

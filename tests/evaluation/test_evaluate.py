@@ -2,13 +2,13 @@
 
 import json
 from base64 import b64encode
-from collections.abc import Callable
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.evaluation.conftest import STRING, Oracle, selection
 
 from monochord.core.errors import InputError
 from monochord.datasets.split import Split, split_dataset
@@ -25,7 +25,6 @@ from monochord.evaluation.evaluate import (
     write,
 )
 from monochord.evaluation.noise import parse_noise
-from monochord.evaluation.replay import Selection
 from monochord.evaluation.results import Results, read_results
 from monochord.evaluation.scorecard import scorecard
 from monochord.evaluation.scores import detection, regression
@@ -41,16 +40,9 @@ from monochord.evaluation.select import (
 )
 from monochord.perception.estimators.closed_form import ClosedForm
 from monochord.perception.model import load as load_model
-from monochord.physics.sensors import load_sensor
 
-Oracle = Callable[..., Results]
-STRING = load_sensor("prototype").string
 CLOSED_FORM = EvaluatedEstimator(estimator=ClosedForm(tension_law="geometric"), name="closed_form")
 DEMO = load_model("demo").definition
-
-
-def selection(dataset: Dataset, rows: np.ndarray | None = None) -> Selection:
-    return Selection(dataset=dataset, rows=np.arange(len(dataset)) if rows is None else rows, string=STRING)
 
 
 def test_a_bundled_model_is_loaded_by_its_name() -> None:

@@ -6,13 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.evaluation.conftest import selection
 
 from monochord.capture.sources.session import SessionSource
 from monochord.core.errors import InputError
 from monochord.core.types import Estimate, Estimates, Prepared, Signal, Window
 from monochord.datasets.store import Dataset
 from monochord.evaluation.noise import Disturbance
-from monochord.evaluation.replay import Selection, replay, replay_estimators
+from monochord.evaluation.replay import replay, replay_estimators
 from monochord.live import LiveRun
 from monochord.live.loop import opened
 from monochord.live.settings import WindowSettings
@@ -21,9 +22,7 @@ from monochord.perception.estimators.base import Estimator
 from monochord.perception.estimators.closed_form import ClosedForm
 from monochord.perception.estimators.model import ModelEstimator
 from monochord.perception.model import load
-from monochord.physics.sensors import load_sensor
 
-STRING = load_sensor("prototype").string
 PHYSICS = ClosedForm(tension_law="geometric")
 
 
@@ -44,10 +43,6 @@ class Counting(Estimator):
             return {"count": Estimate(value=float(count), std=0.0, unit="")}
 
         return estimate
-
-
-def selection(dataset: Dataset, rows: np.ndarray | None = None) -> Selection:
-    return Selection(dataset=dataset, rows=np.arange(len(dataset)) if rows is None else rows, string=STRING)
 
 
 def test_it_equals_live_inference_to_the_bit(dataset: Dataset, sessions: tuple[Path, ...]) -> None:

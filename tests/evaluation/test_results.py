@@ -7,11 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.evaluation.conftest import Oracle
 
 from monochord.core.errors import InputError
-from monochord.evaluation.results import Results, join, read_results, write_csv, write_results
-
-Oracle = Callable[..., Results]
+from monochord.evaluation.results import join, read_results, write_csv, write_results
 
 
 def test_where_selects_rows_of_every_column(oracle: Oracle) -> None:

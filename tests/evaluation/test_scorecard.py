@@ -1,24 +1,21 @@
 """A scorecard holds all tables of an evaluation, its baselines and its limits."""
 
 import json
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.evaluation.conftest import STRING, Oracle
 
 from monochord.core.errors import InputError
 from monochord.evaluation.limits import compare_with_bound, force_floor
 from monochord.evaluation.paper import keep_rows, paper_rows
 from monochord.evaluation.results import Results, join
 from monochord.evaluation.scorecard import EVERYTHING, abstentions, error_map, scorecard
-from monochord.physics.sensors import load_sensor
 from monochord.sessions import read_session
 
-Oracle = Callable[..., Results]
 OBJECTS = ("plastic", "plastic", "wood", "wood", "wood", "metal")
-STRING = load_sensor("prototype").string
 
 
 def in_music(results: Results, ratio: float | None = None) -> Results:

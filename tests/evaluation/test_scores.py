@@ -1,10 +1,10 @@
 """Scores follow known rules: an oracle is perfect, a guess is chance, an abstention is a miss."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.evaluation.conftest import Oracle
 
 from monochord.core.errors import InputError
 from monochord.evaluation.results import Results, Trial
@@ -18,7 +18,6 @@ from monochord.evaluation.scores import (
     speed,
 )
 
-Oracle = Callable[..., Results]
 TOUCHED, KNOWN = 6 * 140, 6 * 190
 """Windows of the oracle: touched at known positions, and with a known contact."""
 

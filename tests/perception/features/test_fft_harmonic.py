@@ -1,17 +1,14 @@
 """The harmonics of both segments: each column on sound whose harmonics are known."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
+from tests.perception.features.conftest import Row, Sing
 
 from monochord.core.errors import InputError
-from monochord.core.types import Audio, Signal
+from monochord.core.types import Signal
 from monochord.perception.features import FEATURES
 from monochord.physics.strings import load_string
 
-Sing = Callable[..., Audio]
-Row = Callable[..., dict[str, float]]
 RATE, SIZE, LENGTH = 44100, 4410, 0.2
 STRING = load_string("prototype").string
 TIME = np.arange(SIZE) / RATE

@@ -4,13 +4,12 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from tests.perception.features.conftest import Row, Sing
 
-from monochord.core.types import Audio, Floats, Signal
+from monochord.core.types import Floats, Signal
 from monochord.perception.features import FEATURES
 from monochord.physics.strings import load_string
 
-Sing = Callable[..., Audio]
-Row = Callable[..., dict[str, float]]
 Bands = Callable[..., Floats]
 RATE, SIZE, BANDS = 44100, 4410, 28
 EDGES = np.geomspace(20.0, 16000.0, BANDS + 1)
