@@ -168,7 +168,7 @@ def test_a_model_that_hears_a_touch_first_does_not_err(percent: int) -> None:
     assert score.worst < 5e-3
 
 
-FAR_OUT = [(percent, name) for percent in (-15, -12, 12, 15, 20) for name in ESTIMATED]
+FAR_OUT = [(percent, name) for percent in (-15, -12, 12, 20) for name in ESTIMATED]
 
 
 @pytest.mark.parametrize(("percent", "name"), FAR_OUT)
