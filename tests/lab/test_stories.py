@@ -266,6 +266,7 @@ def test_a_second_object_comes_later_and_goes_before_or_after() -> None:
     two = labels["contacts"] == 2.0
     assert one.sum() > 300
     assert two.sum() > 300
+    np.testing.assert_array_equal(labels["contact"], labels["contacts"] > 0.0)
     assert np.isnan(labels["position"][two]).mean() > 0.97
     first, second = np.isfinite(labels["position_1"]), np.isfinite(labels["position_2"])
     np.testing.assert_array_equal(labels["position"][one & first], labels["position_1"][one & first])
