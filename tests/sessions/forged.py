@@ -1,7 +1,7 @@
 """Sessions that no writer of ours makes: written with the `mcap` library, a field or a byte at a time."""
 
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,6 @@ import numpy as np
 from mcap.writer import CompressionType, Writer
 from tests.sessions.made import EPOCH, FEEDS, RATE, description
 
-from monochord.core.errors import InputError
 from monochord.sessions import codec
 from monochord.sessions._layout import BEGIN, END
 
@@ -142,36 +141,3 @@ def forge(
 def described(**changes: Any) -> str:
     """Return a description as text, with entries of its tree replaced."""
     return json.dumps({**json.loads(description().dump()), **changes})
-
-
-def mutated(content: bytes, seed: int) -> bytes:
-    """Return bytes with some changed, made 0 or 255, drawn anew, cut out or written twice, or cut off."""
-    rng, data = np.random.default_rng(seed), bytearray(content)
-    for _ in range(rng.choice([1, 1, 2, 5, 20])):
-        at, size = int(rng.integers(max(len(data), 1))), int(rng.choice([1, 2, 4, 8, 64]))
-        match int(rng.integers(6)):
-            case 0:
-                data[at : at + 1] = bytes([int(rng.integers(256))])
-            case 1:
-                data[at : at + size] = bytes([int(rng.choice([0, 255]))]) * size
-            case 2:
-                data[at : at + size] = rng.bytes(size)
-            case 3:
-                del data[at : at + size]
-            case 4:
-                data[at:at] = data[at : at + size]
-            case _:
-                del data[max(at, 64) :]
-    return bytes(data)
-
-
-def refused_or_done(call: Callable[[], object], which: object) -> bool:
-    """Call, and return whether it was done; what it raises is `InputError`, or passes on."""
-    try:
-        call()
-    except InputError:
-        return False
-    except Exception as error:
-        error.add_note(f"mutation {which}")
-        raise
-    return True

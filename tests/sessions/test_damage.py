@@ -103,7 +103,7 @@ def short(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_flipped_bit_is_noticed_and_mended(short: Path, tmp_path: Path) -> None:
     content, whole = short.read_bytes(), read_session(short).audio.samples
     random = np.random.default_rng(0)
-    places = [*random.choice(aimed(short), 16, replace=False), *random.integers(0, len(content), 6)]
+    places = [*random.choice(aimed(short), 8, replace=False), *random.integers(0, len(content), 3)]
     for at in places:
         mend(tmp_path / "a.mcap", content, int(at), int(random.integers(8)), whole)
 

@@ -22,12 +22,10 @@ from tests.sessions.forged import (
     event,
     forge,
     labels,
-    mutated,
     oven,
-    refused_or_done,
     wrenches,
 )
-from tests.sessions.made import EPOCH, make
+from tests.sessions.made import EPOCH
 
 from monochord.core.errors import InputError
 from monochord.sessions import SessionReader, check, chunks, codec, read_session
@@ -307,17 +305,3 @@ def test_a_gap_longer_than_a_session_is_no_gap(tmp_path: Path) -> None:
     session = read_session(forge(tmp_path / "a.mcap", [SOUND[0], Forgery("/audio", audio(start=last))]))
     assert session.audio.samples.shape == (2, 441)
     assert "/audio" in session.malformed
-
-
-def test_mutated_sessions_end_in_values_or_in_one_line(tmp_path: Path) -> None:
-    """Bytes anywhere in the file, and bytes of a message in a chunk whose checksum is right again."""
-    make(tmp_path / "made.mcap", seconds=0.2)
-    content, path = (tmp_path / "made.mcap").read_bytes(), tmp_path / "a.mcap"
-    for seed in range(24):
-        if seed % 2:
-            path.write_bytes(content[:8] + mutated(content[8:], seed))
-        else:
-            which = seed // 2 % len(SOUND)
-            forged = Forgery(SOUND[which].topic, mutated(SOUND[which].data, seed), SOUND[which].log_time)
-            forge(path, [*SOUND[:which], forged, *SOUND[which + 1 :]])
-        refused_or_done(lambda: read_all(path), seed)

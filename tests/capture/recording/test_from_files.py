@@ -4,7 +4,6 @@ from typing import Any
 import numpy as np
 import pytest
 import soundfile
-from tests.sessions.forged import mutated, refused_or_done
 
 from monochord.capture.recording.from_files import from_files
 from monochord.core.errors import InputError
@@ -258,21 +257,3 @@ def test_notes_that_no_file_can_hold_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError):
         from_files(tmp_path / "a.wav", None, tmp_path / "a.mcap", described={"notes": "\udcff"})
     assert not (tmp_path / "a.mcap").exists()
-
-
-def test_mutated_tables_end_in_a_session_or_in_one_line(tmp_path: Path) -> None:
-    sound(tmp_path / "a.wav", seconds=0.1)
-    table, out = tmp_path / "a.csv", tmp_path / "a.mcap"
-    rows = [f"{0.01 * k},{k % 2},0.1{k},," for k in range(10)]
-    content = "\n".join(["time,contact,position,force,own", *rows]).encode()
-    spoilt = [mutated(content, seed) for seed in range(60)]
-    many = ",".join(["time", *map(str, range(300))]) + "\n" + "0," * 300 + "0\n"
-    spoilt += [many.encode(), b"time,a\n0," + b"1" * 200_000, b"time,a\n0,\x00\n", b"time,a\n1e400,1\n"]
-    done = True
-    for number, each in enumerate(spoilt):
-        table.write_bytes(each)
-        out.unlink(missing_ok=True)
-        done = refused_or_done(lambda: from_files(tmp_path / "a.wav", table, out), number)
-        assert done == out.exists()
-        assert not done or len(read_session(out).labels.time) <= content.count(b"\n") + 64
-    assert not done

@@ -32,7 +32,7 @@ def test_a_round_trip_loses_nothing_also_of_a_session_that_was_cut_off(
 ) -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        take = write_random(folder / "take.mcap", seed, seconds=0.5, close=close)
+        take = write_random(folder / "take.mcap", seed, seconds=0.25, close=close)
         EXPORTS.build(form).write([read_session(take)], folder / "out")
         assert json.loads((folder / "out/take/session.json").read_text())["complete"] is close
         EXPORTS.build(form).read(folder / "out" / "take", folder / "again.mcap")
