@@ -63,21 +63,6 @@ def test_every_make_target_in_a_document_exists() -> None:
     assert named <= targets
 
 
-@pytest.mark.slow
-def test_the_readmes_python_runs(capsys: pytest.CaptureFixture[str]) -> None:
-    def numbers(line: str) -> list[float]:
-        return [float(number) for number in re.findall(r"[\d.]+", line)]
-
-    for block in blocks(README, "python"):
-        promised = re.findall(r"^print\(.*  # (.*?)(?: m)?$", block, re.MULTILINE)
-        exec(block, {})  # noqa: S102
-        printed = capsys.readouterr().out.split("\n")[:-1]
-        assert promised
-        # What comes of a run in real time is not promised, and is printed first.
-        for line, is_so in zip(promised, printed[-len(promised) :], strict=True):
-            assert numbers(is_so) == pytest.approx(numbers(line), abs=1e-9)
-
-
 def test_the_readmes_touch_is_simulated_and_found_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -67,23 +67,6 @@ def test_types_and_base_classes_load_no_kernels() -> None:
     assert subprocess.check_output([sys.executable, "-c", code], text=True) == "set()\n"
 
 
-def test_what_is_available_is_what_the_list_shows() -> None:
-    assert {"jack", "twin", "wav"} <= set(mc.available("sources"))
-    assert mc.available("models") == ["demo"]
-    with pytest.raises(mc.InputError, match="did you mean 'sinks'"):
-        mc.available("sink")
-
-
-def test_a_file_is_listened_to_with_the_bundled_model(touched: Path) -> None:
-    updates = list(mc.listen(touched, "demo", string="prototype"))
-    assert len(updates) == 41
-    assert all(update.contact.value > 0.5 for update in updates)
-    positions = [update.position.value for update in updates]
-    assert np.median(np.abs(np.array(positions) - 0.08)) < 1e-3
-    with pytest.raises(KeyError, match="postion"):
-        _ = updates[0].prediction["postion"]
-
-
 def test_the_same_comes_of_it_asynchronously(touched: Path) -> None:
     async def first(count: int) -> list[float]:
         values: list[float] = []
@@ -154,8 +137,3 @@ def test_the_virtual_sensor_follows_commands_step_by_step() -> None:
     assert labels["force"][-1] == pytest.approx(2.0, abs=0.1)
     twin.release()
     assert twin.advance(0.3)[1]["contact"][-1] == 0.0
-
-
-def test_a_string_is_simulated_in_a_line() -> None:
-    sound = mc.simulate("appendix", position=0.2275, force=0.0, route="modal")
-    assert [round(peak) for peak in sound.summary["peaks"]] == [695, 374]

@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 import soundfile
 from tests.cli.running import Capture, records, refusal
-from tests.contract.test_documents import command_lines
-from tests.contract.test_layout import PAGES, ROOT
 
 import monochord as mc
 from monochord.cli import run
@@ -163,30 +161,10 @@ def test_the_file_is_a_sensor_everywhere(build: Build, tmp_path: Path, capsys: C
     assert "no answer" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(
-    ("words", "named"),
-    [
-        ("plucked.wav --length 0.65", "--sensor"),
-        ("plucked.wav --length 0.2 --caliper 0.254", "unit"),
-        ("plucked.wav --length 0.2 --weighed nan", "nan"),
-        ("plucked.wav --length 0", "--length"),
-        ("silence.wav --length 0.2", "silence.wav"),
-        ("no.wav --length 0.2", "no.wav"),
-        ("--length 0.2", "FILES"),
-        ("plucked.wav", "--length"),
-        ("plucked.wav --length 0.2 --out mine.json", ".toml"),
-        ("plucked.wav --length 0.2 --out silence.toml", "--force"),
-        ("plucked.wav --length 0.2 --sensor protoype", "prototype"),
-    ],
-)
-def test_bad_input_is_refused_in_a_line(
-    words: str, named: str, build: Build, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    soundfile.write("plucked.wav", build.plucked.T, 44100, subtype="FLOAT")
-    soundfile.write("silence.wav", np.zeros((44100, 2)), 44100)
-    Path("silence.toml").touch()
-    assert named in refusal(capsys, "identify", *words.split())
+def test_a_caliper_in_millimetres_is_asked_back(build: Build, tmp_path: Path, capsys: Capture) -> None:
+    soundfile.write(tmp_path / "plucked.wav", build.plucked.T, 44100, subtype="FLOAT")
+    words = ("identify", tmp_path / "plucked.wav", "--length", "0.2", "--caliper", "0.254")
+    assert "unit" in refusal(capsys, *words)
 
 
 def test_a_wound_string_has_no_density_by_caliper(tmp_path: Path) -> None:
@@ -205,17 +183,6 @@ def test_a_wound_string_has_no_density_by_caliper(tmp_path: Path) -> None:
     assert not result.estimates["tension"].valid
     assert "wound" in result.notes[0]
     assert result.fit.relative_std("tension") > 0.05
-
-
-def test_the_pages_command_runs(build: Build, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    soundfile.write("pluck.wav", build.plucked.T, 44100, subtype="FLOAT")
-    soundfile.write("driven.wav", build.driven.T, 44100, subtype="FLOAT")
-    commands = command_lines(PAGES[ROOT / "docs" / "how-to" / "identify.md"])
-    (words,) = [words for words in commands if words[0] == "identify"]
-    assert run(words) == 0
-    tension = mc.load_sensor("mine.toml").string.tension
-    assert tension == pytest.approx(build.string.tension, rel=0.02)
 
 
 @pytest.mark.slow

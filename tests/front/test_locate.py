@@ -78,8 +78,9 @@ def test_what_phones_record_comes_with_the_line_that_converts_it(
     assert line.endswith(f"ffmpeg -i '{path}' '{path.with_suffix('.wav')}'")
 
 
-@pytest.mark.parametrize("option", ["--open", "--open-frequency"])
-@pytest.mark.parametrize("note", ["A2", "a2", "110", "G##2", "B♭2-100", "A#2-100", "110Hz"])
+@pytest.mark.parametrize(
+    ("option", "note"), [("--open", "B♭2-100"), ("--open", "110"), ("--open-frequency", "G##2")]
+)
 def test_the_open_note_has_a_name_or_a_frequency(
     option: str, note: str, write: Write, capsys: Capture
 ) -> None:
