@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.cli.running import refusal
 from tests.live.web.test_server import TOKEN, free, get
 from tests.waiting import wait_for
 from websockets.exceptions import InvalidStatus
@@ -291,20 +290,3 @@ def test_the_page_is_there_with_its_tabs_and_files() -> None:
         connection.request("GET", "/static/bring_up.js")
         assert connection.getresponse().getheader("content-type", "").startswith("text/javascript")
         connection.close()
-
-
-@pytest.mark.parametrize(
-    "options",
-    [
-        ["--web"],
-        ["--sensor", "prototype", "--port", "8500"],
-        ["--sensor", "prototype", "--web", "--recordings", "."],
-        ["--sensor", "prototype", "--web", "--json"],
-        ["--sensor", "nope", "--web"],
-        ["--sensor", "prototype", "--web", "--source", "twin", "--out", "nowhere/mine.toml"],
-    ],
-)
-def test_options_that_do_not_go_together_give_one_line(
-    options: list[str], capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert refusal(capsys, "doctor", *options)

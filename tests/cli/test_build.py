@@ -131,9 +131,6 @@ def test_a_session_that_cannot_be_used_is_told_in_one_line(
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ("--split window", "window"),
-        ("--split time --held-out wood", "split"),
-        ("--split day", "day"),
         ("--held-out wod", "'wood'"),
         ("--held-out tame*", "'take*'"),
         ("--held-out take[1-3]", "3 sessions"),

@@ -42,7 +42,8 @@ def test_a_plan_of_ones_own(tmp_path: Path, capsys: Capture) -> None:
 
 
 def test_the_same_plan_with_one_driver(tmp_path: Path) -> None:
-    arguments = ["collect", "small", "--only", "hold", "--out", str(tmp_path), "--workers", "1"]
+    one = "groups=[{name='hold', grid=[1, 1], hold=0.3}]"
+    arguments = ["collect", "small", "--out", str(tmp_path), "--set", one]
     assert cli.run([*arguments, "--set", "sensor=prototype_one_driver"]) == 0
     recorded = read_session(tmp_path / "hold_000.mcap").description
     assert recorded.sensor["name"] == "prototype_one_driver"

@@ -107,26 +107,3 @@ def test_the_virtual_sensor_needs_no_hands(capsys: Capture) -> None:
     lines = capsys.readouterr().out.splitlines()
     assert lines[-1] == "No fault. Simulated: a rehearsal on the virtual sensor."
     assert any(line.startswith("ok") and " drift " in line for line in lines)
-
-
-@pytest.mark.parametrize(
-    "words",
-    [
-        ["--drift", "3"],
-        ["--recordings", "."],
-        ["--sensor", "nope"],
-        ["--sensor", "prototype", "--recordings", "nowhere"],
-        ["--sensor", "prototype", "--recordings", "."],
-        ["--sensor", "prototype", "--recordings", ".", "--source", "twin"],
-        ["--sensor", "prototype", "--out", "mine.txt"],
-        ["--sensor", "prototype", "--out", "nowhere/mine.toml"],
-        ["--sensor", "prototype", "--source", "jack", "--set", "source.server=no-such-server"],
-    ],
-)
-def test_what_cannot_be_is_refused_in_a_line(
-    words: list[str], capsys: Capture, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert run(["doctor", "--yes" if "jack" in words else "--json", *words]) == 2
-    error = [line for line in capsys.readouterr().err.splitlines() if line.startswith("monochord: ")]
-    assert len(error) == 1

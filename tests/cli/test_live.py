@@ -293,7 +293,7 @@ def test_a_reader_that_stalls_holds_up_neither_the_loop_nor_its_end(take: Take, 
     assert process.stderr is not None
     assert process.stdout.readline()  # and no more: the pipe is full after some 64 KiB
     deadline = time.monotonic() + 60.0
-    while len(rows.read_bytes().splitlines()) < 1200:
+    while len(rows.read_bytes().splitlines()) < 600:
         assert time.monotonic() < deadline
         time.sleep(0.05)
     process.send_signal(signal.SIGTERM)

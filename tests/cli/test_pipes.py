@@ -23,7 +23,10 @@ DRAWING = {
     "doctor": ["doctor"],
     "help": ["live", "--help"],
 }
-"""Commands that draw: pictures that are renewed, progress bars, and click's help. One of each is not slow."""
+"""Commands that draw: pictures that are renewed, progress bars, and click's help.
+
+A picture and the help are not slow; of a bar in a pipe `tests/core/test_progress.py` tells.
+"""
 FORCED = [{"FORCE_COLOR": "1"}, {"FORCE_COLOR": "3", "TTY_COMPATIBLE": "1", "CLICOLOR_FORCE": "1"}]
 SOURCES = Path(__file__).parents[2] / "src" / "monochord"
 
@@ -56,7 +59,7 @@ def on_a_terminal(words: list[str], folder: Path, **changed: str) -> bytes:
 @pytest.mark.parametrize(
     "words",
     [
-        pytest.param(words, id=name, marks=[pytest.mark.slow] * (name not in {"live", "collect", "help"}))
+        pytest.param(words, id=name, marks=[pytest.mark.slow] * (name not in {"live", "help"}))
         for name, words in DRAWING.items()
     ],
 )

@@ -13,7 +13,7 @@ from tests.cli.running import Capture, record, refusal
 import monochord as mc
 from monochord.perception.model import folder_of
 
-PLAN = ["groups=[{name='hold', sessions=4, grid=[4, 1], hold=0.2}]"]
+PLAN = ["groups=[{name='hold', sessions=3, grid=[2, 1], hold=0.2}]"]
 
 
 def front_matter(folder: Path) -> dict[str, Any]:
@@ -80,15 +80,15 @@ def test_the_hubs_own_reader_takes_both_cards(made: Path, tmp_path: Path) -> Non
 
 
 def test_a_dataset_is_whole_and_its_card_counts_it(made: Path, tmp_path: Path) -> None:
-    folder = mc.publish(made / "dataset", tmp_path / "data", licence="cc-by-4.0", title="Four sessions")
+    folder = mc.publish(made / "dataset", tmp_path / "data", licence="cc-by-4.0", title="Three sessions")
     assert sums_hold(folder.path)
     data = mc.load_dataset(folder.path)
     assert mc.audit(data).clean
     text = (folder.path / "README.md").read_text(encoding="utf-8")
     for fact in (
-        "# Four sessions",
+        "# Three sessions",
         "**Simulated**",
-        "4, simulated",
+        "3, simulated",
         f"| hold_000 | {data.manifest.parts[0].object} |",
     ):
         assert fact in text
@@ -149,21 +149,12 @@ def test_no_linked_folder_is_followed(made: Path, tmp_path: Path, capsys: Captur
 
 
 DAMAGED = (
-    "",
-    "{",
-    "null",
-    "0",
-    "[]",
-    "{}",
-    '"a"',
-    '{"heads": 5}',
-    '{"heads": {"a": [1]}}',
-    "[" * 100_000,
-    "\xff",
+    *("", "[]", "{}", "[" * 100_000, "\xff"),
+    *('{"heads": 5}', '{"heads": {"a": [1]}}', '{"heads": {"a": {"windows": 3, "mae": "b"}}}'),
 )
 
 
-@pytest.mark.parametrize("text", [*DAMAGED, '{"heads": {"a": {"windows": 3, "mae": "b"}}}'])
+@pytest.mark.parametrize("text", DAMAGED)
 def test_damaged_metrics_are_one_line(text: str, tmp_path: Path, capsys: Capture) -> None:
     model = tmp_path / "mine"
     shutil.copytree(folder_of(Path("demo")) or Path(), model)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from monochord.core.config import dump_toml, from_tree, load_toml, override, table, to_tree
@@ -126,6 +126,7 @@ readers = st.builds(
 )
 
 
+@settings(max_examples=40)
 @given(readers)
 def test_the_resolved_copy_gives_the_same_configuration(reader: Reader) -> None:
     assert from_tree(Reader, tomllib.loads(dump_toml(to_tree(reader)))) == reader

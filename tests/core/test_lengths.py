@@ -14,12 +14,7 @@ from monochord.core.errors import InputError
 LENGTHS = {
     "locate take.wav --length 650": "0.65",
     "locate take.wav --length 0.65 --open A2 --calibrate take.wav:163": "0.163",
-    "live take.wav --length 650": "0.65",
-    "tune --length 198.3": "0.1983",
-    "identify take.wav --length 200": "0.2",
     "identify take.wav --length 0.2 --length-error 500": "0.5",
-    "design --length 200": "0.2",
-    "design --range 100": "0.1",
     "design --gap 1500": "1.5",
     "record out.mcap --radius 3000": "3",
     "simulate appendix --at 227.5": "0.2275",
