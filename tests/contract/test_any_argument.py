@@ -145,12 +145,12 @@ ABSURD: dict[str, Callable[[], Any]] = {
 
 
 FEW = (
-    *("None", "True", "-1", "10**400", "nan", "inf", "1e300", "5e-324", "1j", "Decimal nan"),
-    *("no text", "text", "zero byte", "1e5 letters", "half a surrogate", "bytes", "device", "folder"),
-    *("no list", "list of None", "deep list", "endless", "generator", "deep table", "hostile", "class"),
-    *("np nan", "np text", "np empty", "np ints", "np cube", "string"),
+    *("None", "True", "-1", "10**400", "nan", "inf", "5e-324", "1j"),
+    *("text", "zero byte", "1e5 letters", "half a surrogate", "bytes", "device"),
+    *("list of None", "deep list", "endless", "hostile"),
+    *("np text", "np empty", "np ints", "np cube", "string"),
 )
-"""One value or two of each kind; ``make test-all`` tries all of `ABSURD`."""
+"""A value or two of each kind; ``make test-all`` tries all of `ABSURD`."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -33,14 +33,14 @@ def moments() -> tuple[Floats, Floats]:
     return time, np.minimum(time / FULL, 1.0)
 
 
-@pytest.mark.parametrize("place", [0.2 / 3.0, 0.08, 0.1, 0.12])
+@pytest.mark.parametrize("place", [0.2 / 3.0, 0.08, 0.1])
 def test_at_a_node_a_swing_is_no_slip(place: float) -> None:
     time, pressed = moments()
     swing = np.where(time > FULL, 0.5 * np.sin(4.0 * np.pi * (time - FULL)), 0.0)
     assert decided(place, pressed + swing, np.zeros(time.size)) < 0.02
 
 
-@pytest.mark.parametrize("place", [0.2 / 3.0, 0.08, pytest.param(0.1, marks=MISSED), 0.12])
+@pytest.mark.parametrize("place", [0.2 / 3.0, 0.08, pytest.param(0.1, marks=MISSED)])
 def test_at_a_node_a_stroke_is_slip(place: float) -> None:
     time, pressed = moments()
     assert decided(place, pressed, np.where(time > FULL, STROKE, 0.0)) > 0.9

@@ -58,8 +58,10 @@ def mono(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[object, object]
     return located(tmp_path_factory.mktemp("mono") / "mono.wav", note()[None])
 
 
-@pytest.mark.parametrize("kind", ["noise", "louder noise", "hum", "zero", "copy", "inverted copy"])
-@pytest.mark.parametrize("channel", [0, 1])
+@pytest.mark.parametrize(
+    ("kind", "channel"),
+    [("noise", 0), ("louder noise", 1), ("hum", 0), ("zero", 1), ("copy", 0), ("inverted copy", 1)],
+)
 def test_a_guitar_beside_an_unused_input_is_read_as_the_mono_file(
     mono: list[tuple[object, object]], tmp_path: Path, kind: str, channel: int
 ) -> None:

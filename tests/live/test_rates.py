@@ -38,7 +38,7 @@ def answers(source: Any, **options: Any) -> list[tuple[float, dict[str, tuple[fl
     ]
 
 
-@pytest.mark.parametrize("rate", [44100, 48000, 96000, 192000])
+@pytest.mark.parametrize("rate", [44100, 48000, 192000])
 def test_it_answers_at_any_rate_as_at_its_own(rate: int) -> None:
     sound, where = take(rate)
     errors, windows = list[float](), 0
