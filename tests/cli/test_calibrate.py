@@ -67,7 +67,6 @@ def test_a_lower_rate_is_resampled_by_the_command_that_is_named(imported: Import
 @pytest.mark.parametrize(
     ("rate", "command"),
     [
-        (48000, CALIBRATE),
         (96000, CALIBRATE),
         (48000, ["evaluate", "demo", "--no-baselines", "--sessions"]),
     ],

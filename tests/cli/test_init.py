@@ -173,11 +173,10 @@ def test_a_reader_that_goes_away_is_no_traceback() -> None:
     assert run.returncode == 1
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["list", "strings", "--json"]])
-def test_output_that_cannot_be_written_is_one_line_and_status_2(arguments: list[str]) -> None:
+def test_output_that_cannot_be_written_is_one_line_and_status_2() -> None:
     with Path("/dev/full").open("wb") as full:
         done = subprocess.run(
-            [sys.executable, "-c", "from monochord.cli import main; main()", *arguments],
+            [sys.executable, "-c", "from monochord.cli import main; main()", "--help"],
             stdout=full, stderr=subprocess.PIPE, text=True, check=False,
         )  # fmt: skip
     assert done.returncode == 2

@@ -8,7 +8,9 @@ import sys
 from contextlib import suppress
 from pathlib import Path
 
+import numpy as np
 import pytest
+import soundfile
 
 ESCAPE = b"\x1b"
 COLORAMA = b"\x1b[0m"
@@ -18,7 +20,16 @@ FEW = "groups=[{name='hold', sessions=1, grid=[1, 1], hold=0.3}]"
 DRAWING = {
     "demo": ["demo", "--no-browser", "--seconds", "1"],
     "live": ["live", "--estimator", "closed_form", "--source", "twin", "--seconds", "0.5"],
-    "record": ["record", "take.mcap", "--source", "twin", "--seconds", "1"],
+    "record": [
+        "record",
+        "take.mcap",
+        "--source",
+        "wav",
+        "--set",
+        "source.path=take.wav",
+        "--set",
+        "source.speed=1",
+    ],
     "collect": ["collect", "quick", "--out", "sessions", "--set", FEW],
     "doctor": ["doctor"],
     "help": ["live", "--help"],
@@ -29,6 +40,14 @@ A picture and the help are not slow; of a bar in a pipe `tests/core/test_progres
 """
 FORCED = [{"FORCE_COLOR": "1"}, {"FORCE_COLOR": "3", "TTY_COMPATIBLE": "1", "CLICOLOR_FORCE": "1"}]
 SOURCES = Path(__file__).parents[2] / "src" / "monochord"
+
+
+@pytest.fixture
+def place(tmp_path: Path) -> Path:
+    """A folder with half a second of noise in two channels."""
+    noise = 0.1 * np.random.default_rng(0).standard_normal((22050, 2))
+    soundfile.write(tmp_path / "take.wav", noise, 44100)
+    return tmp_path
 
 
 def environment(**changed: str) -> dict[str, str]:
@@ -59,15 +78,15 @@ def on_a_terminal(words: list[str], folder: Path, **changed: str) -> bytes:
 @pytest.mark.parametrize(
     "words",
     [
-        pytest.param(words, id=name, marks=[pytest.mark.slow] * (name not in {"live", "help"}))
+        pytest.param(words, id=name, marks=[pytest.mark.slow] * (name not in {"record", "help"}))
         for name, words in DRAWING.items()
     ],
 )
-def test_a_pipe_gets_plain_text(tmp_path: Path, words: list[str], forced: dict[str, str]) -> None:
+def test_a_pipe_gets_plain_text(place: Path, words: list[str], forced: dict[str, str]) -> None:
     command = [sys.executable, "-m", "monochord", *words]
     run = subprocess.run(
         command,
-        cwd=tmp_path,
+        cwd=place,
         env=environment(**forced),
         capture_output=True,
         check=False,
@@ -77,19 +96,20 @@ def test_a_pipe_gets_plain_text(tmp_path: Path, words: list[str], forced: dict[s
     assert ESCAPE not in run.stdout + run.stderr
 
 
-def test_a_terminal_is_drawn_on_in_colours_unless_the_environment_refuses_them(tmp_path: Path) -> None:
-    words = DRAWING["live"]
-    assert COLOUR.search(on_a_terminal(words, tmp_path))
-    plain = on_a_terminal(words, tmp_path, NO_COLOR="1")
+def test_a_terminal_is_drawn_on_in_colours_unless_the_environment_refuses_them(place: Path) -> None:
+    words = DRAWING["record"]
+    assert COLOUR.search(on_a_terminal(words, place))
+    (place / "take.mcap").unlink()
+    plain = on_a_terminal(words, place, NO_COLOR="1")
     assert ESCAPE in plain
     assert not COLOUR.search(plain)
 
 
 @pytest.mark.parametrize(
-    "name", ["live", *(pytest.param(each, marks=pytest.mark.slow) for each in ("record", "collect"))]
+    "name", ["record", *(pytest.param(each, marks=pytest.mark.slow) for each in ("live", "collect"))]
 )
-def test_a_terminal_that_cannot_move_its_cursor_gets_lines(tmp_path: Path, name: str) -> None:
-    shown = on_a_terminal(DRAWING[name], tmp_path, TERM="dumb", FORCE_COLOR="1")
+def test_a_terminal_that_cannot_move_its_cursor_gets_lines(place: Path, name: str) -> None:
+    shown = on_a_terminal(DRAWING[name], place, TERM="dumb", FORCE_COLOR="1")
     assert ESCAPE not in shown.removesuffix(COLORAMA)
 
 

@@ -159,8 +159,7 @@ def test_a_session_that_exists_is_not_overwritten(tmp_path: Path, sound: Path, c
     assert out.read_bytes() == b"precious"
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_it_with_its_summary(tmp_path: Path, sound: Path, number: signal.Signals) -> None:
+def test_a_signal_ends_it_with_its_summary(tmp_path: Path, sound: Path) -> None:
     out = tmp_path / "take.mcap"
     command = [str(Path(sys.executable).with_name("monochord")), *words(out, sound, "--json")]
     pipe = subprocess.PIPE
@@ -172,7 +171,7 @@ def test_a_signal_ends_it_with_its_summary(tmp_path: Path, sound: Path, number: 
             assert process.poll() is None
             assert time.monotonic() < deadline
             time.sleep(0.02)
-        process.send_signal(number)
+        process.send_signal(signal.SIGTERM)
         printed, shown = process.communicate(timeout=20)
     assert process.returncode == 0
     summary = json.loads(printed)
