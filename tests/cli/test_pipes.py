@@ -1,21 +1,20 @@
 """What draws on a terminal puts no control sequence into a pipe, whatever the environment says of colours."""
 
 import os
-import pty
 import re
 import subprocess
 import sys
-from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 import pytest
 import soundfile
+from tests.cli.terminal import on_a_terminal
 
-ESCAPE = b"\x1b"
-COLORAMA = b"\x1b[0m"
+ESCAPE = "\x1b"
+COLORAMA = "\x1b[0m"
 """What a library of numba's leaves at the end on any terminal."""
-COLOUR = re.compile(rb"\x1b\[(?:[39]\d|38;|1;3\d)[\d;]*m")
+COLOUR = re.compile(r"\x1b\[(?:[39]\d|38;|1;3\d)[\d;]*m")
 FEW = "groups=[{name='hold', sessions=1, grid=[1, 1], hold=0.3}]"
 DRAWING = {
     "demo": ["demo", "--no-browser", "--seconds", "1"],
@@ -56,20 +55,10 @@ def environment(**changed: str) -> dict[str, str]:
     return {**own, "TERM": "xterm-256color", "COLUMNS": "100", "LINES": "30", **changed}
 
 
-def on_a_terminal(words: list[str], folder: Path, **changed: str) -> bytes:
+def drawn(words: list[str], folder: Path, **changed: str) -> str:
     """Return what a command prints on a terminal of its own."""
-    ours, theirs = pty.openpty()
-    command, shown = [sys.executable, "-m", "monochord", *words], b""
-    with subprocess.Popen(
-        command, cwd=folder, stdin=theirs, stdout=theirs, stderr=theirs, env=environment(**changed)
-    ) as run:
-        os.close(theirs)
-        with suppress(OSError):  # Linux tells this way that the other side was closed
-            while more := os.read(ours, 65536):
-                shown += more
-    os.close(ours)
-    assert run.returncode == 0, shown.decode()
-    return shown
+    command = [sys.executable, "-m", "monochord", *words]
+    return on_a_terminal(command, folder=folder, environment=environment(**changed))
 
 
 @pytest.mark.parametrize(
@@ -89,6 +78,7 @@ def test_a_pipe_gets_plain_text(place: Path, words: list[str], forced: dict[str,
         cwd=place,
         env=environment(**forced),
         capture_output=True,
+        text=True,
         check=False,
         stdin=subprocess.DEVNULL,
     )
@@ -98,9 +88,9 @@ def test_a_pipe_gets_plain_text(place: Path, words: list[str], forced: dict[str,
 
 def test_a_terminal_is_drawn_on_in_colours_unless_the_environment_refuses_them(place: Path) -> None:
     words = DRAWING["record"]
-    assert COLOUR.search(on_a_terminal(words, place))
+    assert COLOUR.search(drawn(words, place))
     (place / "take.mcap").unlink()
-    plain = on_a_terminal(words, place, NO_COLOR="1")
+    plain = drawn(words, place, NO_COLOR="1")
     assert ESCAPE in plain
     assert not COLOUR.search(plain)
 
@@ -109,7 +99,7 @@ def test_a_terminal_is_drawn_on_in_colours_unless_the_environment_refuses_them(p
     "name", ["record", *(pytest.param(each, marks=pytest.mark.slow) for each in ("live", "collect"))]
 )
 def test_a_terminal_that_cannot_move_its_cursor_gets_lines(place: Path, name: str) -> None:
-    shown = on_a_terminal(DRAWING[name], place, TERM="dumb", FORCE_COLOR="1")
+    shown = drawn(DRAWING[name], place, TERM="dumb", FORCE_COLOR="1")
     assert ESCAPE not in shown.removesuffix(COLORAMA)
 
 

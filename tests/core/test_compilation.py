@@ -2,15 +2,12 @@
 
 import gc
 import io
-import os
-import pty
-import subprocess
 import sys
-from contextlib import suppress
 from typing import Any
 
 import pytest
 from numba.core.errors import TypingError
+from tests.cli.terminal import on_a_terminal
 
 from monochord.core.compilation import CompilationBar
 from monochord.core.kernels import kernel
@@ -44,21 +41,12 @@ def test_a_log_gets_nothing() -> None:
 def test_any_program_on_a_terminal_shows_it_and_only_where_something_is_compiled() -> None:
     code = (
         "from monochord.core.kernels import kernel\n"
+        "one = kernel()(lambda x: x + 1.0)\n"
         "for _ in range(2):\n"
         "    print('next', flush=True)\n"
         "    assert one(2.0) == 3.0\n"
     )
-    ours, theirs = pty.openpty()
-    define = code.replace("for _", "one = kernel()(lambda x: x + 1.0)\nfor _", 1)
-    printed = b""
-    with subprocess.Popen([sys.executable, "-c", define], stdout=theirs, stderr=theirs) as process:
-        os.close(theirs)
-        with suppress(OSError):  # Linux tells this way that the other side was closed
-            while more := os.read(ours, 65536):
-                printed += more
-    os.close(ours)
-    assert process.returncode == 0, printed.decode()
-    _, first, second = printed.decode().split("next")
+    _, first, second = on_a_terminal([sys.executable, "-c", code]).split("next")
     assert "compiling, once, about" in first
     assert first.endswith("\r\x1b[K")
     assert "compiling" not in second

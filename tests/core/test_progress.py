@@ -1,12 +1,11 @@
 """A bar shows progress on a terminal, and nothing does elsewhere."""
 
 import os
-import pty
 import subprocess
 import sys
-from contextlib import suppress
 
 import pytest
+from tests.cli.terminal import on_a_terminal
 
 WORK = """
 from monochord.core.progress import progress_bar
@@ -19,18 +18,10 @@ with progress_bar("takes") as report:
 
 
 def test_a_terminal_shows_a_bar() -> None:
-    ours, theirs = pty.openpty()
     environment = {**os.environ, "TERM": "xterm", "COLUMNS": "80"}
-    work = subprocess.Popen([sys.executable, "-c", WORK], stderr=theirs, env=environment)
-    os.close(theirs)
-    shown = b""
-    with suppress(OSError):  # what the kernel says once the other end is closed
-        while part := os.read(ours, 4096):
-            shown += part
-    os.close(ours)
-    assert work.wait() == 0
-    assert b"take" in shown
-    assert b"2/7" in shown
+    shown = on_a_terminal([sys.executable, "-c", WORK], environment=environment)
+    assert "take" in shown
+    assert "2/7" in shown
 
 
 def test_a_pipe_gets_nothing_whatever_the_environment_says_of_terminals() -> None:

@@ -3,7 +3,6 @@
 import itertools
 import json
 import os
-import pty
 import re
 import signal
 import socket
@@ -12,7 +11,7 @@ import sys
 import time
 import urllib.request
 from collections.abc import Callable, Generator, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,6 +19,7 @@ from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
+from tests.cli import terminal
 from tests.e2e.browser import Page, chromium, opened
 from websockets.sync.client import ClientConnection, connect
 
@@ -438,20 +438,11 @@ def test_it_opens_a_browser_only_where_it_is_seen(
 
 def on_a_terminal(options: list[str], environment: Mapping[str, str]) -> str:
     """Return what a demonstration prints on a terminal of its own."""
-    ours, theirs = pty.openpty()
     remote = ("SSH_CONNECTION", "SSH_TTY", "DISPLAY", "WAYLAND_DISPLAY", "NO_COLOR")
     own = {name: value for name, value in os.environ.items() if name not in remote}
     own |= {"TERM": "xterm-256color", "COLUMNS": "100", "LINES": "40", **environment}
     command = [sys.executable, "-m", "monochord", "demo", *options]
-    printed = b""
-    with subprocess.Popen(command, stdin=theirs, stdout=theirs, stderr=theirs, env=own) as process:
-        os.close(theirs)
-        with suppress(OSError):  # Linux tells this way that the other side was closed
-            while more := os.read(ours, 65536):
-                printed += more
-    os.close(ours)
-    assert process.returncode == 0, printed.decode()
-    return printed.decode()
+    return terminal.on_a_terminal(command, environment=own)
 
 
 def test_the_address_answers_first_and_an_estimate_follows_soon(tmp_path: Path) -> None:

@@ -122,7 +122,7 @@ def test_a_truncated_file_is_refused_or_read_as_far_as_it_goes(
 
 
 @pytest.mark.parametrize("name", ["a.mp3", "a.ogg", "a.aiff"])
-@pytest.mark.parametrize("part", [0.3, 0.9, 0.999])
+@pytest.mark.parametrize("part", [0.3, 0.999])
 def test_other_formats_that_are_cut_are_refused_or_read(tmp_path: Path, name: str, part: float) -> None:
     file = write(tmp_path / name, noise(4 * RATE, 1))
     whole = audio(file)
@@ -133,8 +133,9 @@ def test_other_formats_that_are_cut_are_refused_or_read(tmp_path: Path, name: st
     assert 0 < audio(file, allow_truncated=True).shape[1] < whole.shape[1]
 
 
-@pytest.mark.parametrize("suffix", ["wav", "raw", "sd2", "vox", "txt"])
-@pytest.mark.parametrize("kind", ["WAV", "MP3", "OGG", "AIFF"])
+@pytest.mark.parametrize(
+    ("suffix", "kind"), [("wav", "MP3"), ("raw", "WAV"), ("sd2", "OGG"), ("vox", "AIFF"), ("txt", "MP3")]
+)
 def test_the_content_of_a_file_says_what_it_is(tmp_path: Path, suffix: str, kind: str) -> None:
     path = tmp_path / f"a.{suffix}"
     with path.open("wb") as file:

@@ -1,21 +1,15 @@
 """The view on a real pseudo-terminal, and the plain lines without one."""
 
 import dataclasses
-import fcntl
 import os
-import pty
 import re
-import select
-import struct
-import subprocess
 import sys
-import termios
 import textwrap
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.cli.terminal import on_a_terminal
 from tests.live.sinks.made import SIGNAL, window_update
 
 from monochord.core import reasons
@@ -63,29 +57,13 @@ PROGRAM = """
 """
 
 
-def on_a_terminal(
-    columns: int, rows: int, program: Path, *arguments: str, term: str = "xterm-256color"
-) -> str:
+def drawn_by(columns: int, rows: int, program: Path, *arguments: str, term: str = "xterm-256color") -> str:
     """Run a program on a pseudo-terminal of a size and return all that it drew."""
-    ours, theirs = pty.openpty()
-    fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
     environment = {**os.environ, "TERM": term, "PYTHONIOENCODING": "utf-8"}
     for name in ("NO_COLOR", "COLUMNS", "LINES"):
         environment.pop(name, None)
-    process = subprocess.Popen(
-        [sys.executable, program, *arguments], stdout=theirs, stderr=subprocess.STDOUT, env=environment
-    )
-    os.close(theirs)
-    drawn = b""
-    end = time.monotonic() + 30.0
-    while time.monotonic() < end and select.select([ours], [], [], 30.0)[0]:
-        try:
-            drawn += os.read(ours, 65536)
-        except OSError:  # Linux tells this way that the other side was closed
-            break
-    os.close(ours)
-    assert process.wait(10.0) == 0, drawn.decode()
-    return drawn.decode()
+    command = [sys.executable, program, *arguments]
+    return on_a_terminal(command, environment=environment, size=(columns, rows))
 
 
 def last_picture(drawn: str) -> list[str]:
@@ -116,7 +94,7 @@ def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def drawn(program: Path) -> str:
-    return on_a_terminal(80, 24, program)
+    return drawn_by(80, 24, program)
 
 
 def test_the_picture_fits_and_the_touch_is_drawn_where_it_is(drawn: str) -> None:
@@ -142,7 +120,7 @@ def test_only_what_changed_is_drawn_again(drawn: str) -> None:
 
 
 def test_a_terminal_that_cannot_draw_gets_lines(program: Path) -> None:
-    drawn = on_a_terminal(80, 24, program, term="dumb")
+    drawn = drawn_by(80, 24, program, term="dumb")
     assert "▼" not in drawn
     assert "\x1b" not in drawn
     assert "position 227.5 mm +- 4.00 mm" in drawn
