@@ -137,31 +137,45 @@ UNTOUCHED = both(
     labelled("contact", 0.0, valid=True),
     *(labelled(name, NAN, valid=False) for name in ("position", "force", "slip")),
 )
-DATASETS: dict[str, tuple[Damage, str]] = {
-    "nothing to train on": (emptied("train"), "train"),
-    "nothing to choose by": (emptied("validation"), "validation"),
-    "no position": (labelled("position", NAN, valid=False), "'position'"),
-    "no force": (labelled("force", NAN, valid=False), "'force'"),
-    "no slip": (labelled("slip", NAN, valid=False), "'slip'"),
-    "NaN in labels": (labelled("force", NAN), "'force'"),
-    "infinite labels": (labelled("position", np.inf), "'position'"),
-    "no contact": (UNTOUCHED, "'contact'"),
-    "one kind of slip": (labelled("slip", 0.0), "'slip'"),
-}
 
 
-@pytest.mark.parametrize("case", DATASETS)
-def test_data_that_nothing_can_be_learned_from_is_refused_before_anything_is_written(
-    case: str, small: Path, tmp_path: Path, reseal: Damage, capsys: Capture
+def all_to_test(folder: Path) -> None:
+    split, count = Split.read(folder / "split.json"), len(open_dataset(folder))
+    none = np.zeros(0, np.int64)
+    parts = {"train": none, "validation": none, "test": np.arange(count)}
+    replace(split, parts=parts).write(folder / "split.json")
+
+
+EVERY_LABEL = ("contact", "position", "force", "slip")
+DATASETS: dict[tuple[str, str], tuple[Damage, str]] = {
+    ("train", "nothing to train on"): (emptied("train"), "train"),
+    ("train", "nothing to choose by"): (emptied("validation"), "validation"),
+    ("train", "no position"): (labelled("position", NAN, valid=False), "'position'"),
+    ("train", "NaN in labels"): (labelled("force", NAN), "'force'"),
+    ("train", "infinite labels"): (labelled("position", np.inf), "'position'"),
+    ("train", "no contact"): (UNTOUCHED, "'contact'"),
+    ("train", "one kind of slip"): (labelled("slip", 0.0), "'slip'"),
+    ("evaluate", "nothing to test"): (emptied("test"), "windows"),
+    ("evaluate", "NaN in labels"): (both(all_to_test, labelled("force", NAN)), "'force'"),
+    ("evaluate", "no labels"): (
+        both(*(labelled(name, NAN, valid=False) for name in EVERY_LABEL)), "label",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", DATASETS, ids=" ".join)
+def test_data_from_which_nothing_can_be_learned_or_told_is_refused_before_anything_is_written(
+    case: tuple[str, str], small: Path, tmp_path: Path, reseal: Damage, capsys: Capture
 ) -> None:
     pytest.importorskip("torch")
     damage, words = DATASETS[case]
     shutil.copytree(small / "dataset", tmp_path / "dataset")
     damage(tmp_path / "dataset")
     reseal(tmp_path / "dataset")
-    arguments = ["train", "paper", "--dataset", str(tmp_path / "dataset"), "--out", str(tmp_path / "run")]
-    assert words in refusal(capsys, *arguments)
-    assert not (tmp_path / "run").exists()
+    command = ["train", "paper"] if case[0] == "train" else ["evaluate", "demo"]
+    given = ["--dataset", str(tmp_path / "dataset"), "--out", str(tmp_path / "out")]
+    assert words in refusal(capsys, *command, *given)
+    assert not (tmp_path / "out").exists()
 
 
 def changed(name: str) -> Damage:
@@ -204,33 +218,6 @@ def test_a_damaged_dataset_is_one_line_that_names_the_file(
     line = refusal(capsys, *[command, *more[command]])
     assert words in line
     assert not (tmp_path / "run").exists()
-
-
-def all_to_test(folder: Path) -> None:
-    split, count = Split.read(folder / "split.json"), len(open_dataset(folder))
-    none = np.zeros(0, np.int64)
-    parts = {"train": none, "validation": none, "test": np.arange(count)}
-    replace(split, parts=parts).write(folder / "split.json")
-
-
-EVERY_LABEL = ("contact", "position", "force", "slip")
-UNTESTED: dict[str, tuple[Damage, str]] = {
-    "nothing to test": (emptied("test"), "windows"),
-    "NaN in labels": (both(all_to_test, labelled("force", NAN)), "'force'"),
-    "no labels": (both(*(labelled(name, NAN, valid=False) for name in EVERY_LABEL)), "label"),
-}
-
-
-@pytest.mark.parametrize("case", UNTESTED)
-def test_data_that_cannot_test_is_refused(
-    case: str, small: Path, tmp_path: Path, reseal: Damage, capsys: Capture
-) -> None:
-    damage, words = UNTESTED[case]
-    shutil.copytree(small / "dataset", tmp_path / "dataset")
-    damage(tmp_path / "dataset")
-    reseal(tmp_path / "dataset")
-    line = refusal(capsys, *["evaluate", "demo", "--dataset", str(tmp_path / "dataset")])
-    assert words in line
 
 
 @pytest.mark.parametrize("out", ["{session}", "{session}/below"])

@@ -1,13 +1,12 @@
 """Each command on a disk that is full: one line that names the file or folder being written, status 2."""
 
 import errno
-import os
-import subprocess
 from collections.abc import Generator
 from pathlib import Path
 
 import pytest
 from tests.cli.running import Capture
+from tests.sessions.disks import small_disk
 
 import monochord as mc
 from monochord.cli import run
@@ -30,14 +29,9 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def small(tmp_path: Path) -> Generator[Path]:
     """A disk with little space left."""
-    folder = tmp_path / "small"
-    folder.mkdir()
-    mount = ["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", str(folder)]
-    if os.geteuid() != 0 or subprocess.run(mount, capture_output=True, check=False).returncode:
-        pytest.skip("mounting a small disk is not allowed here")
-    (folder / "filling").write_bytes(bytes((1 << 20) - FREE))
-    yield folder
-    subprocess.run(["umount", "--lazy", str(folder)], check=True)
+    with small_disk(tmp_path / "small", 1 << 20) as folder:
+        (folder / "filling").write_bytes(bytes((1 << 20) - FREE))
+        yield folder
 
 
 COMMANDS = {

@@ -4,13 +4,13 @@ import errno
 import gc
 import os
 import resource
-import subprocess
 from collections.abc import Generator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.sessions.disks import small_disk
 from tests.sessions.made import RATE, block, description, make, plain_readings
 
 from monochord.core.errors import InputError
@@ -107,18 +107,13 @@ def test_memory_stays_small_where_nobody_flushes(tmp_path: Path) -> None:
 
 
 @pytest.fixture
-def small_disk(tmp_path: Path) -> Generator[Path]:
-    folder = tmp_path / "small"
-    folder.mkdir()
-    mount = ["mount", "-t", "tmpfs", "-o", "size=8m", "tmpfs", str(folder)]
-    if os.geteuid() != 0 or subprocess.run(mount, capture_output=True, check=False).returncode:
-        pytest.skip("mounting a small disk is not allowed here")
-    yield folder
-    subprocess.run(["umount", "--lazy", str(folder)], check=True)
+def disk(tmp_path: Path) -> Generator[Path]:
+    with small_disk(tmp_path / "small", 8 << 20) as folder:
+        yield folder
 
 
-def test_a_full_disk_ends_the_file_well(small_disk: Path) -> None:
-    path = small_disk / "a.mcap"
+def test_a_full_disk_ends_the_file_well(disk: Path) -> None:
+    path = disk / "a.mcap"
     with pytest.raises(OSError, match=r"a\.mcap") as failure:
         make(path, seconds=60)
     assert failure.value.errno == errno.ENOSPC
@@ -128,10 +123,10 @@ def test_a_full_disk_ends_the_file_well(small_disk: Path) -> None:
     assert report.seconds > 2.0
 
 
-def test_a_disk_that_fills_from_elsewhere_ends_the_file_well(small_disk: Path) -> None:
-    path = small_disk / "a.mcap"
+def test_a_disk_that_fills_from_elsewhere_ends_the_file_well(disk: Path) -> None:
+    path = disk / "a.mcap"
     writer = make(path, seconds=0.5, close=False)
-    with suppress(OSError), (small_disk / "other").open("wb", buffering=0) as other:
+    with suppress(OSError), (disk / "other").open("wb", buffering=0) as other:
         while True:
             other.write(bytes(65536))
     with pytest.raises(OSError, match=r"a\.mcap"):  # noqa: PT012
