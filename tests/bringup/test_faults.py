@@ -96,7 +96,7 @@ def result(build: int, name: str = "") -> BringUp:
     )
 
 
-@pytest.mark.parametrize("name", ["microphones swapped", "driver 2 dead", "other string"])
+@pytest.mark.parametrize("name", ["microphones swapped", "driver 2 dead", "hum", "other string"])
 def test_a_fault_is_named_and_no_other(name: str) -> None:
     assert result(1001, name).faults == FAULTS[name][1]
     assert not result(1001, name).passed
