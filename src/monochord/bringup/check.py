@@ -1,6 +1,6 @@
 """The vocabulary of a bring-up: what is recorded in a step, and what a check says."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from monochord.core.reasons import Reason
 from monochord.core.types import Audio
@@ -43,6 +43,10 @@ class Check:
     advice: str = ""
     fault: str = Reason.NONE
     microphone: int = 0
+
+    def failed(self, fault: str, advice: str) -> "Check":
+        """Return this check as failed, with the diagnosis and what to change."""
+        return replace(self, passed=False, fault=fault, advice=advice)
 
 
 def left_out(step: str, name: str, reason: str) -> Check:

@@ -1,7 +1,7 @@
 """Checks of the drivers: whether each starts the string, on which partial, how fast; and feed-through."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -114,48 +114,30 @@ def driver_checks(step: str, lock: DriverLock | None, pitch: Hertz, decay: float
     of a partial grows with its number.
     """
     which = {"driver_1": "driver 1", "driver_2": "driver 2"}.get(step, "both drivers")
+    level = Check(step=step, name=f"level of {which}", unit="dBFS")
     if lock is None:
-        advice = (
-            f"{which} does not sustain the string: check its supply, the wire of both coils, and "
-            f"exchange the two ends of "
-            "one coil (its sense may be reversed); then bring it nearer to the string"
-        )
         if step == "both":
-            return [
-                left_out(step, f"partial of {which}", "the string is not sustained: see the single drivers")
-            ]
-        return [
-            Check(
-                step=step,
-                name=f"level of {which}",
-                unit="dBFS",
-                passed=False,
-                advice=advice,
-                fault=Reason.DRIVER_DEAD.with_detail(which),
-            )
-        ]
-    number = lock.frequency / pitch
-    checks = [
-        Check(step=step, name=f"partial of {which}", value=round(number, 2)),
-        Check(step=step, name=f"level of {which}", value=lock.level, unit="dBFS"),
-    ]
-    name, time = f"time of {which} to lock", lock.time
+            reason = "the string is not sustained: see the single drivers"
+            return [left_out(step, f"partial of {which}", reason)]
+        advice = (
+            f"{which} does not sustain the string: check its supply, the wire of both coils, and exchange "
+            "the two ends of one coil (its sense may be reversed); then bring it nearer to the string"
+        )
+        return [level.failed(Reason.DRIVER_DEAD.with_detail(which), advice)]
+    partial = Check(step=step, name=f"partial of {which}", value=round(lock.frequency / pitch, 2))
+    time = Check(step=step, name=f"time of {which} to lock", value=lock.time, unit="s")
     slow = (
         step != "both"
         and decay is not None
         and lock.growth < MIN_GROWTH * decay * max(1.0, lock.first / pitch)
     )
-    advice = (
-        f"{which} hardly overcomes the string's losses: bring it nearer to the string, renew its "
-        f"battery, raise its gain"
-        if slow
-        else ""
-    )
-    fault = Reason.DRIVER_WEAK.with_detail(which) if slow else Reason.NONE
-    return [
-        *checks,
-        Check(step=step, name=name, value=time, unit="s", passed=not slow, advice=advice, fault=fault),
-    ]
+    if slow:
+        advice = (
+            f"{which} hardly overcomes the string's losses: bring it nearer to the string, renew its "
+            "battery, raise its gain"
+        )
+        time = time.failed(Reason.DRIVER_WEAK.with_detail(which), advice)
+    return [partial, replace(level, value=lock.level), time]
 
 
 def feed_checks(damped: Take, driven: Take, quiet: Take | None) -> list[Check]:
@@ -170,26 +152,13 @@ def feed_checks(damped: Take, driven: Take, quiet: Take | None) -> list[Check]:
     checks: list[Check] = []
     for number, level, full in zip(MICROPHONES, ends, ringing, strict=True):
         name, share = f"feed-through into microphone {number}", float(level / max(full, 1e-9))
-        if share <= FEED_THROUGH or decibels(float(level)) < MIN_FEED:
-            checks.append(
-                Check(step="damped", name=name, value=decibels(share), unit="dB", microphone=number)
+        check = Check(step="damped", name=name, value=decibels(share), unit="dB", microphone=number)
+        if share > FEED_THROUGH and decibels(float(level)) >= MIN_FEED:
+            advice = (
+                "the microphone hears a coil without the string (or the string still rings: damp it all "
+                "along): move the cable off the coils, twist the coils' leads, shield the piezo, separate "
+                "the grounds"
             )
-            continue
-        advice = (
-            "the microphone hears a coil without the string (or the string still rings: damp it all "
-            "along): move the cable "
-            "off the coils, twist the coils' leads, shield the piezo, separate the grounds"
-        )
-        checks.append(
-            Check(
-                step="damped",
-                name=name,
-                value=decibels(share),
-                unit="dB",
-                passed=False,
-                advice=advice,
-                fault=Reason.FEED_THROUGH.with_detail(number),
-                microphone=number,
-            )
-        )
+            check = check.failed(Reason.FEED_THROUGH.with_detail(number), advice)
+        checks.append(check)
     return checks

@@ -1,6 +1,7 @@
 """Checks of the inputs: silence, level, clipping, rate, which is which, and crosstalk."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -76,24 +77,14 @@ def silence_checks(pluck: Take, quiet: Take | None) -> list[Check]:
     checks: list[Check] = []
     for number, level, floor in zip(MICROPHONES, loud, noise, strict=True):
         name, ratio = f"microphone {number} over its noise", level / max(floor, 1e-9)
-        value = decibels(ratio)
-        if ratio >= DEAD_RATIO and level > 1e-6:
-            checks.append(Check(step="pluck", name=name, value=value, unit="dB", microphone=number))
-            continue
-        checks.append(
-            Check(
-                step="pluck",
-                name=name,
-                value=value,
-                unit="dB",
-                passed=False,
-                fault=Reason.MICROPHONE_DEAD.with_detail(number),
-                microphone=number,
-                advice=f"input {number} does not pick up the string: check plug, cable, phantom power "
-                f"or battery, gain, "
-                "and that its piezo is glued on",
+        check = Check(step="pluck", name=name, value=decibels(ratio), unit="dB", microphone=number)
+        if ratio < DEAD_RATIO or level <= 1e-6:
+            advice = (
+                f"input {number} does not pick up the string: check plug, cable, phantom power or battery, "
+                "gain, and that its piezo is glued on"
             )
-        )
+            check = check.failed(Reason.MICROPHONE_DEAD.with_detail(number), advice)
+        checks.append(check)
     return checks
 
 
@@ -107,12 +98,11 @@ def inputs_check(takes: Mapping[str, Take]) -> Check:
         for take in takes.values()
         for start in range(0, take.samples.shape[1] - size + 1, size)
     ]
-    inputs = inputs_of(pieces, rate)
+    inputs, check = inputs_of(pieces, rate), Check(step=step, name=name)
     if not inputs.reason:
-        return Check(step=step, name=name)
+        return check
     fault = INPUT_FAULTS[inputs]
-    advice = f"{inputs.reason}: {Reason.of(fault).remedy}"
-    return Check(step=step, name=name, passed=False, fault=fault, advice=advice)
+    return check.failed(fault, f"{inputs.reason}: {Reason.of(fault).remedy}")
 
 
 def level_checks(takes: Sequence[Take]) -> list[Check]:
@@ -127,37 +117,21 @@ def level_checks(takes: Sequence[Take]) -> list[Check]:
         clipped = max(float((np.abs(end[channel]) >= LOUD).mean()) for end in ends)
         value, gain = decibels(peak), decibels(TARGET_PEAK / max(peak, 1e-9))
         name = f"level of microphone {number}"
+        note = "" if abs(gain) < 12.0 else f"gain {gain:+.0f} dB would be best"
+        check = Check(step="both", name=name, value=value, unit="dBFS", advice=note, microphone=number)
         if clipped >= LOUD_SHARE:
-            fault, advice = (
-                Reason.TOO_LOUD,
-                f"{100.0 * clipped:.1f} % of samples clip: turn its gain down by 15 dB, run it again",
-            )
+            advice = f"{100.0 * clipped:.1f} % of samples clip: turn its gain down by 15 dB, run it again"
+            check = check.failed(Reason.TOO_LOUD.with_detail(number), advice)
         elif peak < MIN_PEAK:
-            fault, advice = Reason.LOW, f"turn its gain up by {gain:.0f} dB"
-        else:
-            note = "" if abs(gain) < 12.0 else f"gain {gain:+.0f} dB would be best"
-            checks.append(
-                Check(step="both", name=name, value=value, unit="dBFS", advice=note, microphone=number)
-            )
-            continue
-        checks.append(
-            Check(
-                step="both",
-                name=name,
-                value=value,
-                unit="dBFS",
-                passed=False,
-                advice=advice,
-                fault=fault.with_detail(number),
-                microphone=number,
-            )
-        )
+            check = check.failed(Reason.LOW.with_detail(number), f"turn its gain up by {gain:.0f} dB")
+        checks.append(check)
     return checks
 
 
 def rate_check(takes: Mapping[str, Take]) -> Check:
     """Return whether live frames come at the stated rate, by the machine's clock."""
     rate = next(iter(takes.values())).sample_rate
+    check = Check(step=next(iter(takes)), name="sample rate", value=float(rate), unit="Hz")
     for step, take in takes.items():
         if take.elapsed is None:
             continue
@@ -166,34 +140,17 @@ def rate_check(takes: Mapping[str, Take]) -> Check:
             advice = (
                 f"{measured:.0f} frames a second arrive: set the interface, or the JACK server, to {rate} Hz"
             )
-            return Check(
-                step=step,
-                name="sample rate",
-                value=measured,
-                unit="Hz",
-                passed=False,
-                advice=advice,
-                fault=Reason.WRONG_RATE,
-            )
-    return Check(step=next(iter(takes)), name="sample rate", value=float(rate), unit="Hz")
+            return replace(check, step=step, value=measured).failed(Reason.WRONG_RATE, advice)
+    return check
 
 
 def dropped_check(takes: Mapping[str, Take]) -> Check:
     """Return whether frames were lost."""
     lost = sum(take.dropped for take in takes.values())
     step = next((step for step, take in takes.items() if take.dropped), next(iter(takes)))
-    if not lost:
-        return Check(step=step, name="lost frames", value=0.0, unit="frames")
+    check = Check(step=step, name="lost frames", value=float(lost), unit="frames")
     advice = "use longer periods, close other programs, and run monochord doctor without --sensor"
-    return Check(
-        step=step,
-        name="lost frames",
-        value=float(lost),
-        unit="frames",
-        passed=False,
-        advice=advice,
-        fault=Reason.LOST_FRAMES,
-    )
+    return check.failed(Reason.LOST_FRAMES, advice) if lost else check
 
 
 def sensitivity(pluck: Take) -> float:
@@ -221,25 +178,16 @@ def order_check(tap: Take, relative: float) -> Check:
         return left_out("tap", name, "the tap clips: tap more softly, or turn the gain down")
     one, two = np.sqrt((part**2).mean(axis=1))
     value = decibels(one / max(two, 1e-12)) - decibels(relative)
+    check = Check(step="tap", name=name, value=value, unit="dB")
     if value >= SWAP_MARGIN:
-        return Check(step="tap", name=name, value=value, unit="dB")
+        return check
     if value <= -SWAP_MARGIN:
         advice = (
             "input 1 carries microphone 2: exchange the plugs, or the ports, as in --device 'PORT_2,PORT_1'"
         )
-        return Check(
-            step="tap",
-            name=name,
-            value=value,
-            unit="dB",
-            passed=False,
-            advice=advice,
-            fault=Reason.INPUTS_SWAPPED,
-        )
+        return check.failed(Reason.INPUTS_SWAPPED, advice)
     advice = f"no clear order: tap once, within {1e3 * TAP_PLACE:g} mm of microphone 1's end of the string"
-    return Check(
-        step="tap", name=name, value=value, unit="dB", passed=False, advice=advice, fault=Reason.UNCLEAR_TAP
-    )
+    return check.failed(Reason.UNCLEAR_TAP, advice)
 
 
 def separation_check(press: Take, relative: float) -> Check:
@@ -259,16 +207,12 @@ def separation_check(press: Take, relative: float) -> Check:
     if not ratios.size:
         return left_out("press", name, "the pressed string does not sound")
     value = float(max(ratios.max(), -ratios.min()))
-    if value >= MIN_SEPARATION:
-        return Check(step="press", name=name, value=value, unit="dB")
+    check = Check(step="press", name=name, value=value, unit="dB")
     advice = (
         "both microphones hear the same: mount each on its own block, with a damping layer between "
-        "block and bar, and keep "
-        "their cables apart"
+        "block and bar, and keep their cables apart"
     )
-    return Check(
-        step="press", name=name, value=value, unit="dB", passed=False, advice=advice, fault=Reason.CROSSTALK
-    )
+    return check if value >= MIN_SEPARATION else check.failed(Reason.CROSSTALK, advice)
 
 
 def strongest_line(samples: Audio, sample_rate: int, lowest: Hertz) -> tuple[Hertz, Floats]:
@@ -281,12 +225,16 @@ def strongest_line(samples: Audio, sample_rate: int, lowest: Hertz) -> tuple[Her
     >>> round(frequency), level.round(3).tolist()
     (1000, [0.071, 0.035])
     """
-    taper = np.hanning(samples.shape[1])
-    size = np.abs(np.fft.rfft(samples * taper)) / taper.sum() * np.sqrt(2.0)
-    spacing = sample_rate / samples.shape[1]
+    size, spacing = line_levels(samples), sample_rate / samples.shape[1]
     size[:, : round(lowest / spacing)] = 0.0
     k = int(size.max(axis=0).argmax())
     return k * spacing, size[:, k]
+
+
+def line_levels(samples: Audio) -> Floats:
+    """Return the level (2, bins) of each line of the spectrum, rms in full scale."""
+    taper = np.hanning(samples.shape[1])
+    return np.abs(np.fft.rfft(samples * taper)) / taper.sum() * np.sqrt(2.0)
 
 
 def line_level(samples: Floats | Audio, sample_rate: int, frequency: Hertz) -> Floats:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from monochord.bringup.check import MICROPHONES, Check, Take
-from monochord.bringup.inputs import decibels, rms
+from monochord.bringup.inputs import decibels, line_levels, rms
 from monochord.core.clock import RATES
 from monochord.core.reasons import Reason
 from monochord.core.types import Floats
@@ -31,9 +31,7 @@ rate's."""
 
 def _spectrum(take: Take) -> tuple[Floats, float]:
     """Return the line levels (2, bins), rms in full scale, and the bins' spacing in Hz."""
-    taper = np.hanning(take.samples.shape[1])
-    size = np.abs(np.fft.rfft(take.samples * taper)) / taper.sum() * np.sqrt(2.0)
-    return size, take.sample_rate / take.samples.shape[1]
+    return line_levels(take.samples), take.sample_rate / take.samples.shape[1]
 
 
 def _line(size: Floats, spacing: float, frequency: Hertz, reach: Hertz = REACH) -> Floats:
@@ -78,18 +76,10 @@ def mains_rate_check(quiet: Take) -> Check | None:
         return None
     advice = (
         f"the mains hum lies where sound of {rate} Hz stated as {quiet.sample_rate} Hz would have it: "
-        f"set recorder, "
-        "interface and --rate to one sample rate"
+        "set recorder, interface and --rate to one sample rate"
     )
-    return Check(
-        step=STEP,
-        name="sample rate by the mains",
-        value=float(rate),
-        unit="Hz",
-        passed=False,
-        advice=advice,
-        fault=Reason.WRONG_RATE,
-    )
+    check = Check(step=STEP, name="sample rate by the mains", value=float(rate), unit="Hz")
+    return check.failed(Reason.WRONG_RATE, advice)
 
 
 def hum_checks(quiet: Take) -> list[Check]:
@@ -101,8 +91,9 @@ def hum_checks(quiet: Take) -> list[Check]:
     checks: list[Check] = []
     for channel, number in enumerate(MICROPHONES):
         value, name = decibels(float(total[channel])), f"hum of microphone {number}"
+        check = Check(step=STEP, name=name, value=value, unit="dBFS", microphone=number)
         if value <= MAX_HUM:
-            checks.append(Check(step=STEP, name=name, value=value, unit="dBFS", microphone=number))
+            checks.append(check)
             continue
         shared = decibels(float(total[1 - channel])) > MAX_HUM
         even = float(lines[1, channel]) > float(lines[[0, 2], channel].max())
@@ -115,18 +106,7 @@ def hum_checks(quiet: Take) -> list[Check]:
             else "in this microphone alone: an open or unshielded cable; check its shield, and move "
             "it off supplies and coils"
         )
-        checks.append(
-            Check(
-                step=STEP,
-                name=name,
-                value=value,
-                unit="dBFS",
-                passed=False,
-                fault=Reason.HUMMING,
-                microphone=number,
-                advice=f"{mains:g} Hz and its harmonics, {cause}",
-            )
-        )
+        checks.append(check.failed(Reason.HUMMING, f"{mains:g} Hz and its harmonics, {cause}"))
     return checks
 
 
@@ -140,38 +120,15 @@ def noise_checks(quiet: Take, driven: Take | None) -> list[Check]:
     checks: list[Check] = []
     for channel, number in enumerate(MICROPHONES):
         value, name = decibels(float(floor[channel])), f"noise of microphone {number}"
-        loud = value > MAX_NOISE
-        advice = (
-            "turn the gain down, keep the room still, and check the preamplifier's supply" if loud else ""
-        )
-        checks.append(
-            Check(
-                step=STEP,
-                name=name,
-                value=value,
-                unit="dBFS",
-                passed=not loud,
-                advice=advice,
-                fault=Reason.NOISE if loud else Reason.NONE,
-                microphone=number,
-            )
-        )
+        check = Check(step=STEP, name=name, value=value, unit="dBFS", microphone=number)
+        advice = "turn the gain down, keep the room still, and check the preamplifier's supply"
+        checks.append(check.failed(Reason.NOISE, advice) if value > MAX_NOISE else check)
         if driven is None:
             continue
         tail = driven.samples[channel, -driven.sample_rate :]
         ratio = decibels(float(rms(tail) / floor[channel]))
-        low = ratio < MIN_SNR
-        advice = "raise the string's level (drivers nearer, fresh batteries), not the gain" if low else ""
-        checks.append(
-            Check(
-                step="both",
-                name=f"string over noise, microphone {number}",
-                value=ratio,
-                unit="dB",
-                passed=not low,
-                advice=advice,
-                fault=Reason.NOISE if low else Reason.NONE,
-                microphone=number,
-            )
-        )
+        name = f"string over noise, microphone {number}"
+        check = Check(step="both", name=name, value=ratio, unit="dB", microphone=number)
+        advice = "raise the string's level (drivers nearer, fresh batteries), not the gain"
+        checks.append(check.failed(Reason.NOISE, advice) if ratio < MIN_SNR else check)
     return checks

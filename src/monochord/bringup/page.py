@@ -7,6 +7,7 @@ import numpy as np
 
 from monochord.bringup.check import Take
 from monochord.bringup.examine import BringUp, number
+from monochord.bringup.inputs import line_levels
 from monochord.core.types import Floats
 
 TEMPLATE = "page.html.jinja"
@@ -52,8 +53,7 @@ def _level_plot(take: Take) -> str:
 def _spectrum_plot(take: Take) -> str:
     """Return the spectrum of the last second of both microphones, in dBFS, as SVG."""
     end = take.samples[:, -take.sample_rate :]
-    taper = np.hanning(end.shape[1])
-    lines = np.abs(np.fft.rfft(end * taper)) / taper.sum() * np.sqrt(2.0)
+    lines = line_levels(end)
     top = min(TOP_HZ, 0.5 * take.sample_rate)
     lines = lines[:, : int(top * end.shape[1] / take.sample_rate)]
     size = max(1, lines.shape[1] // POINTS)

@@ -1,6 +1,7 @@
 """Checks of the string, from a pluck with the drivers off: pitch, wire, and ends."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -85,16 +86,14 @@ def tuner_turns(string: StringParams, frequency: float) -> float:
 
 def pitch_check(pluck: StringMeasurement | None, string: StringParams) -> Check:
     """Return whether the open pitch is the design's, and how far to turn the tuner."""
+    check = Check(step=STEP, name="open pitch", unit="Hz")
     if pluck is None:
         searched = f"within {100.0 * SEARCHED:.0f} % of the design's pitch"
-        advice = f"no string {searched}: pluck it once, harder, drivers off"
-        return Check(
-            step=STEP, name="open pitch", unit="Hz", passed=False, advice=advice, fault=Reason.NO_STRING
-        )
+        return check.failed(Reason.NO_STRING, f"no string {searched}: pluck it once, harder, drivers off")
     nominal, pitch = open_frequency(string), pluck.estimate("open_frequency").value
-    off = pitch / nominal - 1.0
+    off, check = pitch / nominal - 1.0, replace(check, value=pitch)
     if abs(off) <= PITCH_TOLERANCE:
-        return Check(step=STEP, name="open pitch", value=pitch, unit="Hz")
+        return check
     turns = tuner_turns(string, pitch)
     cents = 1200.0 * math.log2(1.0 + off)
     way = "tighter" if turns > 0 else "looser"
@@ -106,15 +105,7 @@ def pitch_check(pluck: StringMeasurement | None, string: StringParams) -> Check:
     mistaken = mistaken_rates(1.0 + off)
     if mistaken:
         advice += "; or sound of {} Hz is stated as {} Hz".format(*mistaken)
-    return Check(
-        step=STEP,
-        name="open pitch",
-        value=pitch,
-        unit="Hz",
-        passed=False,
-        advice=advice,
-        fault=Reason.WRONG_PITCH,
-    )
+    return check.failed(Reason.WRONG_PITCH, advice)
 
 
 def wire_check(pluck: StringMeasurement | None, string: StringParams) -> Check:
@@ -127,22 +118,15 @@ def wire_check(pluck: StringMeasurement | None, string: StringParams) -> Check:
         )
     expected = inharmonicity(retuned(string, pluck.estimate("open_frequency").value))
     ratio = stiffness.value / expected
+    check = Check(step=STEP, name=name, value=ratio, unit="times")
     if abs(ratio - 1.0) <= STIFFNESS_TOLERANCE:
-        return Check(step=STEP, name=name, value=ratio, unit="times")
+        return check
     thicker = math.sqrt(max(ratio, 0.0))
     advice = (
         f"the wire sounds {thicker:.2f} times as thick as the design's {1e3 * string.core_diameter:.3f} mm: "
         "measure it, string it with the design's, or name another preset"
     )
-    return Check(
-        step=STEP,
-        name=name,
-        value=ratio,
-        unit="times",
-        passed=False,
-        advice=advice,
-        fault=Reason.OTHER_STRING,
-    )
+    return check.failed(Reason.OTHER_STRING, advice)
 
 
 def decay_check(decay: float | None, sensor: Sensor) -> Check:
@@ -152,13 +136,9 @@ def decay_check(decay: float | None, sensor: Sensor) -> Check:
         return left_out(STEP, name, "no pluck that stands out of the noise")
     pitch = open_frequency(sensor.string)
     expected = float(decay_rates(sensor.string, sensor.losses, np.array([pitch]))[0])
-    if decay <= DECAY_FACTOR * expected:
-        return Check(step=STEP, name=name, value=decay, unit="1/s")
+    check = Check(step=STEP, name=name, value=decay, unit="1/s")
     advice = (
-        f"it dies {decay / expected:.1f} times as fast as the design's ({expected:.0f} 1/s): an "
-        f"end is loose, or "
-        "something touches the string; tighten saddle, anchor and blocks, and look for what buzzes"
+        f"it dies {decay / expected:.1f} times as fast as the design's ({expected:.0f} 1/s): an end is "
+        "loose, or something touches the string; tighten saddle, anchor and blocks, and look for what buzzes"
     )
-    return Check(
-        step=STEP, name=name, value=decay, unit="1/s", passed=False, advice=advice, fault=Reason.LOOSE_END
-    )
+    return check if decay <= DECAY_FACTOR * expected else check.failed(Reason.LOOSE_END, advice)

@@ -57,12 +57,9 @@ def drift_checks(take: Take | None, pitch: Hertz) -> list[Check]:
     if same.sum() < 3:
         return [left_out("drift", name, "the drivers do not stay on one partial")]
     slope = 60.0 * float(np.polyfit(np.flatnonzero(same) * DRIFT_FRAME, cents[same], 1)[0])
-    slow = abs(slope) <= MAX_DRIFT
-    advice = "" if slow else "let it warm up, keep drafts off the wire, tighten tuner and anchor"
-    fault = Reason.NONE if slow else Reason.DRIFT
-    return [
-        Check(step="drift", name=name, value=slope, unit="cents/min", passed=slow, advice=advice, fault=fault)
-    ]
+    check = Check(step="drift", name=name, value=slope, unit="cents/min")
+    advice = "let it warm up, keep drafts off the wire, tighten tuner and anchor"
+    return [check if abs(slope) <= MAX_DRIFT else check.failed(Reason.DRIFT, advice)]
 
 
 def _fine(samples: Audio, sample_rate: int, pitch: Hertz) -> float:

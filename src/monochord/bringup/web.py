@@ -4,6 +4,7 @@ import asyncio
 import threading
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any, Literal, Protocol
@@ -192,17 +193,7 @@ class BringUpPage(Feed):
                 "sensor": self._sensor,
                 "phase": self._phase,
                 "step": step.name if step else None,
-                "steps": [
-                    {
-                        "name": each.name,
-                        "instruction": each.instruction,
-                        "seconds": each.seconds,
-                        "lit": each.lit,
-                        "on": each.on,
-                        "status": status[each.name],
-                    }
-                    for each in self._steps
-                ],
+                "steps": [{**asdict(each), "status": status[each.name]} for each in self._steps],
                 "checks": [
                     {
                         "step": check.step,
