@@ -165,12 +165,8 @@ class SimulatedString(Source):
     @contextmanager
     def open(self) -> Generator["_StringStream"]:
         """Open 0.1 s before the simulation's present time, with the sound that there is, from frame 0 on."""
-        with self.twin.listened() as queue:
-            stream = _StringStream(self, queue)
-            try:
-                yield stream
-            finally:
-                stream.release()
+        with self.twin.listened() as queue, _StringStream(self, queue) as stream:
+            yield stream
 
 
 class _StringStream(PacedStream):

@@ -1,7 +1,5 @@
 """Sound in an array, for use from Python; not available on the command line."""
 
-from collections.abc import Generator
-from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,8 +23,7 @@ class ArraySource(Source):
     sample_rate: float
     block: Count = 441
 
-    @contextmanager
-    def open(self) -> Generator["_ArrayStream"]:
+    def open(self) -> "_ArrayStream":
         """Open at the first frame; raises `InputError` for an invalid shape, type or rate."""
         refuse_other_rates(self.sample_rate, "sound", "resample it")
         if self.sample_rate != round(self.sample_rate):
@@ -36,11 +33,7 @@ class ArraySource(Source):
         if samples.shape[0] > MAX_CHANNELS:
             shape = f"sound of shape {samples.shape}"
             raise InputError(shape, "(channels, samples)", "transpose (samples, channels)")
-        stream = _ArrayStream(self, samples)
-        try:
-            yield stream
-        finally:
-            stream.release()
+        return _ArrayStream(self, samples)
 
 
 class _ArrayStream(PacedStream):

@@ -69,7 +69,7 @@ class JackStream(RingStream):
             else:
                 self._closed.set()
         elif self._ring.arena.count(at.GONE):
-            self._leave()  # what it published last is taken on the next turn
+            self._disconnect()  # what it published last is taken on the next turn
         else:
             self._tend_ports(self._client)
             self._unplugged = self._not_connected(self._client)
@@ -86,6 +86,10 @@ class JackStream(RingStream):
         return "the JACK server has stalled"
 
     def _leave(self) -> None:
+        self._disconnect()
+        super()._leave()
+
+    def _disconnect(self) -> None:
         if self._client:
             self._client.close()
             self._client = None

@@ -1,12 +1,10 @@
 """An open file or simulation: as fast as possible, or at the pace of a clock."""
 
 import math
-import threading
 import time
 from abc import abstractmethod
-from collections.abc import Iterator
 
-from monochord.capture.sources.base import Stream
+from monochord.capture.sources._open_stream import OpenStream
 from monochord.core.errors import InputError
 from monochord.core.types import Audio, Block, Signal, StreamHealth
 from monochord.core.units import Samples, Seconds
@@ -15,7 +13,7 @@ MIN_SPEED = 1e-3
 """Least speed of a stream, in times real time."""
 
 
-class PacedStream(Stream):
+class PacedStream(OpenStream):
     """Blocks of `block` frames at `speed` times real time, each delivered when its last frame is due.
 
     Speed 0 delivers as fast as possible. The stream ends at frame `end`, or earlier where the subclass, which
@@ -25,9 +23,8 @@ class PacedStream(Stream):
     def __init__(self, signal: Signal, *, block: Samples, speed: float, end: float = math.inf) -> None:
         if 0.0 < speed < MIN_SPEED:
             raise InputError(f"speed {speed:g}", f"0 for no limit, or {MIN_SPEED:g} or more")
-        self._signal, self._block, self._speed, self._end = signal, block, speed, end
-        self._closed = threading.Event()
-        self._reading = threading.Lock()
+        super().__init__(signal)
+        self._block, self._speed, self._end = block, speed, end
         self._start: Samples = 0  # index of the next block's first frame
         self._dropped: Samples = 0
         self._gaps = 0
@@ -40,14 +37,6 @@ class PacedStream(Stream):
     def _lost(self) -> Samples:
         """Return how many frames are missing before the next block; nonzero only in a recording."""
         return 0
-
-    def _leave(self) -> None:
-        """Release what was opened; optional for a subclass."""
-
-    @property
-    def signal(self) -> Signal:
-        """Rate, channels and, where known, the string."""
-        return self._signal
 
     @property
     def pending(self) -> Samples:
@@ -67,24 +56,9 @@ class PacedStream(Stream):
         """Frames delivered so far, and frames missing from a recording."""
         return StreamHealth(frames=self._start - self._dropped, dropped=self._dropped, gaps=self._gaps)
 
-    def __iter__(self) -> Iterator[Block]:
-        """Yield blocks at the requested speed."""
+    def _next(self) -> Block | None:
         if self._began is None:
             self._began = time.monotonic()
-        while (block := self._next()) is not None:
-            yield block
-
-    def close(self) -> None:
-        """End the iteration; may be called from any thread."""
-        self._closed.set()
-
-    def release(self) -> None:
-        """Close, wait until the reader has left, and release what was opened."""
-        self.close()
-        with self._reading:
-            self._leave()
-
-    def _next(self) -> Block | None:
         with self._reading:
             if self._closed.is_set() or self._start >= self._end:
                 return None

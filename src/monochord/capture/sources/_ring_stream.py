@@ -1,6 +1,5 @@
 """An open device: a callback fills a ring, and each period becomes a block on the stream's clock."""
 
-import threading
 import time
 from abc import abstractmethod
 from collections.abc import Iterator
@@ -8,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from monochord.capture.jack.ring import FRAME_TIME_SPAN, Period, Ring, frames_between
-from monochord.capture.sources.base import Stream
+from monochord.capture.sources._open_stream import OpenStream
 from monochord.core.types import Block, Signal, StreamHealth
 from monochord.core.units import Samples, Seconds
 
@@ -18,17 +17,16 @@ LAG: Seconds = 0.2
 """How far behind the clock lost frames of an absent device are counted, in s: newer ones may still arrive."""
 
 
-class RingStream(Stream):
-    """Blocks from a ring that a device fills; one thread iterates at a time.
+class RingStream(OpenStream):
+    """Blocks from a ring that a device fills.
 
     A subclass handles the device: the converter time of its periods, and what to do while none arrive.
     """
 
     def __init__(self, signal: Signal, ring: Ring) -> None:
-        self._signal, self._ring = signal, ring
+        super().__init__(signal)
+        self._ring = ring
         self._timeline = Timeline(signal.sample_rate)
-        self._closed = threading.Event()
-        self._reading = threading.Lock()
 
     @abstractmethod
     def _adc_time(self, period: Period) -> Seconds | None:
@@ -39,12 +37,8 @@ class RingStream(Stream):
         """Check the device or wait briefly while the ring is empty; raise if the device is lost for good."""
 
     def _leave(self) -> None:
-        """Close the device; optional where the device is closed elsewhere."""
-
-    @property
-    def signal(self) -> Signal:
-        """Rate and channels."""
-        return self._signal
+        """Close the ring; a subclass closes its device first, unless that is closed elsewhere."""
+        self._ring.arena.close()
 
     @property
     def pending(self) -> Samples:
@@ -56,11 +50,6 @@ class RingStream(Stream):
         """True: the device sets the pace."""
         return True
 
-    def __iter__(self) -> Iterator[Block]:
-        """Yield one block per period; waits for an absent device."""
-        while (block := self._next()) is not None:
-            yield block
-
     def in_time(self) -> Iterator[Block]:
         """Yield one block per period and, for an absent device, the frames lost so far."""
         while (block := self._next(in_time=True)) is not None:
@@ -68,15 +57,8 @@ class RingStream(Stream):
 
     def close(self) -> None:
         """End the iteration; may be called from any thread or signal handler."""
-        self._closed.set()
+        super().close()
         self._ring.arena.wake()
-
-    def release(self) -> None:
-        """Close, wait until the reader has left, and close the device."""
-        self.close()
-        with self._reading:
-            self._leave()
-            self._ring.arena.close()
 
     def _next(self, *, in_time: bool = False) -> Block | None:
         with self._reading:

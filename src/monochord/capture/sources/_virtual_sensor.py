@@ -1,8 +1,6 @@
 """Virtual sensors touched from Python, one or several; not available on the command line."""
 
 import math
-from collections.abc import Generator
-from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,14 +31,9 @@ class VirtualSensorSource(Source):
     block: Count = 441
     seconds: Seconds = math.inf
 
-    @contextmanager
-    def open(self) -> Generator["_SensorStream"]:
+    def open(self) -> "_SensorStream":
         """Open at the sensor's present time, which is frame 0."""
-        stream = _SensorStream(self)
-        try:
-            yield stream
-        finally:
-            stream.release()
+        return _SensorStream(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -54,14 +47,9 @@ class VirtualSensorsSource(Source):
     block: Count = 441
     seconds: Seconds = math.inf
 
-    @contextmanager
-    def open(self) -> Generator["_SensorsStream"]:
+    def open(self) -> "_SensorsStream":
         """Open at the sensors' present time, which is frame 0."""
-        stream = _SensorsStream(self)
-        try:
-            yield stream
-        finally:
-            stream.release()
+        return _SensorsStream(self)
 
 
 class _Clock:

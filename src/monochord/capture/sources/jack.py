@@ -1,7 +1,5 @@
 """Capture from a JACK (or PipeWire) server: every frame is accounted for, however busy Python is."""
 
-from collections.abc import Generator
-from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
@@ -42,8 +40,7 @@ class Jack(Source):
     channels: int = 2
     reconnect: bool = True
 
-    @contextmanager
-    def open(self) -> Generator["JackStream"]:
+    def open(self) -> "JackStream":
         """Connect to the server; raises `DeviceError` if the server or a port is missing."""
         refuse_other_channels(self.channels)
         if not self.client_name:
@@ -51,8 +48,4 @@ class Jack(Source):
         # Imported here, because this loads numba and compiles the callbacks.
         from monochord.capture.sources._jack_stream import JackStream  # noqa: PLC0415
 
-        stream = JackStream(**asdict(self))
-        try:
-            yield stream
-        finally:
-            stream.release()
+        return JackStream(**asdict(self))

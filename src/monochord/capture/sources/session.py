@@ -1,7 +1,5 @@
 """Plays back a recorded session."""
 
-from collections.abc import Generator
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -47,8 +45,7 @@ class SessionSource(Source):
     speed: NonNegative[float] = 0.0
     aligned: bool = True
 
-    @contextmanager
-    def open(self) -> Generator["_SessionStream"]:
+    def open(self) -> "_SessionStream":
         """Open the file; raises `InputError` where the file or an option cannot be used."""
         session = read_session(Path(self.path))
         channels, what = session.description.channels, f"session {self.path}"
@@ -57,11 +54,7 @@ class SessionSource(Source):
         refuse_other_rates(session.description.sample_rate, what, "resample it: monochord sessions resample")
         if not session.audio.samples.shape[1]:
             raise InputError(f"{what} (0 frames of audio)", "1 frame or more")
-        stream = _SessionStream(session, self)
-        try:
-            yield stream
-        finally:
-            stream.release()
+        return _SessionStream(session, self)
 
 
 class _SessionStream(PacedStream):

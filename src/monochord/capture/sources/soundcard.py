@@ -48,13 +48,12 @@ class Soundcard(Source):
         # Imported here: both fail, or take long, where this source is not used.
         from monochord.capture.sources._soundcard_stream import SoundcardStream  # noqa: PLC0415
 
-        stream = SoundcardStream(self.sample_rate, self.channels)
-        try:
-            with closing(self._start(stream)) as device:
-                stream.watch(lambda: device.active)
-                yield stream
-        finally:
-            stream.release()
+        with (
+            SoundcardStream(self.sample_rate, self.channels) as stream,
+            closing(self._start(stream)) as device,
+        ):
+            stream.watch(lambda: device.active)
+            yield stream
 
     def _start(self, stream: "SoundcardStream") -> Any:
         try:

@@ -2,8 +2,6 @@
 
 import math
 from collections import deque
-from collections.abc import Generator
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Annotated
 
@@ -85,16 +83,11 @@ class SplitStringSource(Source):
     block: Count = 256
     sample_rate: int = 44100
 
-    @contextmanager
-    def open(self) -> Generator["_SimulatedStream"]:
+    def open(self) -> "_SimulatedStream":
         """Open with the untouched string; raises `InputError` for an invalid preset or option."""
         string = load_string(self.preset).string
         self._refuse_impossible(string)
-        stream = _SimulatedStream(self, string)
-        try:
-            yield stream
-        finally:
-            stream.release()
+        return _SimulatedStream(self, string)
 
     def _refuse_impossible(self, string: StringParams) -> None:
         refuse_unordered("touches", forces=self.forces, places=self.places)

@@ -1,8 +1,7 @@
 """The twin as an audio source: a driven string, pressed and slid over, with true labels."""
 
 import math
-from collections.abc import Generator, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
@@ -110,17 +109,12 @@ class TwinSource(Source):
     block: Count = 441
     sample_rate: int = 44100
 
-    @contextmanager
-    def open(self) -> Generator["_TwinStream"]:
+    def open(self) -> "_TwinStream":
         """Open with the untouched, plucked string; raises `InputError` for an invalid option."""
         design = load_sensor(self.sensor)
         self._refuse_impossible(design)
         sensor = sensor_of(design, self.world, build=self.build, day=self.day)
-        stream = _TwinStream(self, design, sensor)
-        try:
-            yield stream
-        finally:
-            stream.release()
+        return _TwinStream(self, design, sensor)
 
     def touches(self, design: Sensor) -> Iterable[ScriptedTouch]:
         """Return the touches of a sensor of this design: scripted or random."""

@@ -1,8 +1,6 @@
 """An audio file, read block by block, as fast as possible or at the pace of a clock."""
 
 import math
-from collections.abc import Generator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -48,16 +46,11 @@ class Wav(Source):
     allow_truncated: bool = False
     channels: int = 2
 
-    @contextmanager
-    def open(self) -> Generator["_FileStream"]:
+    def open(self) -> "_FileStream":
         """Open the file; raises `InputError` where the file or an option cannot be used."""
         refuse_other_channels(self.channels)
         file = open_audio(Path(self.path), allow_truncated=self.allow_truncated, max_channels=self.channels)
-        stream = _FileStream(file, self)
-        try:
-            yield stream
-        finally:
-            stream.release()
+        return _FileStream(file, self)
 
 
 class _FileStream(PacedStream):
