@@ -29,13 +29,13 @@ from monochord.capture.sources import SOURCES
 from monochord.cli._options import (
     first_field,
     put_source,
+    refuse_existing,
     refuse_own_design,
     refuse_unwritable,
     refuse_without,
 )
 from monochord.cli._output import echo
 from monochord.core.config import Tree, override
-from monochord.core.errors import InputError
 from monochord.front.page import design_page
 from monochord.live import LiveRun
 from monochord.physics.sensors import load_sensor
@@ -53,10 +53,7 @@ def bring_up_sensor(options: dict[str, Any], *, as_json: bool) -> int:
     if out is not None:
         refuse_unwritable(out, (".toml",))
         refuse_own_design(out, sensor)
-        if not options["force"] and (taken := [p for p in (out, out.with_suffix(".html")) if p.exists()]):
-            raise InputError(
-                f"file '{taken[0]}', which already exists", "a new file", "replace it with --force"
-            )
+        refuse_existing(out, out.with_suffix(".html"), force=options["force"])
     result = _brought_up(options, quiet=as_json)
     written = write(result, out) if out is not None else ()
     if as_json:

@@ -119,88 +119,85 @@ def allow_host_option(command: F) -> F:
     )(command)
 
 
-PAGE_OPTIONS = "port", "allow_host", "no_browser"
-"""Parameters of `page_options` beside ``web``."""
-
-
-def page_options(text: str) -> Callable[[F], F]:
-    """Add ``--web``, with its help, and the options of the page's address."""
+def _together(*options: Callable[[Any], Any]) -> Callable[[F], F]:
+    """Return one decorator for several, of which the last comes first in the help."""
 
     def add(command: F) -> F:
-        for option in (
-            click.option("--no-browser", is_flag=True, help="With --web: do not open a browser."),
-            allow_host_option,
-            click.option(
-                "--port",
-                type=click.IntRange(0, 65535),
-                default=0,
-                metavar="PORT",
-                help="With --web: port of the page; 0 picks a free one.",
-            ),
-            click.option("--web", is_flag=True, help=text),
-        ):
+        for option in options:
             command = option(command)
         return command
 
     return add
 
 
-def source_options(command: F) -> F:
-    """Add the options that name and configure a source."""
-    for option in (
-        click.option(
-            "--rate", type=amount, metavar="HZ", help="Sample rate, if the source supports several."
-        ),
-        click.option(
-            "--device",
-            metavar="NAME",
-            help="Input device, or ports of --source jack, from 'monochord list devices'.",
-        ),
-        click.option(
-            "--source",
-            metavar="NAME",
-            help=f"Audio source: 'monochord list sources'.  [default: by the file; else {DEFAULT_SOURCE}]",
-            **completes(SOURCES.names),
-        ),
-    ):
-        command = option(command)
-    return command
+PAGE_OPTIONS = "port", "allow_host", "no_browser"
+"""Parameters of `page_options` beside ``web``."""
 
 
-def string_options(command: F) -> F:
-    """Add the options of a string: a preset, or length and open note; recordings of known position."""
-    for option in (
+def page_options(text: str) -> Callable[[F], F]:
+    """Add ``--web``, with its help, and the options of the page's address."""
+    return _together(
+        click.option("--no-browser", is_flag=True, help="With --web: do not open a browser."),
+        allow_host_option,
         click.option(
-            "--calibrate",
-            type=labelled_take,
-            multiple=True,
-            metavar="FILE:POSITION",
-            help="Recording of a touch at POSITION metres from the nut; repeatable.",
+            "--port",
+            type=click.IntRange(0, 65535),
+            default=0,
+            metavar="PORT",
+            help="With --web: port of the page; 0 picks a free one.",
         ),
-        click.option(
-            "--string",
-            metavar="PRESET",
-            help="String: a name from 'monochord list strings', or FILE.toml.",
-            **completes(string_names),
-        ),
-        click.option(
-            "--open",
-            "--open-frequency",
-            "open_frequency",
-            type=open_note,
-            metavar="NOTE",
-            help="Pitch of the open string: E2, F#3, Bb2, E4+12 (cents), or a number of Hz.",
-        ),
-        click.option("--length", type=metres, metavar="M", help="Length of the string, from nut to bridge."),
-        click.option(
-            "--estimator",
-            metavar="NAME",
-            help=f"Estimator, if there is no MODEL.  [default: {DEFAULT_ESTIMATOR}]",
-            **completes(ESTIMATORS.names),
-        ),
-    ):
-        command = option(command)
-    return command
+        click.option("--web", is_flag=True, help=text),
+    )
+
+
+source_options = _together(
+    click.option("--rate", type=amount, metavar="HZ", help="Sample rate, if the source supports several."),
+    click.option(
+        "--device",
+        metavar="NAME",
+        help="Input device, or ports of --source jack, from 'monochord list devices'.",
+    ),
+    click.option(
+        "--source",
+        metavar="NAME",
+        help=f"Audio source: 'monochord list sources'.  [default: by the file; else {DEFAULT_SOURCE}]",
+        **completes(SOURCES.names),
+    ),
+)
+"""The options that name and configure a source."""
+
+
+string_options = _together(
+    click.option(
+        "--calibrate",
+        type=labelled_take,
+        multiple=True,
+        metavar="FILE:POSITION",
+        help="Recording of a touch at POSITION metres from the nut; repeatable.",
+    ),
+    click.option(
+        "--string",
+        metavar="PRESET",
+        help="String: a name from 'monochord list strings', or FILE.toml.",
+        **completes(string_names),
+    ),
+    click.option(
+        "--open",
+        "--open-frequency",
+        "open_frequency",
+        type=open_note,
+        metavar="NOTE",
+        help="Pitch of the open string: E2, F#3, Bb2, E4+12 (cents), or a number of Hz.",
+    ),
+    click.option("--length", type=metres, metavar="M", help="Length of the string, from nut to bridge."),
+    click.option(
+        "--estimator",
+        metavar="NAME",
+        help=f"Estimator, if there is no MODEL.  [default: {DEFAULT_ESTIMATOR}]",
+        **completes(ESTIMATORS.names),
+    ),
+)
+"""The options of a string: a preset, or length and open note; recordings of known position."""
 
 
 def sensor_option(command: F) -> F:
@@ -213,43 +210,18 @@ def sensor_option(command: F) -> F:
     )(command)
 
 
-def window_options(command: F) -> F:
-    """Add the options of window length and hop."""
-    for option in (
-        click.option(
-            "--hop", type=amount, metavar="S", help="Time from one window to the next.  [default: 0.01]"
-        ),
-        click.option(
-            "--window",
-            type=amount,
-            metavar="S",
-            help="Length of a window: one estimate is made per window.  [default: 0.1]",
-        ),
-    ):
-        command = option(command)
-    return command
-
-
-def worker_options(command: F) -> F:
-    """Add the number of worker processes, or a cluster's address; they exclude each other."""
-    for option in (
-        click.option(
-            "--cluster",
-            default="",
-            metavar="ADDRESS",
-            callback=_one_of_both,
-            help="Run on the dask cluster of this scheduler address.",
-        ),
-        click.option(
-            "--workers",
-            type=click.IntRange(min=1),
-            metavar="N",
-            callback=_one_of_both,
-            help="Number of worker processes.  [default: one per core, if that is faster]",
-        ),
-    ):
-        command = option(command)
-    return command
+window_options = _together(
+    click.option(
+        "--hop", type=amount, metavar="S", help="Time from one window to the next.  [default: 0.01]"
+    ),
+    click.option(
+        "--window",
+        type=amount,
+        metavar="S",
+        help="Length of a window: one estimate is made per window.  [default: 0.1]",
+    ),
+)
+"""The options of window length and hop."""
 
 
 def _one_of_both(context: click.Context, parameter: click.Parameter, value: Any) -> Any:
@@ -261,6 +233,25 @@ def _one_of_both(context: click.Context, parameter: click.Parameter, value: Any)
             "--workers with --cluster", "only one of them", "omit --workers; a cluster has its own workers"
         )
     return value
+
+
+worker_options = _together(
+    click.option(
+        "--cluster",
+        default="",
+        metavar="ADDRESS",
+        callback=_one_of_both,
+        help="Run on the dask cluster of this scheduler address.",
+    ),
+    click.option(
+        "--workers",
+        type=click.IntRange(min=1),
+        metavar="N",
+        callback=_one_of_both,
+        help="Number of worker processes.  [default: one per core, if that is faster]",
+    ),
+)
+"""The number of worker processes, or a cluster's address; they exclude each other."""
 
 
 def refuse_without(options: str, effect: str, *names: str) -> None:
@@ -376,6 +367,13 @@ def refuse_unwritable(path: Path, suffixes: Iterable[str]) -> None:
         raise InputError(f"file '{path}'", allowed, did_you_mean(path.suffix, known))
     if not path.parent.is_dir():
         raise InputError(f"file '{path}'", "a file in an existing folder", f"create '{path.parent}' first")
+
+
+def refuse_existing(*paths: Path, force: bool) -> None:
+    """Refuse to replace a file without --force."""
+    for path in paths:
+        if path.exists() and not force:
+            raise InputError(f"file '{path}', which already exists", "a new file", "replace it with --force")
 
 
 def refuse_own_design(path: Path, sensor: str) -> None:

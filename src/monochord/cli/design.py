@@ -10,14 +10,14 @@ from monochord.cli._options import (
     PAGE_OPTIONS,
     completes,
     page_options,
+    refuse_existing,
     refuse_unwritable,
     refuse_without,
 )
 from monochord.cli._output import echo
 from monochord.cli._signature import options_of
 from monochord.cli.figure import SUFFIXES
-from monochord.core.errors import InputError
-from monochord.core.files import replacing
+from monochord.core.files import replacing, write_text
 from monochord.figures.base import require_matplotlib
 from monochord.front.design import design as designed
 from monochord.front.design_figure import draw
@@ -77,15 +77,13 @@ def design(
         if path is None:
             continue
         refuse_unwritable(path, suffixes)
-        if path.exists() and not force:
-            raise InputError(f"file '{path}', which already exists", "a new file", "replace it with --force")
+        refuse_existing(path, force=force)
     if figure is not None:
         require_matplotlib()
     given = {name: value for name, value in wishes.items() if value is not None}
     result = designed(**given)
     if out is not None:
-        with replacing(out) as part:
-            part.write_text(result.toml(), encoding="utf-8")
+        write_text(out, result.toml())
     if figure is not None:
         with replacing(figure) as part:
             draw(result).savefig(part)

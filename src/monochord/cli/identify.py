@@ -6,11 +6,10 @@ from typing import Any
 
 import click
 
-from monochord.cli._options import refuse_unwritable, sensor_option
+from monochord.cli._options import refuse_existing, refuse_unwritable, sensor_option
 from monochord.cli._output import echo
 from monochord.cli._signature import options_of
-from monochord.core.errors import InputError
-from monochord.core.files import replacing
+from monochord.core.files import write_text
 from monochord.front.identify import identify as identified
 from monochord.physics.sensors import HOW_LONG
 
@@ -48,12 +47,10 @@ def identify(
     """  # noqa: D301
     if out is not None:
         refuse_unwritable(out, (".toml",))
-        if out.exists() and not force:
-            raise InputError(f"file '{out}', which already exists", "a new file", "replace it with --force")
+        refuse_existing(out, force=force)
     result = identified(*files, sensor=sensor or "", **measured)
     if out is not None:
-        with replacing(out) as part:
-            part.write_text(result.toml(), encoding="utf-8")
+        write_text(out, result.toml())
     written = {} if out is None else {"path": str(out)}
     if as_json:
         echo(json.dumps({**result.tree(), **written}))

@@ -17,7 +17,7 @@ from monochord.cli._output import echo
 from monochord.cli.figure import SUFFIXES
 from monochord.core.config import override, to_tree
 from monochord.core.errors import InputError
-from monochord.core.files import replacing
+from monochord.core.files import replacing, write_text
 from monochord.core.ownership import part_folder
 from monochord.figures import FIGURES
 from monochord.live.touches import robot_positions, touch_spans, touch_table
@@ -280,8 +280,7 @@ def touches(recording: Path, *, out: Path, model: str, sensor: str | None, as_js
         raise InputError(f"file '{out}' (exists, and may be filled in)", "a new file")
     spans = touch_spans(recording, model, sensor=sensor or "")
     positions = robot_positions(recording, spans)
-    with replacing(out) as part:
-        part.write_text(touch_table(spans, positions), encoding="utf-8")
+    write_text(out, touch_table(spans, positions))
     if as_json:
         echo(json.dumps({"path": str(out), "touches": [{"begin": a, "end": b} for a, b in spans]}))
         return

@@ -5,10 +5,9 @@ from pathlib import Path
 
 import click
 
-from monochord.cli._options import refuse_unwritable
+from monochord.cli._options import refuse_existing, refuse_unwritable
 from monochord.cli._output import echo
-from monochord.core.errors import InputError
-from monochord.core.files import replacing
+from monochord.core.files import write_text
 from monochord.skin import load_skin
 from monochord.skin.urdf import urdf, xacro
 
@@ -44,15 +43,13 @@ def skin(file: Path, *, robot: Path | None, out: Path | None, force: bool, as_js
     """  # noqa: D301
     if out is not None:
         refuse_unwritable(out, (MACRO, ".urdf"))
-        if out.exists() and not force:
-            raise InputError(f"file '{out}', which already exists", "a new file", "replace it with --force")
+        refuse_existing(out, force=force)
     loaded = load_skin(file, robot or "")
     if out is not None:
         name, link, strings = loaded.name, loaded.link, loaded.strings
         is_macro = out.suffix == MACRO
         text = xacro(name, link, strings) if is_macro else urdf(name, link, strings, robot)
-        with replacing(out) as part:
-            part.write_text(text, encoding="utf-8")
+        write_text(out, text)
     if as_json:
         echo(json.dumps(loaded.tree() | ({"path": str(out)} if out else {})))
         return

@@ -11,6 +11,7 @@ import click
 from monochord.capture.sources import SOURCES
 from monochord.cli._options import (
     put_source,
+    refuse_existing,
     refuse_own_design,
     refuse_unwritable,
     sensor_option,
@@ -22,7 +23,7 @@ from monochord.cli._output import echo
 from monochord.cli._signature import options_of
 from monochord.core.config import Tree, override
 from monochord.core.errors import InputError
-from monochord.core.files import replacing
+from monochord.core.files import write_text
 from monochord.live import LiveRun
 from monochord.live.tuning import WINDOW, SensorAsTuned, tuned
 from monochord.live.tuning import tune as tune_sensor
@@ -64,8 +65,7 @@ def tune(inputs: tuple[str, ...], *, out: Path | None, force: bool, as_json: boo
     """  # noqa: D301
     path = out or OUT
     refuse_unwritable(path, (".toml",))
-    if path.exists() and not force:
-        raise InputError(f"file '{path}', which already exists", "a new file", "replace it with --force")
+    refuse_existing(path, force=force)
     refuse_own_design(path, options["sensor"] or "")
     runs = [_run(opened, options) for opened in inputs or (None,)]
     names = [
@@ -109,7 +109,6 @@ def _facts(result: SensorAsTuned) -> dict[str, Any]:
 
 def _write(path: Path, text: str) -> None:
     try:
-        with replacing(path) as part:
-            part.write_text(text, encoding="utf-8")
+        write_text(path, text)
     except OSError as error:
         raise InputError(f"file {path} ({error.strerror})", "a writable path") from error

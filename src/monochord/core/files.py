@@ -119,6 +119,12 @@ def replacing(path: Path) -> Generator[Path]:
         part.unlink(missing_ok=True)
 
 
+def write_text(path: Path, text: str) -> None:
+    """Write a whole text to `path`, as `replacing` does."""
+    with replacing(path) as part:
+        part.write_text(text, encoding="utf-8")
+
+
 @contextmanager
 def written(path: Path) -> Generator[None]:
     """Let an `OSError` name the file that is being written, as where the disk is full.

@@ -18,7 +18,7 @@ Shuffled single windows are refused: the test would contain touches used for tra
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Literal, TypeAlias, get_args
 
@@ -26,7 +26,7 @@ import numpy as np
 
 from monochord.core.config import from_tree, load_json
 from monochord.core.errors import InputError, did_you_mean
-from monochord.core.files import replacing
+from monochord.core.files import write_text
 from monochord.core.notebook import lines
 from monochord.core.ranges import NonNegative, Seed, Share, checked
 from monochord.core.types import Indices
@@ -93,20 +93,10 @@ class Split:
 
     def write(self, file: Path) -> None:
         """Write the split as JSON, with rows as runs [first, last + 1] to keep a large split small."""
-        tree = {
-            "by": self.by,
-            "seed": self.seed,
-            "fractions": list(self.fractions),
-            "guard": self.guard,
-            "held_out": list(self.held_out),
-            "left_out": self.left_out,
-            "dataset": self.dataset,
-            "groups": {name: list(group) for name, group in self.groups.items()},
-            "counts": {name: len(rows) for name, rows in self.parts.items()},
-            "parts": {name: _runs(rows) for name, rows in self.parts.items()},
-        }
-        with replacing(file) as part:
-            part.write_text(json.dumps(tree, indent=1) + "\n", encoding="utf-8")
+        tree = {each.name: getattr(self, each.name) for each in fields(self) if each.name != "parts"}
+        tree["counts"] = {name: len(rows) for name, rows in self.parts.items()}
+        tree["parts"] = {name: _runs(rows) for name, rows in self.parts.items()}
+        write_text(file, json.dumps(tree, indent=1) + "\n")
 
     @classmethod
     def read(cls, file: Path) -> "Split":
@@ -130,17 +120,8 @@ class Split:
         if not all(0 <= first <= last for first, last in runs) or count > MAX_WINDOWS:
             given = f"split {file} (damaged: invalid runs of rows)"
             raise InputError(given, f"rising runs of {MAX_WINDOWS} rows at most", remedy)
-        return cls(
-            by=written.by,
-            parts={name: _rows(written.parts.get(name, ())) for name in PARTS},
-            seed=written.seed,
-            fractions=written.fractions,
-            guard=written.guard,
-            held_out=written.held_out,
-            left_out=written.left_out,
-            dataset=written.dataset,
-            groups=written.groups,
-        )
+        kept = {each.name: getattr(written, each.name) for each in fields(cls) if each.name != "parts"}
+        return cls(parts={name: _rows(written.parts.get(name, ())) for name in PARTS}, **kept)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from monochord.core.errors import InputError
-from monochord.core.files import replacing
+from monochord.core.files import write_text
 from monochord.core.ownership import scratch_folder
 from monochord.core.workers import ALL_CORES, ONE_PROCESS, Spread
 from monochord.dsp.music import loop
@@ -121,8 +121,7 @@ def write(folder: Path, evaluation: Evaluation, draw: Draw = lambda *_: {}) -> N
     write_csv(results, folder / TABLE)
     scores = json.dumps(card.tree(), indent=1, allow_nan=False)
     for name, text in ((SCORES, scores + "\n"), (PAGE, page(card, draw(folder / RESULTS, results)))):
-        with replacing(folder / name) as part:
-            part.write_text(text, encoding="utf-8")
+        write_text(folder / name, text)
 
 
 def refuse_unwritable(folder: Path) -> None:

@@ -18,7 +18,7 @@ from types import MappingProxyType
 from typing import Any, TypeAlias
 
 from monochord.core.errors import InputError
-from monochord.core.files import replacing
+from monochord.core.files import write_text
 from monochord.evaluation.results import CLEAN
 from monochord.evaluation.scorecard import EVERYTHING, Scorecard, ScoreTable
 from monochord.evaluation.scores import Score
@@ -183,10 +183,8 @@ def keep_rows(file: Path, rows: Sequence[PaperRow]) -> None:
             raise InputError(f"rows {file} (damaged)", "a file from monochord evaluate") from error
     every = sorted([*stored, *rows], key=lambda row: row["feature"])
     lines = ",\n".join(json.dumps(row, allow_nan=False) for row in every)
-    with replacing(file) as part:
-        part.write_text(f"[\n{lines}\n]\n", encoding="utf-8")
-    with replacing(file.with_suffix(".md")) as part:
-        part.write_text(paper_page(every), encoding="utf-8")
+    write_text(file, f"[\n{lines}\n]\n")
+    write_text(file.with_suffix(".md"), paper_page(every))
 
 
 def paper_page(rows: Sequence[PaperRow]) -> str:

@@ -26,6 +26,8 @@ MAX_FORCE: Newtons = 10.0
 """Hardest press of a plan."""
 MAX_DELAY: Seconds = 1.0
 """Largest delay of a stream in s: the search range of the tap alignment."""
+NO_RANGES = ("grid", "radii", "builds", "days")
+"""Fields of a group whose several values are no range."""
 SOUNDS = ("synthetic", "drawn", "synthetic speech")
 """Ambient sounds that are synthesised."""
 Duration: TypeAlias = Annotated[Seconds, Meta(ge=0.01, le=60.0)]
@@ -199,30 +201,9 @@ class Group(Checked):
         Checked.__post_init__(self)
         if not re.fullmatch(r"[a-z][a-z0-9_]*", self.name):
             raise InputError(f"group '{self.name}'", "lower-case letters, digits and _")
-        refuse_unordered(
-            f"group {self.name}",
-            oblique=self.oblique,
-            places=self.places,
-            forces=self.forces,
-            speeds=self.speeds,
-            dwell=self.dwell,
-            clearances=self.clearances,
-            second=ends(self.second),
-            in_turn=self.in_turn,
-            hold=ends(self.hold),
-            pause=None if self.pause is None else ends(self.pause),
-            again=self.again,
-            swing=self.swing,
-            steps=self.steps,
-            rise=self.rise,
-            creep=self.creep,
-            vibrato=self.vibrato,
-            on_touched=self.on_touched,
-            driver_dies=self.driver_dies,
-            detuned=self.detuned,
-            snr=ends(self.snr),
-            motor_snr=ends(self.motor_snr),
-        )
+        ranges = {name: getattr(self, name) for name in self.__slots__ if name not in NO_RANGES}
+        pairs = {name: value for name, value in ranges.items() if isinstance(value, tuple)}
+        refuse_unordered(f"group {self.name}", **pairs)
         if self.grid[0] * self.grid[1] > MAX_TOUCHES:
             raise InputError(f"group {self.name}: grid {self.grid}", f"{MAX_TOUCHES} touches at most")
         if self.builds and self.first_build is not None:

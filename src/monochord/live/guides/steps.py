@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from monochord.capture.sources import SOURCES
 from monochord.core.dated import dated_path
-from monochord.core.files import replacing
+from monochord.core.files import write_text
 from monochord.core.types import Signal
 from monochord.core.units import Metres
 from monochord.live.labelled import table
@@ -111,8 +111,7 @@ class GuidedTuning(TemporaryGuidedStep):
     def save(self) -> list[str]:
         """Write the sensor's file."""
         path = dated_path("sensor", ".toml", self._folder)
-        with replacing(path) as part:
-            part.write_text(self._sensor.toml(), encoding="utf-8")
+        write_text(path, self._sensor.toml())
         return [*self._sensor.lines(), f"Saved as {path}; use it with --sensor {path}"]
 
 

@@ -21,7 +21,7 @@ from typing import Any
 
 from monochord.core.config import Tree, dump_toml, load_toml
 from monochord.core.errors import InputError, MissingLibraryError
-from monochord.core.files import replacing
+from monochord.core.files import write_text
 from monochord.perception.training.checkpoint import Line
 
 CONFIG, METRICS, HISTORY = "config.toml", "metrics.json", "history.csv"
@@ -44,7 +44,7 @@ def claim(out: Path, resolved: Tree) -> None:
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise InputError(f"{out}, which is not a training run", "a new folder, or the folder of a run")
     out.mkdir(parents=True, exist_ok=True)
-    _replace(file, text)
+    write_text(file, text)
 
 
 def write_history(out: Path, history: list[Line]) -> None:
@@ -53,17 +53,12 @@ def write_history(out: Path, history: list[Line]) -> None:
     writer = csv.DictWriter(text, list(history[0]) if history else ["epoch"], lineterminator="\n")
     writer.writeheader()
     writer.writerows(history)
-    _replace(out / HISTORY, text.getvalue())
+    write_text(out / HISTORY, text.getvalue())
 
 
 def write_metrics(out: Path, metrics: Mapping[str, Any]) -> None:
     """Write the scores of the run."""
-    _replace(out / METRICS, json.dumps(metrics, indent=1, ensure_ascii=False) + "\n")
-
-
-def _replace(file: Path, text: str) -> None:
-    with replacing(file) as part:
-        part.write_text(text, encoding="utf-8")
+    write_text(out / METRICS, json.dumps(metrics, indent=1, ensure_ascii=False) + "\n")
 
 
 def summary_writer() -> Any:
