@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from monochord.capture.instruments._sequence import Sequence
+from monochord.capture.instruments.base import Connection
 from monochord.core.types import Feed, InstrumentHealth, Readings
 from monochord.core.units import Hertz, Seconds
 
@@ -97,6 +98,23 @@ class ReadingsCollector:
                 status=np.zeros(readings, np.uint32),
             )
         ]
+
+
+class CollectedConnection(Connection):
+    """A connection that collects its readings one by one; a class derived from it polls."""
+
+    def __init__(self, feed: Feed) -> None:
+        self._collected = ReadingsCollector(feed)
+
+    @property
+    def feed(self) -> Feed:
+        """Description of the readings."""
+        return self._collected.feed
+
+    @property
+    def health(self) -> InstrumentHealth:
+        """Counters so far."""
+        return self._collected.health
 
 
 def _sequence(rate: Hertz) -> Sequence:

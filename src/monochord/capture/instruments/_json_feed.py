@@ -7,10 +7,9 @@ from typing import Generic, TypeAlias, TypeVar
 import msgspec
 
 from monochord.capture.instruments._arrivals import Arrivals
-from monochord.capture.instruments._collected import NANOSECONDS, NONE, ReadingsCollector
+from monochord.capture.instruments._collected import NANOSECONDS, NONE, CollectedConnection
 from monochord.capture.instruments._datagrams import Receiver
-from monochord.capture.instruments.base import Connection
-from monochord.core.types import Feed, InstrumentHealth, Readings
+from monochord.core.types import Feed, Readings
 
 LONGEST = 4096
 LATEST = 9.2e9  # s, what 64 bits of nanoseconds hold
@@ -28,27 +27,13 @@ Read: TypeAlias = Callable[[T], tuple[float, ...] | None]
 """Returns a datagram's values in the order of the feed's columns, or None where they are invalid."""
 
 
-class JsonConnection(Connection, Generic[T]):
+class JsonConnection(CollectedConnection, Generic[T]):
     """Reads datagrams of one kind from a socket; any other datagram counts as faulty."""
 
     def __init__(self, sock: socket.socket, feed: Feed, kind: type[T], read: Read[T]) -> None:
-        self._receiver, self._decoder, self._values = (
-            Receiver(sock, LONGEST),
-            msgspec.json.Decoder(kind),
-            read,
-        )
-        self._arrivals = Arrivals()
-        self._collected = ReadingsCollector(feed)
-
-    @property
-    def feed(self) -> Feed:
-        """Description of the readings."""
-        return self._collected.feed
-
-    @property
-    def health(self) -> InstrumentHealth:
-        """Counters so far."""
-        return self._collected.health
+        super().__init__(feed)
+        self._receiver, self._arrivals = Receiver(sock, LONGEST), Arrivals()
+        self._decoder, self._values = msgspec.json.Decoder(kind), read
 
     def poll(self) -> list[Readings]:
         """Return the readings since the last poll."""

@@ -14,12 +14,12 @@ from typing import IO, Annotated, Literal, NamedTuple
 
 from msgspec import Meta
 
-from monochord.capture.instruments._collected import NANOSECONDS, NONE, ReadingsCollector
+from monochord.capture.instruments._collected import NANOSECONDS, NONE, CollectedConnection
 from monochord.capture.instruments._columns import PoseColumns, pose_columns
 from monochord.capture.instruments._pose import UPRIGHT, pose_feed, quaternion_of, unit_pose
-from monochord.capture.instruments.base import Connection, Instrument
+from monochord.capture.instruments.base import Instrument
 from monochord.core.errors import DeviceError, InputError
-from monochord.core.types import Feed, InstrumentHealth, Readings
+from monochord.core.types import Feed, Readings
 from monochord.core.units import Hertz, Metres, Seconds
 
 FIRST_LINE = "a first line time,x,y,z[,qx,qy,qz,qw], or with three angles such as a,b,c or rx,ry,rz"
@@ -97,23 +97,15 @@ class PoseCsv(Instrument):
             connection.close()
 
 
-class _PoseCsvConnection(Connection):
+class _PoseCsvConnection(CollectedConnection):
     def __init__(self, options: PoseCsv, feed: Feed) -> None:
+        super().__init__(feed)
         self._options, self._path = options, Path(options.path)
-        self._collected = ReadingsCollector(feed)
         self._file: IO[bytes] | None = None
         self._rest = b""
         self._too_long = False
         self._columns: PoseColumns | None = None
         self._headed = False
-
-    @property
-    def feed(self) -> Feed:
-        return self._collected.feed
-
-    @property
-    def health(self) -> InstrumentHealth:
-        return self._collected.health
 
     def open(self) -> None:
         try:

@@ -6,9 +6,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
-from monochord.capture.instruments._collected import ReadingsCollector
+from monochord.capture.instruments._collected import CollectedConnection
 from monochord.capture.instruments._pose import pose_feed, unit_pose
-from monochord.capture.instruments.base import Connection, Instrument
+from monochord.capture.instruments.base import Instrument
 from monochord.core.errors import InputError
 from monochord.core.types import Feed, InstrumentHealth, Readings
 from monochord.core.units import Hertz, Seconds
@@ -69,21 +69,17 @@ class PoseDds(Instrument):
             yield connection
 
 
-class _PoseDdsConnection(Connection):
+class _PoseDdsConnection(CollectedConnection):
     def __init__(self, options: PoseDds, feed: Feed) -> None:
+        super().__init__(feed)
         self._options = options
-        self._collected = ReadingsCollector(feed)
         self.reader: TopicReader | None = None
         self._pending: deque[tuple[tuple[float, ...] | None, int, Seconds]] = deque(maxlen=MAX_PENDING)
         self._lost = 0
 
     @property
-    def feed(self) -> Feed:
-        return self._collected.feed
-
-    @property
     def health(self) -> InstrumentHealth:
-        counted, reader = self._collected.health, self.reader
+        counted, reader = super().health, self.reader
         if reader is None:
             return counted
         return replace(

@@ -9,13 +9,13 @@ from monochord.core.dated import dated_path
 from monochord.core.errors import MonochordError
 from monochord.core.types import Signal
 from monochord.core.units import Metres
-from monochord.live.guides.steps import GuidedStep, OnProgress
+from monochord.live.guides.steps import GuidedTouches, OnProgress
 from monochord.live.labelled import LabelledRecording
 from monochord.live.touch_guide import TouchGuide
 from monochord.live.update import Update
 
 
-class GuidedLabelling(GuidedStep):
+class GuidedLabelling(GuidedTouches):
     """Record touches of known position and force; the labels so far are always on the disk.
 
     The session is ``touches_DATE.mcap`` in the folder; `described` are options of its `Description`.
@@ -28,23 +28,9 @@ class GuidedLabelling(GuidedStep):
         self._take = LabelledRecording(dated_path("touches", ".mcap", folder), self.guide, signal, described)
         self.recording = self._take.recording
 
-    @property
-    def touches(self) -> TouchGuide:
-        """The guide through the touches."""
-        return self.guide
-
-    @property
-    def complete(self) -> bool:
-        """Whether all touches are done, or the person has finished."""
-        return self.guide.complete
-
     def take(self, update: Update) -> None:
         """Record an update, and show it to the guide."""
         self._take.take(update)
-
-    def state(self) -> dict[str, Any]:
-        """Return the next touch to make, and the progress of the present one."""
-        return self.guide.state()
 
     def finish(self) -> bool:
         """End with the touches so far; return whether there are any."""

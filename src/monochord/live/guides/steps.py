@@ -73,6 +73,26 @@ class GuidedStep(ABC):
         """Complete or remove the recording."""
 
 
+class GuidedTouches(GuidedStep):
+    """A step that leads through touches of known position and force."""
+
+    guide: TouchGuide
+
+    @property
+    def touches(self) -> TouchGuide:
+        """The guide through the touches."""
+        return self.guide
+
+    @property
+    def complete(self) -> bool:
+        """Whether all touches are done, or the person has finished."""
+        return self.guide.complete
+
+    def state(self) -> dict[str, Any]:
+        """Return the next touch to make, and the progress of the present one."""
+        return self.guide.state()
+
+
 class TemporaryGuidedStep(GuidedStep):
     """A step whose recording is removed at its end."""
 
@@ -115,7 +135,7 @@ class GuidedTuning(TemporaryGuidedStep):
         return [*self._sensor.lines(), f"Saved as {path}; use it with --sensor {path}"]
 
 
-class GuidedCalibration(TemporaryGuidedStep):
+class GuidedCalibration(GuidedTouches, TemporaryGuidedStep):
     """Record touches of known position and force, and adapt the model to them."""
 
     _adapted: "Adaptation"
@@ -125,24 +145,10 @@ class GuidedCalibration(TemporaryGuidedStep):
         self.guide = TouchGuide(signal, length, count)
         self._model = model
 
-    @property
-    def touches(self) -> TouchGuide:
-        """The guide through the known touches."""
-        return self.guide
-
-    @property
-    def complete(self) -> bool:
-        """Whether all touches are done."""
-        return self.guide.complete
-
     def take(self, update: Update) -> None:
         """Add an update, and show it to the guide."""
         super().take(update)
         self.guide.take(update, self.recording.seconds)
-
-    def state(self) -> dict[str, Any]:
-        """Return the next touch to make, and the progress of the present one."""
-        return self.guide.state()
 
     def compute(self, check: OnProgress) -> None:
         """Adapt the model as ``monochord calibrate`` does."""

@@ -9,6 +9,13 @@ from monochord.core.types import Prediction
 from monochord.live.update import Update
 
 NANO = 1_000_000_000
+TRUE = ("true_contact", "true_slip", "true_position", "true_force")
+"""Columns of a simulated source's truth, some of them empty in some windows."""
+TRACKED = (
+    "tracked_position", "tracked_position_std", "tracked_force", "tracked_force_std", "decided_contact",
+    "decided_slip",
+)  # fmt: skip
+"""Columns of values over time, which the first windows do not yet fill."""
 
 
 def record(update: Update, *, everything: bool) -> dict[str, Any]:

@@ -10,16 +10,8 @@ from typing import Any, TextIO
 
 from monochord.core.errors import InputError
 from monochord.core.files import written
-from monochord.live.sinks._record import NANO, record, unix_nanoseconds
+from monochord.live.sinks._record import NANO, TRACKED, TRUE, record, unix_nanoseconds
 from monochord.live.sinks.base import Run, Sink, Update, Writer
-
-TRUE = ("true_contact", "true_slip", "true_position", "true_force")
-"""Columns of a simulated source's truth, some of them empty in some windows."""
-TRACKED = (
-    "tracked_position", "tracked_position_std", "tracked_force", "tracked_force_std", "decided_contact",
-    "decided_slip",
-)  # fmt: skip
-"""Columns of values over time, some of them empty in the first windows."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,19 +13,12 @@ import numpy as np
 from monochord.core.dated import dated_path
 from monochord.core.types import Audio, Block, Feed, Flags, Readings, Signal
 from monochord.core.units import Samples, Seconds
-from monochord.live.sinks._record import record
+from monochord.live.sinks._record import TRACKED, TRUE, record
 from monochord.live.sinks.base import Run, Sink, Update, Writer
 from monochord.sessions import ESTIMATES, Description, SessionClock, SessionWriter
 
 WRITE_INTERVAL: Seconds = 0.25
 """Time between writes in s: the most that a kill can lose."""
-LATER = (
-    "tracked_position", "tracked_position_std", "tracked_force", "tracked_force_std", "decided_contact",
-    "decided_slip",
-)  # fmt: skip
-"""Columns that the first windows do not yet fill."""
-TRUE = ("true_contact", "true_slip", "true_position", "true_force")
-"""Columns of a simulated source's truth, some of them empty in some windows."""
 MIN_LOST: Samples = 32
 """Frames of exact silence at every microphone that count as a gap, in a window that has one."""
 
@@ -127,7 +120,7 @@ class _Session(Writer):
     def _begin(self, update: Update, values: dict[str, float]) -> None:
         """Start the file again, once the columns and the time of the stream's first frame are known."""
         truth = TRUE if update.truth else ()
-        self._columns = tuple(dict.fromkeys((*values, *LATER, *truth)))
+        self._columns = tuple(dict.fromkeys((*values, *TRACKED, *truth)))
         self._known = set(self._columns)
         duration, start = update.window.duration, update.window.start / self._signal.sample_rate
         at_hand = time.monotonic() if update.at_hand is None else update.at_hand
