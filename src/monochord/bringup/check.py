@@ -52,8 +52,6 @@ class Check:
 def left_out(step: str, name: str, reason: str) -> Check:
     """Return a check that was left out.
 
-    Examples
-    --------
     >>> left_out("loopback", "latency", "no loop-back").passed is None
     True
     """

@@ -21,8 +21,6 @@ def drawing(sensor: Sensor) -> str:
     and the actions ``pluck``, ``tap``, ``press`` and ``damp``, which a page hides while no step lights them.
     The driver's text ends in ``data-switch``, which a page sets to on or off.
 
-    Examples
-    --------
     >>> from monochord.physics.sensors import load_sensor
     >>> text = drawing(load_sensor("prototype"))
     >>> text.count("data-part="), text.count('class="coil"')

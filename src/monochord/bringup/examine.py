@@ -96,8 +96,6 @@ class BringUp:
 def number(check: Check) -> str:
     """Return a check's value with its unit as text, empty where there is none.
 
-    Examples
-    --------
     >>> number(Check(step="quiet", name="sample rate", value=44100.0, unit="Hz"))
     '44100 Hz'
     """

@@ -52,8 +52,6 @@ def steady(take: Take) -> Audio:
 def decibels(ratio: float) -> float:
     """Return an amplitude ratio in dB; -200 for zero.
 
-    Examples
-    --------
     >>> round(decibels(0.1)), decibels(0.0)
     (-20, -200.0)
     """
@@ -218,8 +216,6 @@ def separation_check(press: Take, relative: float) -> Check:
 def strongest_line(samples: Audio, sample_rate: int, lowest: Hertz) -> tuple[Hertz, Floats]:
     """Return the frequency of the strongest line above `lowest` in either channel, and its rms level in each.
 
-    Examples
-    --------
     >>> tone = 0.1 * np.sin(2.0 * np.pi * 1000.0 * np.arange(44100) / 44100)
     >>> frequency, level = strongest_line(np.stack([tone, 0.5 * tone]).astype(np.float32), 44100, 300.0)
     >>> round(frequency), level.round(3).tolist()

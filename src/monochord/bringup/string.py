@@ -71,8 +71,6 @@ def tuner_turns(string: StringParams, frequency: float) -> float:
     The wire lengthens by dT L / (E A) of its core; the post winds that up. Assumed: `TUNER_RATIO`,
     `POST_DIAMETER`, a wire that gives between its ends only, and a frame that does not.
 
-    Examples
-    --------
     >>> from monochord.physics.strings import load_string
     >>> string = load_string("prototype").string
     >>> round(tuner_turns(string, 0.94 * open_frequency(string)), 2)

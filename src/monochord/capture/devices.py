@@ -23,8 +23,6 @@ class Device:
 def devices() -> list[Device]:
     """Return the inputs of all sound cards, then those of the default JACK server, possibly none.
 
-    Examples
-    --------
     >>> {device.source for device in devices()} <= {"soundcard", "jack"}
     True
     """

@@ -27,8 +27,6 @@ class CompilationBar:
     log, a pipe or a file, nor by a process started by another Python process. By default `file` is standard
     error.
 
-    Examples
-    --------
     >>> bar = CompilationBar()
     >>> bar.start()
     >>> bar.stop()

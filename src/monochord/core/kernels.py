@@ -40,8 +40,6 @@ DIGEST_SIZE = hashlib.sha256().digest_size
 def compile_lazily(function: Any, **options: Any) -> Any:
     """Return a function that numba compiles at its first call, without a cache; takes `numba.njit` options.
 
-    Examples
-    --------
     >>> compile_lazily(lambda x: x + 1.0)(2.0)
     3.0
     """
@@ -55,8 +53,6 @@ def kernel(signature: str = "", **options: Any) -> Callable[[Function], Function
     the function is not compiled. A signature states the types of result and arguments, such as
     ``"int64(int64[::1], intp)"``; `options` are those of `numba.njit`, such as ``fastmath``.
 
-    Examples
-    --------
     >>> @kernel()
     ... def ratio(one: float, other: float) -> float:
     ...     return one / other
@@ -85,8 +81,6 @@ def part(**options: Any) -> Callable[[Function], Function]:
     no entry to the compiled code, which would take as long to compile as a short function. A call from Python
     runs the uncompiled function. `options` are those of `numba.njit`.
 
-    Examples
-    --------
     >>> @part()
     ... def half(number: float) -> float:
     ...     return number / 2.0

@@ -22,8 +22,6 @@ def pitch(value: str | float) -> Hertz:
     C4), and where needed the deviation in cents: ``"E4"``, ``"F#3"``, ``"B♭2"``, ``"E4+12"``. A number may be
     text. Raises `InputError` for anything else, and unless the frequency is finite and above zero.
 
-    Examples
-    --------
     >>> [round(pitch(each), 2) for each in ("E2", "B♭3", "A4-50", "110 Hz", 98)]
     [82.41, 233.08, 427.47, 110.0, 98.0]
     >>> pitch("E")

@@ -20,21 +20,11 @@ Preset = TypeVar("Preset")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Presets(Generic[Preset]):
-    """The presets of one kind: a folder's files, each read into an object.
+    """The presets of one kind: the files of the folder `package`, each read into an object.
 
-    Parameters
-    ----------
-    package
-        Package with the files.
-    kind
-        Kind of the presets, for messages: "string", "material".
-    read
-        Creates an object from a file's table and its name in messages; raises `InputError` on failure.
-    named
-        Whether the objects have a ``name``, by default the file's stem.
+    `kind` is for messages: "string", "material". `read` creates an object from a file's table and its name in
+    messages. Without a ``name`` of its own an object gets the file's stem, if it is `named`.
 
-    Examples
-    --------
     >>> from monochord.physics.materials import load_material, material_names
     >>> "wood" in material_names(), load_material("allen-key").young_modulus
     (True, 205000000000.0)
@@ -87,8 +77,6 @@ class Presets(Generic[Preset]):
 def preset_names(package: str) -> list[str]:
     """Return the names of a package's presets and of installed ones, sorted.
 
-    Examples
-    --------
     >>> "wood" in preset_names("monochord.physics.materials")
     True
     """
@@ -96,24 +84,10 @@ def preset_names(package: str) -> list[str]:
 
 
 def preset_path(package: str, kind: str, name: str | Path) -> Path:
-    """Return a preset's file by name, or the path itself if a file is given.
+    """Return the file of a preset by its name, with hyphens or underscores, or the path of a TOML file.
 
-    Parameters
-    ----------
-    package
-        Package with the presets.
-    kind
-        Kind of the presets, for messages: "string", "material".
-    name
-        A name, with hyphens or underscores, or the path of a TOML file.
+    Raises `InputError` if there is no such preset, or more than one; `kind` is for the message.
 
-    Raises
-    ------
-    InputError
-        If there is no such preset, or more than one.
-
-    Examples
-    --------
     >>> preset_path("monochord.physics.materials", "material", "allen-key").name
     'allen_key.toml'
     """

@@ -33,14 +33,8 @@ _log = logging.getLogger("monochord")
 class Registry(Generic[T]):
     """The plug-ins of one folder, and those added by installed packages.
 
-    Parameters
-    ----------
-    package
-        The folder as a dotted name: ``"monochord.capture.sources"``.
-    base
-        The abstract class that its plug-ins subclass.
-    moved
-        Names that a package of the repository has, each with the package's name.
+    `package` is the folder as a dotted name, ``"monochord.capture.sources"``, and `base` the abstract class
+    of its plug-ins; `moved` has names that a package of the repository has, each with the package's name.
     """
 
     package: str
@@ -64,12 +58,8 @@ class Registry(Generic[T]):
     def load(self, name: str) -> type[T]:
         """Return the plug-in class with this name.
 
-        Raises
-        ------
-        InputError
-            If the name is unknown (with a suggestion) or ambiguous, or its package is not installed.
-        TypeError
-            If a file of the folder holds no plug-in, or several.
+        Raises `InputError` if the name is unknown (with a suggestion) or ambiguous, or its package is not
+        installed; `TypeError` if a file of the folder holds no plug-in, or several.
         """
         key, names = name.replace("-", "_"), self.names()
         if key not in names and (package := self.moved.get(key)):
@@ -133,21 +123,11 @@ class Registry(Generic[T]):
 
 
 def installed(folder: str) -> Mapping[str, tuple[EntryPoint, ...]]:
-    """Return what installed distributions add to a folder of plug-ins or presets, by name.
+    """Return by name what distributions, none of them imported, add to a folder such as ``sources``.
 
-    Parameters
-    ----------
-    folder
-        Last part of the folder's name: ``sources``, ``sensors``. The entry point group is
-        ``monochord.FOLDER``; no distribution is imported.
+    The entry point group is ``monochord.FOLDER``. Several entries for one name are a clash, see
+    `refuse_clash`.
 
-    Returns
-    -------
-    Mapping[str, tuple[EntryPoint, ...]]
-        Several entries for one name are a clash, see `refuse_clash`.
-
-    Examples
-    --------
     >>> dict(installed("no_such_folder"))
     {}
     """
@@ -182,10 +162,7 @@ def _entries(group: str) -> Iterable[EntryPoint]:
 def load_added(kind: str, entry: EntryPoint, expected: str, read: Callable[[Any], T]) -> T:
     """Return what `read` makes of the object that an installed package's entry point names.
 
-    Raises
-    ------
-    InputError
-        If the object cannot be imported, or `read` raises; `kind` and `expected` are for the message.
+    Raises `InputError`, with `kind` and `expected`, if it cannot be imported, or `read` raises.
     """
     try:
         return read(entry.load())

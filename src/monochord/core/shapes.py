@@ -29,8 +29,6 @@ def sound(
     channels and frames (`size`) are any number from 1 on. Raises `InputError` for another shape, for
     integers, and for what is no number.
 
-    Examples
-    --------
     >>> sound([[0.0, 1.0, 0.0]]).dtype
     dtype('float32')
     >>> sound(np.zeros((1, 4410)), channels=2)
@@ -94,8 +92,6 @@ def batch(windows: ArrayLike, channels: int = ANY, size: int = ANY) -> NDArray[n
 
     By default channels and size are any number from 1 on. Errors are those of `sound`.
 
-    Examples
-    --------
     >>> batch(np.zeros((0, 2, 4410)), 2, 4410).shape
     (0, 2, 4410)
     """
@@ -133,8 +129,6 @@ def numbers(given: ArrayLike, number: Any = Any, name: str = "array") -> NDArray
     ``np.float32`` is that of sound, which takes no whole numbers. Raises `InputError`, which calls the array
     `name`, if these are no numbers, of another type, or rows of different lengths.
 
-    Examples
-    --------
     >>> numbers([0, 1], np.float64).dtype
     dtype('float64')
     >>> numbers([0.5], np.int64)

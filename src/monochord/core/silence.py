@@ -13,8 +13,6 @@ def is_silent(samples: Audio) -> bool:
 
     `samples` are one channel (n,), in full scale.
 
-    Examples
-    --------
     >>> is_silent(np.full(441, 0.1, np.float32)), is_silent(np.linspace(-0.1, 0.1, 441, dtype=np.float32))
     (True, False)
     """

@@ -102,17 +102,8 @@ def run_all(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Spread:
-    """Where independent jobs run, and what is called with their progress.
+    """Where independent jobs run, as in `run_all`; `progress` gets a job's name, how many are done, and all.
 
-    Parameters
-    ----------
-    workers, cluster
-        As in `run_all`.
-    progress
-        Called with a job's name, the number of jobs done, and the number of all.
-
-    Examples
-    --------
     >>> spread = Spread(workers=1, progress=print)
     >>> dict(spread({3: "three", 1: "one"}, float))
     three 0 2
@@ -149,8 +140,6 @@ class Worker(Generic[Job, Result]):
     `work` is the function of one job, from a module that the process can import; `niceness` is how far below
     this process it stands for the system's scheduler.
 
-    Examples
-    --------
     >>> worker = Worker(float)
     >>> worker.submit(3).result(), worker.submit(4).result()
     (3.0, 4.0)

@@ -32,7 +32,7 @@ SPEED_PERIOD: Seconds = 1.5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Disturbance(Checked):
-    """Noise of one `kind`, added to every session at a `ratio` in dB.
+    """Noise of one `kind`, added to every session at a `ratio` of -60 to 120 dB.
 
     The noise level is constant over a session: the ratio compares the mean power of the session's touched
     windows, over both microphones, with the power of the noise. Single windows therefore have higher and
@@ -40,24 +40,10 @@ class Disturbance(Checked):
     session's name, so it is the same at every ratio and for every estimator. "white", "pink" and "band" are
     independent in both microphones; all other kinds are the same in both.
 
-    Parameters
-    ----------
-    kind
-        A name of `monochord.dsp.noise.STEADY`, "motor", "speech", or a name of `recordings`.
-    ratio
-        Signal-to-noise ratio in dB, -60 to 120.
-    seed
-        Random seed.
-    recordings
-        Sounds (n,) by name, at the sample rate of the sessions; each is repeated from a random position.
+    A kind is a name of `monochord.dsp.noise.STEADY`, "motor", "speech", or one of `recordings`: sounds (n,)
+    at the sample rate of the sessions, each repeated from a random position. A silent one raises
+    `InputError`.
 
-    Raises
-    ------
-    InputError
-        If the kind is unknown, the ratio is out of range, or a recording is silent.
-
-    Examples
-    --------
     >>> quiet = np.zeros((2, 4410), np.float32)
     >>> noisy = Disturbance(kind="hum", ratio=10.0).apply(quiet, 1.0, 44100, "take")
     >>> round(float(np.mean(np.square(noisy, dtype=float))), 3)
@@ -114,8 +100,6 @@ def noise_kinds(recordings: Mapping[str, Audio] | None = None) -> tuple[str, ...
 def parse_noise(text: str, recordings: Mapping[str, Audio], seed: int = 0) -> Disturbance:
     """Return the noise of a text such as ``white:10``: a kind, and a ratio in dB.
 
-    Examples
-    --------
     >>> parse_noise("white:10", {}).ratio
     10.0
     """
@@ -135,8 +119,6 @@ def noise_suite(
 ) -> tuple[Disturbance, ...]:
     """Return every kind of noise at every ratio in dB.
 
-    Examples
-    --------
     >>> len(noise_suite({}, ratios=(10.0,)))
     6
     """
@@ -152,8 +134,6 @@ def noise_recordings(sample_rate: int, music: Audio | None = None) -> dict[str, 
 
     They are at `sample_rate`; `music`, at 44100 Hz, stands in for music where no recording is available.
 
-    Examples
-    --------
     >>> set(noise_recordings(44100)) <= {"music", "speech"}
     True
     """

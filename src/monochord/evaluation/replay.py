@@ -287,8 +287,6 @@ def results_of(
 def columns(estimates: Sequence[Estimates]) -> dict[str, Any]:
     """Return n windows' estimates as columns ``value``, ``std``, ``reason_index``, and the ``reasons``.
 
-    Examples
-    --------
     >>> from monochord.core.types import Estimate
     >>> table = columns([{"force": Estimate(value=1.0, std=0.5, unit="N")}, {}])
     >>> reasons = [table["reasons"][at] for at in table["reason_index"]["force"].tolist()]

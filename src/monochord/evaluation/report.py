@@ -16,17 +16,8 @@ UNITS: Mapping[str, tuple[float, str]] = {"position": (1e3, "mm"), "force": (1.0
 
 
 def page(card: Scorecard, drawings: Mapping[str, str]) -> str:
-    """Return the report as the text of one HTML file.
+    """Return the report of a scorecard as the text of one HTML file, with `drawings` as SVG texts by title.
 
-    Parameters
-    ----------
-    card
-        The scores.
-    drawings
-        Figures as SVG texts, by title.
-
-    Examples
-    --------
     ``monochord evaluate --out FOLDER`` writes it there as ``report.html``.
     """
     import jinja2  # noqa: PLC0415

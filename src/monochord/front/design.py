@@ -312,8 +312,6 @@ def design_string(wishes: Wishes) -> StringDesign:
 
     `InputError` refuses a missing gauge or tension, and a wire that breaks.
 
-    Examples
-    --------
     >>> made = design_string(Wishes(gauge=0.254e-3, tension=40.0))
     >>> round(made.chosen.frequency), made.squeal
     (793, 'squeals')

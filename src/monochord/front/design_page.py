@@ -26,8 +26,6 @@ class Request(msgspec.Struct, forbid_unknown_fields=True):
 def answer(request: bytes) -> dict[str, Any]:
     """Return the answer to a request as plain values; ``error`` is one line for one that is refused.
 
-    Examples
-    --------
     >>> answer(b'{"do": "string", "wishes": {"gauge": 0.254e-3, "tension": 40, "length": 0}}')
     {'error': "option 'length' = 0: expected a number from 0.08 to 2 m"}
     """

@@ -16,8 +16,6 @@ NICENESS = 5
 def with_page(sinks: Iterable[Sink]) -> tuple[Sink, ...]:
     """Return sinks; a page among them can record, guide and design, beside showing the run.
 
-    Examples
-    --------
     >>> from monochord.live.sinks import SINKS
     >>> udp = SINKS.build("udp")
     >>> with_page([udp]) == (udp,)

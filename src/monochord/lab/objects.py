@@ -22,8 +22,6 @@ def drawn_object(random: np.random.Generator) -> Material:
     handbook values of dry and oiled solids on steel. The restitution e at 1 m/s, which gives Hunt and
     Crossley's loss 3 (1 - e) / 2, increases with hardness.
 
-    Examples
-    --------
     >>> thing = drawn_object(np.random.default_rng(1))
     >>> thing == drawn_object(np.random.default_rng(1)), thing.name
     (True, 'drawn')
@@ -54,8 +52,6 @@ def smooth_object(random: np.random.Generator) -> Material:
 
     Ground and polished surfaces rub with little sound, and their friction goes from oiled to dry.
 
-    Examples
-    --------
     >>> thing = smooth_object(np.random.default_rng(1))
     >>> thing.roughness < 2e-6, thing.name
     (True, 'drawn_smooth')
@@ -82,8 +78,6 @@ def soft_object(random: np.random.Generator) -> Material:
     It damps the string, the more the softer it is, until little sound is left. Rubber-like friction, blunt
     shapes and rough skins are drawn too.
 
-    Examples
-    --------
     >>> thing = soft_object(np.random.default_rng(1))
     >>> thing.young_modulus < SOFTEST, thing.name
     (True, 'drawn_soft')

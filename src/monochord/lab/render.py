@@ -117,8 +117,6 @@ def concatenate(parts: Iterable[Rendering]) -> Rendering:
 def first_reading(frame: Samples, rate: Hertz, sample_rate: int) -> int:
     """Return the number of the first reading, at a rate, at or after a microphone frame.
 
-    Examples
-    --------
     >>> first_reading(44100, 1000.0, 44100), first_reading(44101, 1000.0, 44100)
     (1000, 1001)
     """

@@ -20,18 +20,11 @@ class RefusedError(Exception):
 
 
 class Commands:
-    """The requests that a page may send; other messages are refused.
+    """The requests that a page may send, by type, each with its handler; other messages are refused.
 
-    Parameters
-    ----------
-    handlers
-        The types of requests, one or more, with what carries them out. A handler returns whether it had an
-        effect, or raises `RefusedError` with a line that says why it had none.
-    expected
-        What the refusal of another message says is expected; empty to refuse it without a word.
+    A handler returns whether it had an effect, or raises `RefusedError` with a line that says why it had
+    none. A refusal says what is `expected`; empty to refuse without a word.
 
-    Examples
-    --------
     >>> class Lift(msgspec.Struct, tag_field="do", tag="lift"):
     ...     height: float
     >>> lifted = []

@@ -77,23 +77,10 @@ class Page:
 class Server:
     """A running server; leaving the context ends it.
 
-    Parameters
-    ----------
-    pages
-        Its pages; the first opens at the server's root.
-    host, port
-        Address to listen at; port 0 is the first free one of `PORTS`.
-    token
-        The required token; empty for none.
-    names
-        Further host names of the page, each NAME or NAME:PORT.
-
-    Raises
-    ------
-    DeviceError
-        If the address is taken or belongs to another machine.
-    InputError
-        If a name is not a valid host name.
+    The first of its `pages` opens at the server's root; `port` 0 is the first free one of `PORTS`, and
+    `names` are further host names of the page, NAME or NAME:PORT. An empty `token` requires none. Raises
+    `DeviceError` if the address is taken or belongs to another machine, `InputError` if a name is not a valid
+    host name.
     """
 
     def __init__(

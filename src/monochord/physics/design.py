@@ -209,8 +209,6 @@ class StringCandidate:
 def string_of(wishes: Wishes, gauge: Metres, tension: Newtons, length: Metres) -> StringParams:
     """Return a plain string; under 1 N at its middle its tension rises by `tension_per_force` newtons.
 
-    Examples
-    --------
     >>> string = string_of(Wishes(), 0.254e-3, 65.0, 0.2)
     >>> round(open_frequency(string)), round(string.tension_per_force, 2)
     (1011, 0.3)
@@ -232,8 +230,6 @@ def string_of(wishes: Wishes, gauge: Metres, tension: Newtons, length: Metres) -
 def bounds_at(wishes: Wishes, string: StringParams, contact: Contact) -> tuple[Metres, Newtons]:
     """Return the smallest standard errors of position and force of a touch, in m and N.
 
-    Examples
-    --------
     A bolted object, one of unknown mount between two fingers, and one whose mount is known:
 
     >>> string = string_of(Wishes(), 0.254e-3, 65.0, 0.2)
@@ -265,8 +261,6 @@ def bounds_at(wishes: Wishes, string: StringParams, contact: Contact) -> tuple[M
 def candidate(wishes: Wishes, gauge: Metres, tension: Newtons, length: Metres) -> StringCandidate:
     """Return what one string does, and which wishes it does not meet.
 
-    Examples
-    --------
     >>> one = candidate(Wishes(frame="aluminium"), 0.254e-3, 65.0, 0.2)
     >>> round(one.stress / 1e6), round(one.drift, 2), round(1e3 * one.swing, 2), one.lacks
     (1306, 1.53, 0.15, ('force 0.16 N (wanted 0.15 N)',))
@@ -406,12 +400,8 @@ def recommended(wishes: Wishes, candidates: list[StringCandidate]) -> StringCand
     """Return the string to build: of those that meet every wish the fastest, else the one that lacks least.
 
     Among the fastest, within 5 %, the one with the smaller force bound; among those that lack as little, too.
-    Where a model is to take the string, others are recommended only if it takes none.
-
-    Raises
-    ------
-    InputError
-        If no string of the sweep bears its tension.
+    Where a model is to take the string, others are recommended only if it takes none. Raises `InputError` if
+    no string bears its tension.
     """
     if not candidates:
         given = (
@@ -455,8 +445,6 @@ def ambiguity(wishes: Wishes, string: StringParams, count: int = 161) -> Ambigui
     within three standard errors. A place nearer than three times the position's bound or the wished
     resolution is the same.
 
-    Examples
-    --------
     A string whose tension rises more has more doubles:
 
     >>> tight, slack = (string_of(Wishes(), 0.254e-3, tension, 0.2) for tension in (65.0, 20.0))

@@ -74,30 +74,12 @@ def fit_string(
 ) -> StringFit:
     """Fit pitch, stiffness, density, tension and magnets to the partials of an untouched string.
 
-    Parameters
-    ----------
-    sensor
-        The design, with the coils' places. A wound string, whose core is thinner than a solid steel wire of
-        its weight, has a stiffness that does not follow from its density.
-    numbers, frequencies, stds
-        Of the partials, (n,) each: number, Hz, and standard error in Hz.
-    length
-        Length between the ends and its standard error, in m.
-    linear_density
-        Density and its standard error in kg/m; None where nobody measured it.
+    The partials' `numbers`, `frequencies` and standard errors `stds` are (n,), the last two in Hz; `length`
+    in m and `linear_density` in kg/m come with their standard errors, the latter None where nobody measured
+    it. The design `sensor` gives the coils' places; a wound string, whose core is thinner than a solid steel
+    wire of its weight, has a stiffness that does not follow from its density. Raises `InputError` if there is
+    no partial, or the fit does not converge.
 
-    Returns
-    -------
-    StringFit
-        Value and joint covariance of every quantity.
-
-    Raises
-    ------
-    InputError
-        If there is no partial, or the fit does not converge.
-
-    Examples
-    --------
     >>> from monochord.physics.sensors import load_sensor
     >>> n = np.arange(1.0, 7.0)
     >>> measured = 1000.0 * n * np.sqrt(1.0 + 1.5e-4 * n**2)

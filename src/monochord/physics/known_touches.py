@@ -116,17 +116,9 @@ def why_impossible(
       single position for all touches; and the median ratio of force and estimate is within `MAX_RATIO`.
       Medians tolerate single misread touches, and the limits tolerate an unfamiliar sensor.
 
-    Parameters
-    ----------
-    position, force
-        Labels of touches (n,), x in m from pickup 1 and F in N; NaN for a missing label.
-    string
-        The touched string, if known.
-    estimated
-        The model's estimates of the touches before it learns from them.
+    `position` and `force` are (n,), in m from pickup 1 and N, NaN for a missing label; `estimated` is what a
+    model made of the touches before it learns from them.
 
-    Examples
-    --------
     >>> why_impossible(np.array([0.05, 0.1]), np.array([0.5, 1.5])) is None
     True
     >>> why_impossible(np.array([0.05, 0.1]), np.array([51.0, 153.0])).remedy

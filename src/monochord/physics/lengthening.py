@@ -42,23 +42,11 @@ def lengthening(
     contact: float,
     contact_share: float,
 ) -> Lengthening:
-    """Return how uncertain the lengthening of both segments is.
+    """Return how uncertain the lengthening of both segments is, with lines at `frequencies` (2,) in Hz.
 
-    Parameters
-    ----------
-    string
-        The string; its tension counts.
-    frequencies
-        Lines of both segments, (2,) in Hz.
-    mount
-        Class of the mount, drawn anew for each object; ``known`` has no spread.
-    contact
-        Compliance of the surface in m/N, see `contact_compliance`: the same for both segments.
-    contact_share
-        Its relative standard error.
+    A `mount` of a class is drawn anew for each object; ``known`` has no spread. The surface's compliance
+    `contact` in m/N, see `contact_compliance`, is the same for both segments, known to `contact_share` of it.
 
-    Examples
-    --------
     >>> string = StringParams(length=0.2, linear_density=3.978e-4, tension=65.0)
     >>> lines = np.array([1312.0, 1644.0])
     >>> each = {
@@ -84,8 +72,6 @@ def lengthening(
 def contact_compliance(string: StringParams, material: Material, force: Newtons) -> float:
     """Return the compliance of a smooth, round surface under a press, in m/N: 2 / (3 k^(2/3) F^(1/3)), Hertz.
 
-    Examples
-    --------
     >>> from monochord.physics.materials import load_material
     >>> string = StringParams(length=0.2, linear_density=3.978e-4, tension=65.0)
     >>> round(65e6 * contact_compliance(string, load_material("plastic"), 1.0))

@@ -364,8 +364,6 @@ def lengthened(sensor: Sensor, share: float) -> Sensor:
 
     Coils of the further half stay where they are from the further end. The sensing range stays.
 
-    Examples
-    --------
     >>> from monochord.physics.sensors import load_sensor
     >>> sensor = lengthened(load_sensor("prototype"), 1.01)
     >>> round(sensor.string.length, 6), sensor.range

@@ -35,22 +35,10 @@ Spans: TypeAlias = tuple[tuple[Seconds, Seconds], ...]
 class Limits:
     """Limits beyond which a session is flagged.
 
-    Parameters
-    ----------
-    drift
-        Largest drift between audio and force from the first to the last taps, in s.
-    std
-        Largest standard uncertainty of that offset, in s.
-    intervals
-        Both limits for a pose stream, in sampling intervals.
-    offset
-        Largest absolute offset of any stream, in s.
-    taps
-        Smallest number of taps detected at each end of a stream.
-    step
-        Largest step of the wall clock between two readings of it, in s.
-    stray
-        Largest deviation of the converter's times from its frame count, in s.
+    `drift` of audio against force from the first to the last taps, and the standard error `std` of that
+    offset, in s; both for a pose stream in sampling `intervals`. Largest absolute `offset` of any stream,
+    `step` of the wall clock between two readings, and `stray` of the converter's times from its frame count,
+    in s. `taps` is the smallest number detected at each end of a stream.
     """
 
     drift: Seconds = 1e-3

@@ -73,16 +73,7 @@ class Counts:
 class ContactSlots:
     """Slots of a virtual sensor that follow contacts from step to step, so that none jumps along the string.
 
-    Parameters
-    ----------
-    length
-        Of the string, in m.
-    step
-        Of the simulation, in s.
-    materials
-        Number of materials.
-    slots
-        Contacts at once for each material.
+    The string's `length` is in m, the simulation's `step` in s; each material has `slots` contacts at once.
     """
 
     def __init__(self, length: Metres, step: Seconds, materials: int, slots: int) -> None:

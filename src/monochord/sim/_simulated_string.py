@@ -47,15 +47,9 @@ class SoundBlock:
 class StringTwin:
     """A virtual sensor whose objects are led by the contacts of a simulation, step after step.
 
-    Its sound runs in blocks of 10 ms on the sample clock, contacts on the simulation's. The sound is
-    `delay` later than the contacts: one step, or as many as 0.8 ms have.
-
-    Parameters
-    ----------
-    sensor
-        At its beginning, with `slots` objects for each of `materials` materials.
-    step
-        Of the simulation, in s.
+    Its sound runs in blocks of 10 ms on the sample clock, contacts on the simulation's, every `step` s. The
+    sound is `delay` later than the contacts: one step, or as many as 0.8 ms have. The sensor comes at its
+    beginning, with `slots` objects for each of `materials` materials.
     """
 
     def __init__(self, sensor: VirtualSensor, step: Seconds, materials: int, slots: int) -> None:

@@ -36,8 +36,6 @@ def refuse_other_link(link: str, robot: Path) -> None:
 def xacro(name: str, link: str, strings: Mapping[str, SkinString]) -> str:
     """Return a file with the xacro macro ``NAME_strings``, whose arguments are the link and a prefix.
 
-    Examples
-    --------
     >>> top = SkinString(start=(0, 0, 0), end=(0.2, 0, 0), press=(0, 0, -1), sensor="prototype")
     >>> print(xacro("finger", "fingertip", {"top": top}).splitlines()[2])
       <xacro:macro name="finger_strings" params="link:=fingertip prefix:=''">
@@ -56,8 +54,6 @@ def urdf(name: str, link: str, strings: Mapping[str, SkinString], robot: Path | 
 
     Raises `InputError` where the robot lacks the link, or has one that is named like a string's.
 
-    Examples
-    --------
     >>> top = SkinString(start=(0, 0, 0), end=(0.2, 0, 0), press=(0, 0, -1), sensor="prototype")
     >>> [each.get("name") for each in ET.fromstring(urdf("finger", "fingertip", {"top": top})).iter("link")]
     ['fingertip', 'top_string']
@@ -78,8 +74,6 @@ def urdf(name: str, link: str, strings: Mapping[str, SkinString], robot: Path | 
 def frame_of(string: SkinString) -> Floats:
     """Return a string's axes as columns (3, 3) in its link's frame: along it, aside, and away from it.
 
-    Examples
-    --------
     >>> top = SkinString(start=(0, 0, 0), end=(0.2, 0, 0), press=(0, 0, -1), sensor="prototype")
     >>> frame_of(top).tolist()
     [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]

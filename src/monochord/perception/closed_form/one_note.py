@@ -86,8 +86,6 @@ NO_SIDES = Sides(numbers=np.empty(0), share=np.empty(0), levelled=np.empty(0), e
 class SidesReader:
     """Measures how the partials of a series lie at the two channels of a window.
 
-    Examples
-    --------
     >>> from monochord.dsp.pitch import PitchFinder
     >>> time = np.arange(4410) / 44100
     >>> partials = np.stack([np.sin(2 * np.pi * 220 * n * time) for n in range(1, 5)])

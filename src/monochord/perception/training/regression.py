@@ -109,8 +109,6 @@ def fit_regression(method: Method, task: Task, windows: RegressionWindows) -> Fi
 
     Loss and `refines` of the task say which outputs there are.
 
-    Examples
-    --------
     >>> rng = np.random.default_rng(0)
     >>> inputs = rng.normal(size=(200, 2)).astype(np.float32)
     >>> task = Task(label="force", unit="N", loss="laplace")

@@ -69,8 +69,6 @@ def reason_against_a_string(
     open `frequency` and the `inharmonicity` B. `least_share` is the smallest share of a partial's power at
     either microphone; 0 for a single microphone.
 
-    Examples
-    --------
     >>> tone = np.array([[1005.0, 0.01, 1.0, 1.0, 1.0, 0.0, 0.01, 0.0, 0.01]])
     >>> reason_against_a_string(tone, 1005.0, 0.0, sample_rate=44100, windows=30, least_share=0.12)
     'one line at 1005.0 Hz, no other partial: it may be a tone'

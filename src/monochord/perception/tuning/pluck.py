@@ -37,8 +37,6 @@ def onset(samples: Audio, sample_rate: int, after: Seconds = 0.0) -> int:
 
     It is where the sound first passes 0.4 of its peak, not before the time `after`. Hum lies below.
 
-    Examples
-    --------
     >>> samples = np.zeros((1, 4410), dtype=np.float32)
     >>> samples[0, 2000:2020] = np.sin(np.arange(20))
     >>> abs(onset(samples, 44100) - 2000) < 5

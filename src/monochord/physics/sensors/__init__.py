@@ -79,8 +79,6 @@ class SensorTuning:
 def sensor_toml(design: str, tuning: SensorTuning) -> str:
     """Return the text of a file that `load_sensor` reads as this design with this tuning.
 
-    Examples
-    --------
     >>> print(sensor_toml("prototype", SensorTuning(open_frequency=990.0)).partition("[tuning]")[0])
     design = "prototype"
     <BLANKLINE>
@@ -116,8 +114,6 @@ def sensor_tuning(name: str | Path) -> SensorTuning | None:
 def sensor_design(name: str | Path) -> str:
     """Return the name of a sensor's design; the sensor may be a tuned sensor's file.
 
-    Examples
-    --------
     >>> sensor_design("prototype-one-driver")
     'prototype_one_driver'
     """
@@ -130,8 +126,6 @@ def sensor_design(name: str | Path) -> str:
 def retuned(string: StringParams, frequency: Hertz) -> StringParams:
     """Return a string with the tension for an open frequency, otherwise unchanged.
 
-    Examples
-    --------
     >>> string = retuned(load_string("prototype").string, 990.0)
     >>> round(string.tension, 2), round(open_frequency(string), 6)
     (62.38, 990.0)
@@ -222,8 +216,6 @@ def as_sensor(sensor: str | Path | Sensor) -> Sensor:
 def with_sensor(signal: Signal, sensor: Sensor) -> Signal:
     """Return a signal with the known properties of its sensor.
 
-    Examples
-    --------
     >>> with_sensor(Signal(sample_rate=44100, channels=2), load_sensor("prototype")).sensing_range
     (0.05, 0.15)
     """
@@ -242,8 +234,6 @@ def designs_with(string: StringParams | None) -> list[str]:
 
     A string that is a little longer or shorter counts too.
 
-    Examples
-    --------
     >>> designs_with(load_string("prototype").string)
     ['prototype', 'prototype_ebow', 'prototype_one_driver']
     """
@@ -255,8 +245,6 @@ def designs_with(string: StringParams | None) -> list[str]:
 def same_wire(string: StringParams, other: StringParams) -> bool:
     """Return whether two strings are of one design: the same wire at any tension, about as long.
 
-    Examples
-    --------
     >>> string = load_string("prototype").string
     >>> [same_wire(string, replace(string, length=length)) for length in (0.198, 0.3)]
     [True, False]

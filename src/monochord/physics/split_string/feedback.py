@@ -106,8 +106,6 @@ def lines(signals: Floats, rate: float) -> tuple[Floats, Floats]:
     for silence, otherwise at least some two bins above zero; the phase (channels,) in rad is that of
     sin(phase) at the time just after the last sample.
 
-    Examples
-    --------
     >>> t = np.arange(2205) / 44100
     >>> frequency, phase = lines(np.sin(2 * np.pi * 695.0 * t)[None] + 0.1, 44100)
     >>> frequency.round(2), np.cos(phase - 2 * np.pi * 695.0 * 0.05).round(2)

@@ -147,31 +147,14 @@ def leapfrog(
 
         (1 + s) y_i(n+1) = (2 - 2 l^2) y_i + l^2 (y_(i-1) + y_(i+1)) - (1 - s) y_i(n-1) + dt^2 f_i / mu,
 
-    second order in both steps, stable for l <= 1. The two outermost nodes are never written: they are fixed.
+    second order in both steps, stable for l <= 1 (Yi, Xing, Manchester and Fazeli, Sound of Touch, Eq. 10 and
+    13; Bilbao, Numerical Sound Synthesis (2009), section 6.2). The two outermost nodes are never written:
+    they are fixed. `now` and `before` (nodes,) are displacements in m; they swap roles at each step: after an
+    odd number of steps, the newest is in `before`. `coefficients` are those of y_i, of its neighbours' sum
+    and of y_i(n-1), each over 1 + s; `loads` (drivers, nodes) is dt^2 f_i / (mu (1 + s)) in m at full swing,
+    and `signals` (drivers, steps) are between -1 and 1. A pickup senses (1 - weight) of its node and weight
+    of the next; `motion` (pickups, steps) receives y(n+1) - y(n-1) there, in m.
 
-    Parameters
-    ----------
-    now, before
-        Displacements (nodes,) in m at this step and the one before. They swap roles at each step: after an
-        odd number of steps, the newest is in `before`.
-    coefficients
-        Coefficients of y_i, of its neighbours' sum and of y_i(n-1), each divided by 1 + s.
-    loads
-        (drivers, nodes): dt^2 f_i / (mu (1 + s)) in m for a driver at full swing.
-    signals
-        (drivers, steps): the drivers' signals, between -1 and 1.
-    nodes, weights
-        (pickups,): a pickup senses (1 - weight) of its node and weight of the next.
-    motion
-        (pickups, steps): receives y(n+1) - y(n-1) at the pickups, in m.
-
-    References
-    ----------
-    Yi, Xing, Manchester and Fazeli, Sound of Touch, Eq. 10 and 13; Bilbao, Numerical Sound Synthesis (2009),
-    section 6.2.
-
-    Examples
-    --------
     At l = 1 and without loss the scheme shifts a shape by exactly one node a step:
 
     >>> now, before = np.zeros(6), np.zeros(6)

@@ -47,17 +47,9 @@ def leapfrog(
 def ring(propagator: Floats, shape: Floats, q: Floats, v: Floats, velocity: Floats) -> None:
     """Add the pickups' velocity by freely moving modes to `velocity`; advance `q` and `v` in place.
 
-    Parameters
-    ----------
-    propagator
-        (4, modes) from `free_motion` over one sample.
-    shape
-        (pickups, modes) value of each mode at each pickup.
-    q, v
-        (modes,) displacement in m and velocity in m/s; changed.
-    velocity
-        (pickups, samples) in m/s; the first sample is the initial velocity. Sums over modes are reassociated,
-        which changes them by rounding only, identically for any block size.
+    `propagator` (4, modes) is from `free_motion` over one sample, `shape` (pickups, modes) each mode's value
+    at a pickup, and `velocity` (pickups, samples) in m/s begins with the initial one. Sums over modes are
+    reassociated, which changes them by rounding only, identically for any block size.
     """
     for sample in range(velocity.shape[1]):
         for p in range(shape.shape[0]):

@@ -25,14 +25,9 @@ MAX_AUDIBLE_SHARE = 0.456
 class Modes:
     """Modes of all segments: q'' + decay q' + frequency^2 q = push of driver 1 + push of driver 2.
 
-    Parameters
-    ----------
-    frequency, decay
-        (modes,) in rad/s and 1/s.
-    push
-        (2, modes) acceleration in m/s^2 by each driver at full swing; zero for a driver on another segment.
-    shape
-        (2, modes) value of the mode at each pickup; zero for a pickup on another segment.
+    `frequency` and `decay` (modes,) are in rad/s and 1/s. `push` (2, modes) is the acceleration in m/s^2 by
+    each driver at full swing, `shape` (2, modes) the mode's value at each pickup; both are zero on another
+    segment.
     """
 
     frequency: Floats
@@ -78,26 +73,11 @@ def find_modes(setup: SplitString, sample_rate: int) -> ModalString:
 
 
 def free_motion(frequency: Floats, decay: Floats, time: float) -> Floats:
-    """Return the exact free motion of damped oscillators over a time step.
+    """Return the free motion of damped oscillators over `time` s, (4, modes): q of q, q of v, v of q, v of v.
 
-    It solves q'' + g q' + w^2 q = 0 for any g >= 0: underdamped, overdamped and critically damped.
+    It solves q'' + g q' + w^2 q = 0 for any `decay` g >= 0 and `frequency` w > 0 in rad/s: underdamped,
+    overdamped and critically damped.
 
-    Parameters
-    ----------
-    frequency
-        (modes,) w in rad/s, above zero.
-    decay
-        (modes,) g in 1/s.
-    time
-        Time step in s.
-
-    Returns
-    -------
-    array (4, modes)
-        q from q, q from v, v from q, v from v.
-
-    Examples
-    --------
     A quarter period turns a displacement into velocity:
 
     >>> free_motion(np.array([2 * np.pi]), np.zeros(1), 0.25).round(6)[:, 0]

@@ -338,31 +338,12 @@ def solve(
     beta: float,
     layer: LayerParameters | None = None,
 ) -> tuple[float, float, float]:
-    """Solve one step of a contact: eta + compliance force(eta) = gap.
+    """Solve one step of a contact: eta + compliance force(eta) = gap. Return new s, eta and force.
 
-    Parameters
-    ----------
-    gap
-        eta after the step without a force, in m.
-    compliance
-        Of the modal string over a step: what a newton held over it takes off eta, in m/N.
-    start
-        An estimate of s after the step.
-    s_old, eta_old
-        sqrt(delta) in sqrt(m), zero out of contact, and eta in m before the step.
-    k1, k2
-        Stiffness in N/m and N/m^1.5.
-    residual
-        Compliance of the modes beyond the bank, R in m/N.
-    beta
-        Hunt-Crossley's beta over the time step, in 1/m.
-    layer
-        The rough layer, if there is one.
-
-    Returns
-    -------
-    tuple
-        s and eta after the step, and the force held over it in N.
+    `gap` is eta after the step without a force, in m; `compliance` that of the modal string over a step, in
+    m/N. `start` estimates the new s; `s_old` is sqrt(delta), zero out of contact. Stiffness `k1` is in N/m
+    and `k2` in N/m^1.5, `residual` the compliance of the modes beyond the bank, `beta` Hunt-Crossley's over
+    the time step.
     """
     if gap <= 0.0 and s_old == 0.0:
         return 0.0, gap, 0.0

@@ -47,20 +47,9 @@ def bristle(
 ) -> tuple[float, float, float]:
     """Solve one step of a bristle: the force on the string, the relative motion, and the new deflection.
 
-    Parameters
-    ----------
-    z
-        Deflection before the step in m.
-    moved
-        Motion of the object relative to the string over the step without a force, in m.
-    compliance
-        What a newton held over the step takes off it, in m/N.
-    stiffness
-        Of the bristle, in N/m.
-    damping
-        Of the bristle over the time step, in N/m; as much of it acts as the loss of z leaves passive.
-    fade
-        Share of z lost over the step.
+    `z` is the deflection before, and `moved` the motion of object against string without a force, in m; a
+    newton held over the step takes `compliance` off it. `stiffness` and, over the time step, `damping` are in
+    N/m; as much damping acts as `fade`, the share of z lost over the step, leaves passive.
     """
     if damping * fade > 4.0 * stiffness:
         damping = 4.0 * stiffness / fade

@@ -46,8 +46,6 @@ magnitude by E A / l of such parts)."""
 def drawn_mount(name: str, seed: int, kind: MountKind = "") -> Mount:
     """Return the mount of an object by its name and a seed, of a class that is drawn too if none is given.
 
-    Examples
-    --------
     >>> drawn_mount("plastic", 4).kind
     'bolted'
     """

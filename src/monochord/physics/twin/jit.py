@@ -31,8 +31,6 @@ def inlined(function: Function) -> Function:
     number of modes that is known where the kernel is made still reaches it as a constant, so that LLVM
     unrolls its loops; the kernel is as fast.
 
-    Examples
-    --------
     >>> inlined(lambda x: x + 1.0)(2.0)
     3.0
     """
@@ -42,8 +40,6 @@ def inlined(function: Function) -> Function:
 def called(function: Function) -> Function:
     """Compile a function that the kernel calls: one that runs seldom, or has no loop over modes.
 
-    Examples
-    --------
     >>> called(lambda x: x + 1.0)(2.0)
     3.0
     """
@@ -53,8 +49,6 @@ def called(function: Function) -> Function:
 def fingerprint(modules: Iterable[ModuleType]) -> int:
     """Return a number that changes with the text of any of the modules, below 2^62.
 
-    Examples
-    --------
     >>> import math, monochord.core.units
     >>> fingerprint([monochord.core.units]) == fingerprint([monochord.core.units])
     True

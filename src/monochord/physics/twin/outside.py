@@ -21,36 +21,14 @@ PLUCK_HEIGHT: Metres = 1e-4
 
 
 def outside_at(samples: Audio, snr_db: float, sensor: Sensor, *, sample_rate: int = 44100) -> Outside:
-    """Return an outside sound at a signal-to-noise ratio against the untouched, settled string.
+    """Return mono sound from outside at a signal-to-noise ratio in dB against the untouched, settled string.
 
     The ratio is that of mean powers over both microphones: the string's, `untouched_power`, over the sound's
     as it arrives through the air, level^2 <s^2> (a1^2 + a2^2) / 2 with the pickups' `air`. What enters
-    through the frame, by the sensor's `shake`, adds to that: it excites the string.
+    through the frame, by the sensor's `shake`, adds to that: it excites the string. Raises `InputError` if
+    the samples are silent or of another shape, the ratio is not finite, no microphone picks up air-borne
+    sound, or the untouched string decays to silence.
 
-    Parameters
-    ----------
-    samples
-        Mono, (n,), at the twin's rate, not all zero.
-    snr_db
-        In dB; a smaller ratio is a louder sound.
-    sensor
-        Its signal is the reference.
-    sample_rate
-        Frames a second.
-
-    Returns
-    -------
-    Outside
-        With the level of that ratio.
-
-    Raises
-    ------
-    InputError
-        If the samples are silent or of another shape, the ratio is not finite, no microphone of the sensor
-        picks up air-borne sound, or its untouched string decays to silence.
-
-    Examples
-    --------
     >>> from monochord.physics.sensors import load_sensor
     >>> hum = np.sin(2 * np.pi * 100.0 * np.arange(44100) / 44100).astype(np.float32)
     >>> quiet, loud = (outside_at(hum, snr, load_sensor("prototype")).level for snr in (40.0, 20.0))
@@ -80,8 +58,6 @@ def untouched_power(sensor: Sensor, *, sample_rate: int = 44100) -> float:
 
     `InputError` refuses a sound that decays, so that there is no level to refer to.
 
-    Examples
-    --------
     >>> from monochord.physics.sensors import load_sensor
     >>> 1e-4 < untouched_power(load_sensor("prototype")) < 1.0
     True

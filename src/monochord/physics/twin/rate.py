@@ -58,8 +58,6 @@ def plan(
     That is the largest error in cents, over touches between a fifth and four fifths of the string; if none
     meets it, the plan is the most exact one. Prescribed steps a frame, `oversampling`, ignore it.
 
-    Examples
-    --------
     >>> guitar = StringParams(length=0.65, linear_density=4.0e-4, tension=73.0, core_diameter=2.54e-4)
     >>> plan(guitar, 44100.0).oversampling
     1
@@ -97,8 +95,6 @@ def mode_count(string: StringParams, stepping: Hertz, top: float) -> int:
 def padded(count: int) -> int:
     """Return the number of modes that half of the bank has room for.
 
-    Examples
-    --------
     >>> padded(16), padded(17)
     (16, 32)
     """

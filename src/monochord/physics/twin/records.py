@@ -359,8 +359,6 @@ class SensorState:
 def dtype_of(record: type) -> np.dtype[Any]:
     """Return the dtype of a record's class; its elements have the fields as attributes.
 
-    Examples
-    --------
     >>> dtype_of(PreampState).names
     ('low_cut', 'first', 'second')
     """
@@ -496,8 +494,6 @@ ROWS_A_TOUCH = 2
 def rows(touches: int) -> int:
     """Return how many rows a bank has.
 
-    Examples
-    --------
     >>> rows(0), rows(2)
     (29, 33)
     """

@@ -357,13 +357,8 @@ def led(twin: Twin, motions: Sequence[Floats]) -> Twin:
     """Return the same twin whose touches go on by other keys, from its next control update on.
 
     Unlike `retouch` it makes no object and forgets nothing of a contact: it costs microseconds. The twin's
-    `scene` keeps the motions with which its objects came.
-
-    Parameters
-    ----------
-    motions
-        Of each touch, (keys, 5): rising times in s since the twin's time zero, position in m, force in N,
-        clearance in m and speed across the string in m/s, as of a `Key`. They are taken as they are.
+    `scene` keeps the motions with which its objects came. A motion (keys, 5) has the columns `KEY_COLUMNS` at
+    rising times, in SI units; it is taken as it is.
     """
     counts = [len(motion) for motion in motions]
     keys = np.zeros((1, len(motions), max(counts, default=1)), dtype_of(KeyRecord))

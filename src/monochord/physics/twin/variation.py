@@ -70,8 +70,6 @@ def day(sensor: Sensor, seed: int) -> Sensor:
     String, places of coils, bands, losses and crosstalk stay as built, `drift`, `drift_rate`, gains and
     limits of drivers, and gains of pickups change. One seed, 0 or more, draws the same day for every sensor.
 
-    Examples
-    --------
     >>> from monochord.physics.sensors import load_sensor
     >>> today = day(load_sensor("prototype"), 1)
     >>> today.string == load_sensor("prototype").string, today.drift == 0.0
@@ -105,8 +103,6 @@ def day(sensor: Sensor, seed: int) -> Sensor:
 def random_stream(seed: int, name: str) -> np.random.Generator:
     """Return the random stream of one quantity, by its name and a seed.
 
-    Examples
-    --------
     >>> random_stream(1, "length").random() == random_stream(1, "length").random()
     True
     """
@@ -116,8 +112,6 @@ def random_stream(seed: int, name: str) -> np.random.Generator:
 def uniform(seed: int, name: str, range_: tuple[float, float]) -> float:
     """Return the draw of one quantity, evenly over its range.
 
-    Examples
-    --------
     >>> 2.0 <= uniform(1, "length", (2.0, 3.0)) <= 3.0
     True
     """
@@ -127,8 +121,6 @@ def uniform(seed: int, name: str, range_: tuple[float, float]) -> float:
 def log_uniform(seed: int, name: str, range_: tuple[float, float]) -> float:
     """Return the draw of one quantity, evenly over the logarithm of its range.
 
-    Examples
-    --------
     >>> 2.0 <= log_uniform(1, "length", (2.0, 3.0)) <= 3.0
     True
     """
@@ -141,8 +133,6 @@ def tension_per_kelvin(sensor: Sensor) -> Newtons:
     dT = E A (alpha_frame - alpha_string) dtheta: frame and wire have one temperature, and the frame is rigid.
     A frame that expands more than its string, as aluminium does with steel, tightens it.
 
-    Examples
-    --------
     >>> from monochord.physics.sensors import load_sensor
     >>> round(tension_per_kelvin(load_sensor("prototype")), 3)
     0.115

@@ -126,8 +126,6 @@ ALL = Effects()
 def only(*names: str) -> Effects:
     """Return the effects of these names, all others off.
 
-    Examples
-    --------
     >>> only("hum").hum, only("hum").mount
     (True, False)
     """
@@ -184,8 +182,6 @@ def plausible_build(sensor: Sensor, seed: int, effects: Effects = ALL) -> Sensor
 
     `sensor` is built to its tolerances, see `monochord.physics.twin.variation.build`.
 
-    Examples
-    --------
     >>> from monochord.physics.sensors import load_sensor
     >>> design = load_sensor("prototype")
     >>> plausible_build(design, 3, only("hum")).drivers == design.drivers
@@ -204,8 +200,6 @@ def plausible_build(sensor: Sensor, seed: int, effects: Effects = ALL) -> Sensor
 def plausible_day(sensor: Sensor, seed: int, effects: Effects = ALL) -> Sensor:
     """Return the same sensor on another day: its `changes`, by a wider range of temperatures, and its tuning.
 
-    Examples
-    --------
     >>> from monochord.physics.sensors import load_sensor
     >>> abs(plausible_day(load_sensor("prototype"), 1, only("tuning")).drift) < 6.0
     True
