@@ -1,6 +1,7 @@
 """Audio inputs of this machine: sound cards, and ports of a running JACK server."""
 
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import dataclass
 
 from monochord.core.errors import DeviceError
@@ -49,10 +50,8 @@ def _jack_ports() -> Iterator[Device]:
         client = JackClient("monochord-list")
     except DeviceError:  # no libjack, or no server
         return
-    try:
+    with closing(client):
         default = client.outputs(physical=True)[:2]
         for name in client.outputs():
             summary = f"port, {client.sample_rate} Hz"
             yield Device(source="jack", name=shown(name), summary=summary, is_default=name in default)
-    finally:
-        client.close()

@@ -22,8 +22,7 @@ from monochord.cli._options import (
 from monochord.cli._output import echo
 from monochord.cli._signature import options_of
 from monochord.core.config import Tree, override
-from monochord.core.errors import InputError
-from monochord.core.files import write_text
+from monochord.core.files import accessible, write_text
 from monochord.live import LiveRun
 from monochord.live.tuning import WINDOW, SensorAsTuned, tuned
 from monochord.live.tuning import tune as tune_sensor
@@ -80,7 +79,8 @@ def tune(inputs: tuple[str, ...], *, out: Path | None, force: bool, as_json: boo
         length=options["length"],
     )
     result = dataclasses.replace(result, time=datetime.now(UTC).isoformat(timespec="seconds"))
-    _write(path, result.toml())
+    with accessible(f"file {path}", "a writable path"):
+        write_text(path, result.toml())
     if as_json:
         measured = sensor_tuning(str(path))
         echo(json.dumps({"path": str(path), **_facts(result), "tuning": dataclasses.asdict(measured)}))  # pyright: ignore[reportArgumentType]
@@ -105,10 +105,3 @@ def _facts(result: SensorAsTuned) -> dict[str, Any]:
         "refused_windows": result.refused,
         "notes": list(result.notes),
     }
-
-
-def _write(path: Path, text: str) -> None:
-    try:
-        write_text(path, text)
-    except OSError as error:
-        raise InputError(f"file {path} ({error.strerror})", "a writable path") from error

@@ -8,7 +8,8 @@ import dataclasses
 import errno
 import json
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Generator, Iterable, Mapping
+from contextlib import contextmanager
 from enum import Enum
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
@@ -43,8 +44,17 @@ def load_toml(path: Path) -> Tree:
 def load_json(path: Path, remedy: str = "") -> Any:
     """Read a JSON file; raises `InputError`, ending with `remedy`, if it is missing or not JSON."""
     refuse_endless(path)
-    try:
+    with json_named(path, remedy):
         return flat_enough(json.loads(_text(path)))
+
+
+@contextmanager
+def json_named(path: Path, remedy: str) -> Generator[None]:
+    """Raise an error of reading JSON as `InputError` that names the file."""
+    try:
+        yield
+    except InputError:
+        raise
     except OSError as error:
         raise InputError(f"{path} ({error.strerror})", "a readable file", remedy) from error
     except (ValueError, RecursionError) as error:
@@ -90,35 +100,26 @@ def override(tree: Tree, assignments: Iterable[str]) -> Tree:
 
 
 def from_tree(cls: type[T], tree: Mapping[str, Any], where: str = "") -> T:
-    """Build the dataclass `cls` from a tree of plain values; unknown keys and wrong types raise.
+    """Build the dataclass `cls` from plain values by field name, as from TOML; text may give a number.
 
-    Parameters
-    ----------
-    cls
-        A dataclass, possibly with nested dataclasses, lists or tables.
-    tree
-        Plain values by field name, as from TOML or JSON; text is converted where a field is a number.
-    where
-        Path of this part in error messages.
-
-    Returns
-    -------
-    T
-        The dataclass, with defaults for values missing from the tree.
-
-    Raises
-    ------
-    InputError
-        If a key is unknown (with a suggestion), a value has the wrong type, a field without default is
-        missing, or a number is NaN; the error names the option by its path. An `InputError` of the dataclass
-        itself passes through.
+    `where` is the path of this part in messages. Raises `InputError` where a key is unknown (with a
+    suggestion), a value has the wrong type, a field without default is missing, or a number is NaN; the error
+    names the option by its path. An `InputError` of the dataclass itself passes through.
     """
     return converted(cls, tree, where)
 
 
-def to_tree(config: Any) -> Tree:
-    """Return a dataclass as plain values for TOML, without fields that are None."""
-    return _plain(config)
+def to_tree(value: Any) -> Any:
+    """Return a dataclass, or what it holds, as plain values for TOML, without fields that are None."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return to_tree({field.name: getattr(value, field.name) for field in dataclasses.fields(value)})
+    if isinstance(value, Mapping):
+        return {str(k): to_tree(v) for k, v in value.items() if v is not None}
+    if isinstance(value, (list, tuple)):
+        return [to_tree(v) for v in value]
+    if isinstance(value, Enum):
+        return value.value
+    return str(value) if isinstance(value, Path) else value
 
 
 def dump_toml(tree: Tree) -> str:
@@ -127,7 +128,7 @@ def dump_toml(tree: Tree) -> str:
     >>> dump_toml({"window": {"hop": 0.01}})
     '[window]\nhop = 0.01\n'
     """
-    return tomli_w.dumps(_plain(tree))
+    return tomli_w.dumps(to_tree(tree))
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
@@ -145,8 +146,6 @@ def settings_of(cls: type, where: str = "") -> list[Setting]:
 
     A table of options with names unknown to the class counts as one value.
 
-    Examples
-    --------
     >>> from monochord.live import WindowSettings
     >>> [setting.name for setting in settings_of(WindowSettings, "window")]
     ['window.length', 'window.hop']
@@ -163,7 +162,7 @@ def settings_of(cls: type, where: str = "") -> list[Setting]:
         has_factory = field.default_factory is not dataclasses.MISSING
         default = field.default_factory() if has_factory else field.default  # pyright: ignore[reportCallIssue]
         required = default is dataclasses.MISSING
-        plain = None if required else _plain(default)
+        plain = None if required else to_tree(default)
         settings.append(Setting(name=name, allowed=describe_type(kind), default=plain, required=required))
     return settings
 
@@ -201,15 +200,3 @@ def _toml_value(text: str) -> Any:
 
 def _copy(value: Any) -> Any:
     return {k: _copy(v) for k, v in value.items()} if isinstance(value, dict) else value
-
-
-def _plain(value: Any) -> Any:
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return _plain({field.name: getattr(value, field.name) for field in dataclasses.fields(value)})
-    if isinstance(value, Mapping):
-        return {str(k): _plain(v) for k, v in value.items() if v is not None}
-    if isinstance(value, (list, tuple)):
-        return [_plain(v) for v in value]
-    if isinstance(value, Enum):
-        return value.value
-    return str(value) if isinstance(value, Path) else value

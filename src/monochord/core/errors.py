@@ -1,6 +1,7 @@
 """The errors that users see: one line with what was given, what was expected, and what to do."""
 
-from collections.abc import Iterable
+from collections.abc import Generator, Iterable
+from contextlib import contextmanager
 from difflib import get_close_matches
 
 from monochord.core.installing import installation
@@ -85,6 +86,15 @@ class MissingLibraryError(InputError):
 
     def __reduce__(self) -> tuple[type["MissingLibraryError"], tuple[str, str, str]]:
         return type(self), (self._task, self._library, self._extra)
+
+
+@contextmanager
+def required(task: str, library: str, extra: str) -> Generator[None]:
+    """Raise `MissingLibraryError` where an import inside the context fails."""
+    try:
+        yield
+    except ImportError as error:
+        raise MissingLibraryError(task, library, extra) from error
 
 
 class DeviceError(MonochordError, RuntimeError):

@@ -142,6 +142,15 @@ def written(path: Path) -> Generator[None]:
         raise OSError(number, os.strerror(number), str(path)) from error
 
 
+@contextmanager
+def accessible(what: str, expected: str) -> Generator[None]:
+    """Raise `InputError` for `what`, such as ``folder out``, where the system refuses to read or write it."""
+    try:
+        yield
+    except OSError as error:
+        raise InputError(f"{what} ({error.strerror})", expected) from error
+
+
 def synced(handle: int) -> None:
     """Wait until the bytes of an open file are on the disk, where its file system can tell."""
     try:

@@ -2,13 +2,11 @@
 
 import errno
 import json
-from collections.abc import Generator, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, TextIO
 
-from monochord.core.config import flat_enough
-from monochord.core.errors import InputError
+from monochord.core.config import flat_enough, json_named
 from monochord.core.files import refuse_endless
 
 MAX_BYTES = 1 << 30
@@ -33,24 +31,11 @@ def json_members(path: Path, large: tuple[str, ...], remedy: str = "") -> Iterat
     [('size', 2), ('parts', [{'at': 1}, 5])]
     """
     refuse_endless(path)
-    with _named(path, remedy):
+    with json_named(path, remedy):
         if path.stat().st_size > MAX_BYTES:
             raise OSError(errno.EFBIG, f"more than {MAX_BYTES} bytes", str(path))
         with path.open(encoding="utf-8-sig") as stream:
             yield from _Reader(path, stream, remedy).members(large)
-
-
-@contextmanager
-def _named(path: Path, remedy: str) -> Generator[None]:
-    """Raise an error of reading as `InputError` that names the file."""
-    try:
-        yield
-    except InputError:
-        raise
-    except OSError as error:
-        raise InputError(f"{path} ({error.strerror})", "a readable file", remedy) from error
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{path} (damaged: {error})", "JSON text", remedy) from error
 
 
 class _Reader:
@@ -72,7 +57,7 @@ class _Reader:
             raise ValueError(f"more text after the end: {self._next()!r}")
 
     def _large(self, opening: str) -> Iterator[Any]:
-        with _named(self._path, self._remedy):
+        with json_named(self._path, self._remedy):
             for _ in self._entries(opening):
                 yield self._value() if opening == "[" else (self._name(), self._value())
 

@@ -5,7 +5,7 @@ from html import escape
 from textwrap import shorten, wrap
 from typing import TYPE_CHECKING
 
-from monochord.core.errors import MissingLibraryError
+from monochord.core.errors import required
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -46,10 +46,8 @@ def lines(title: str, facts: Iterable[tuple[str, str]]) -> str:
 
 def panels(names: Sequence[str], across: str = "time (s)") -> "tuple[Axes, ...]":
     """Return the axes of a new pyplot figure, one below the other, each labelled with its name."""
-    try:
+    with required("A plot", "matplotlib >= 3.9", "figures"):
         from matplotlib import pyplot as plt  # noqa: PLC0415
-    except ImportError as error:
-        raise MissingLibraryError("A plot", "matplotlib >= 3.9", "figures") from error
     size = (WIDTH, ROW_HEIGHT * len(names) + 0.6)
     figure = plt.figure(figsize=size, layout="constrained")
     rows: list[Axes] = []

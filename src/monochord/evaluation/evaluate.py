@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from monochord.core.errors import InputError
-from monochord.core.files import write_text
+from monochord.core.files import accessible, write_text
 from monochord.core.ownership import scratch_folder
 from monochord.core.workers import ALL_CORES, ONE_PROCESS, Spread
 from monochord.dsp.music import loop
@@ -113,10 +113,8 @@ def write(folder: Path, evaluation: Evaluation, draw: Draw = lambda *_: {}) -> N
     ``monochord evaluate --out FOLDER`` writes one.
     """
     results, card = evaluation.results, evaluation.card
-    try:
+    with accessible(f"folder {folder}", "a folder that can be created"):
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"folder {folder} ({error.strerror})", "a folder that can be created") from error
     write_results(results, folder / RESULTS)
     write_csv(results, folder / TABLE)
     scores = json.dumps(card.tree(), indent=1, allow_nan=False)

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, overload
 
-from monochord.core.errors import MissingLibraryError
+from monochord.core.errors import required
 from monochord.evaluation.scorecard import Scorecard, ScoreTable
 from monochord.evaluation.scores import Detection, Regression
 
@@ -32,8 +32,6 @@ class Scores(Sequence[Mapping[str, Any]]):
     ``slip_area`` the area under the curve; None where there is no score. As text and in a notebook, the table
     uses mm and N.
 
-    Examples
-    --------
     >>> row = dict.fromkeys(NUMBERS, None) | {"object": "wood", "condition": "clean", "estimator": "model"}
     >>> scores = Scores([row | {"windows": 40, "answered": 1.0, "position_error": 0.0012}])
     >>> scores.lines()[1].split()[:8]
@@ -72,10 +70,8 @@ class Scores(Sequence[Mapping[str, Any]]):
 
     def to_pandas(self) -> "pd.DataFrame":
         """Return the table as a data frame of values; raises `InputError` where pandas is not installed."""
-        try:
+        with required("A table as a data frame", "pandas >= 2.2", "pandas"):
             import pandas as pd  # noqa: PLC0415
-        except ImportError as error:
-            raise MissingLibraryError("A table as a data frame", "pandas >= 2.2", "pandas") from error
         return pd.DataFrame([dict(row) for row in self.rows], columns=[*LABELS, *NUMBERS])
 
     def _repr_html_(self) -> str:

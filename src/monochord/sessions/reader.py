@@ -9,7 +9,7 @@ import numpy as np
 from mcap.records import Metadata
 from numpy.typing import NDArray
 
-from monochord.core.errors import InputError, MissingLibraryError, did_you_mean
+from monochord.core.errors import InputError, did_you_mean, required
 from monochord.core.labels import LabelTrack
 from monochord.core.notebook import html_table, lines
 from monochord.core.ranges import checked
@@ -466,12 +466,7 @@ def table(session: SessionReader, stream: str) -> NDArray[Any]:
     """Return a stream as a structured array (n,) whose first field is ``time``, in session seconds.
 
     ``audio`` has one field per microphone (``mic_1``, ``mic_2``) in full scale, ``labels`` one per label, and
-    a stream of readings one per column plus ``sequence`` and ``status``.
-
-    Raises
-    ------
-    InputError
-        If the stream does not exist.
+    a stream of readings one per column plus ``sequence`` and ``status``. An unknown one raises `InputError`.
     """
     if stream == AUDIO:
         audio = session.audio
@@ -489,10 +484,8 @@ def table(session: SessionReader, stream: str) -> NDArray[Any]:
 
 def frame(session: SessionReader, stream: str) -> "DataFrame":
     """Return a stream as a data frame indexed by time; raises `InputError` where pandas is not installed."""
-    try:
+    with required("A data frame", "pandas >= 2.2", "pandas"):
         from pandas import DataFrame  # noqa: PLC0415
-    except ImportError as error:
-        raise MissingLibraryError("A data frame", "pandas >= 2.2", "pandas") from error
     rows = table(session, stream)
     names = rows.dtype.names or ()
     return DataFrame({name: rows[name] for name in names}).set_index("time")

@@ -15,7 +15,7 @@ from mcap.opcode import Opcode
 from mcap.records import DataEnd, Footer, Metadata, MetadataIndex, Statistics, SummaryOffset
 
 from monochord.core.errors import InputError
-from monochord.core.files import refuse_endless, synced
+from monochord.core.files import accessible, refuse_endless, synced
 from monochord.core.units import Seconds
 from monochord.sessions import chunks
 from monochord.sessions._layout import BEGIN, FORMAT, RECOVERED, opening, refuse_later
@@ -58,15 +58,12 @@ def recover(path: Path) -> Recovery:
         written.
     """
     refuse_endless(path)
-    try:
-        with path.open("r+b") as file:
-            refuse_recorded(path, file.fileno())
-            chunks.mapped(path)
-            repair = _Repair(path, file)
-            repair.plan()
-            repair.carry_out()
-    except OSError as error:
-        raise InputError(f"file {path} ({error.strerror})", "a writable file") from error
+    with accessible(f"file {path}", "a writable file"), path.open("r+b") as file:
+        refuse_recorded(path, file.fileno())
+        chunks.mapped(path)
+        repair = _Repair(path, file)
+        repair.plan()
+        repair.carry_out()
     session = read_session(path)
     audio = session.audio
     return Recovery(

@@ -3,11 +3,9 @@
 from importlib import import_module
 from typing import Any
 
-from monochord.core.errors import MissingLibraryError
+from monochord.core.errors import required
 
 __all__ = ["mujoco"]
 
-try:
+with required("A string in MuJoCo", "mujoco >= 4.0", "sim"):
     mujoco: Any = import_module("mujoco")
-except ImportError as error:
-    raise MissingLibraryError("A string in MuJoCo", "mujoco >= 4.0", "sim") from error

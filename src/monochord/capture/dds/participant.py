@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from monochord.core.closing import Closing
-from monochord.core.errors import DeviceError, InputError, MissingLibraryError
+from monochord.core.errors import DeviceError, InputError, required
 from monochord.core.units import Seconds
 from monochord.sessions.codec import typestore
 
@@ -87,12 +87,10 @@ class Participant(Closing):
             raise InputError(
                 f"interface '{interface}'", "the name of a network interface, such as lo or eth0"
             )
-        try:
+        with required("DDS", "cyclonedds >= 11.0", "ros"):
             from cyclonedds.core import DDSException, Policy, Qos  # noqa: PLC0415
             from cyclonedds.domain import DomainParticipant  # noqa: PLC0415
             from cyclonedds.internal import load_cyclonedds  # noqa: PLC0415
-        except ImportError as error:
-            raise MissingLibraryError("DDS", "cyclonedds >= 11.0", "ros") from error
         # Its Tracing/Verbosity "none" still writes a line to stderr for each malformed packet.
         load_cyclonedds().dds_set_log_mask(0)
         try:

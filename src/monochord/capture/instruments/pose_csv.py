@@ -5,7 +5,7 @@ import math
 import os
 import stat
 from collections.abc import Generator, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from time import monotonic
@@ -89,12 +89,9 @@ class PoseCsv(Instrument):
         details = {"path": self.path, "unit": self.unit}
         if self.rotation:
             details |= {"rotation": self.rotation, "angles": self.angles}
-        connection = _PoseCsvConnection(self, pose_feed(self.rate, details))
-        try:
+        with closing(_PoseCsvConnection(self, pose_feed(self.rate, details))) as connection:
             connection.open()
             yield connection
-        finally:
-            connection.close()
 
 
 class _PoseCsvConnection(CollectedConnection):

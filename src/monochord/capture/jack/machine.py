@@ -6,6 +6,7 @@ import os
 import sys
 import threading
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -85,10 +86,8 @@ def jack() -> MachineCheck:
     except DeviceError:
         detail = "installed, but no server runs"
         return MachineCheck(name="JACK", state=WARN, detail=detail, remedy=f"for live sound: {no_server()}")
-    try:
+    with closing(client):
         rate, period, urgent = client.sample_rate, client.period, client.realtime
-    finally:
-        client.close()
     name = f"PipeWire {version}" if (version := pipewire()) else "a server"
     server = f"{name} runs at {rate} Hz, with periods of {1e3 * period / rate:.1f} ms"
     if not urgent:

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TextIO
 
-from monochord.core.errors import InputError
-from monochord.core.files import written
+from monochord.core.files import accessible, written
 from monochord.live.sinks._record import NANO, TRACKED, TRUE, record, unix_nanoseconds
 from monochord.live.sinks.base import Run, Sink, Update, Writer
 
@@ -36,10 +35,8 @@ class Csv(Sink):
     @contextmanager
     def open(self, run: Run) -> Generator[Writer]:  # noqa: ARG002
         """Open the file; raises `InputError` where it cannot be written."""
-        try:
+        with accessible(f"file {self.path}", "a writable path"):
             file = Path(self.path).open("w", encoding="utf-8", newline="", buffering=1)  # noqa: SIM115
-        except OSError as error:
-            raise InputError(f"file {self.path} ({error.strerror})", "a writable path") from error
         with file:
             yield _Rows(file, Path(self.path))
 

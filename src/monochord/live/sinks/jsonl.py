@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
 
-from monochord.core.errors import InputError
-from monochord.core.files import written
+from monochord.core.files import accessible, written
 from monochord.live.sinks._record import record
 from monochord.live.sinks.base import Run, Sink, Update, Writer
 
@@ -49,10 +48,8 @@ class Jsonl(Sink):
             with _standard_output() as file:
                 yield _Lines(file, Path("standard output"), everything=self.everything, flush=True)
             return
-        try:
+        with accessible(f"file {self.path}", "a writable path"):
             file = Path(self.path).open("w", encoding="utf-8")  # noqa: SIM115
-        except OSError as error:
-            raise InputError(f"file {self.path} ({error.strerror})", "a writable path") from error
         with file:
             yield _Lines(file, Path(self.path), everything=self.everything, flush=False)
 

@@ -3,7 +3,7 @@
 import math
 import time
 from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -62,11 +62,8 @@ class Mcap(Sink):
         """Create the file; raises `InputError` where it exists or cannot be created."""
         path = Path(self.path) if self.path else dated_path("live", ".mcap")
         path = path.with_stem(f"{path.stem}_{run.string}") if run.string else path
-        session = _Session(path, run.signal)
-        try:
+        with closing(_Session(path, run.signal)) as session:
             yield session
-        finally:
-            session.close()
 
 
 class _Session(Writer):

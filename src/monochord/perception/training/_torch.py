@@ -2,13 +2,11 @@
 
 from typing import Any
 
-from monochord.core.errors import MissingLibraryError
+from monochord.core.errors import required
 
 
 def torch_library() -> Any:
     """Return the module torch; raises `MissingLibraryError` if it is not installed."""
-    try:
+    with required("Training", "torch >= 2.6", "train"):
         import torch  # noqa: PLC0415
-    except ImportError as error:
-        raise MissingLibraryError("Training", "torch >= 2.6", "train") from error
     return torch

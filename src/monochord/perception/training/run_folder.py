@@ -14,13 +14,13 @@
 import csv
 import json
 from collections.abc import Callable, Generator, Mapping
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from io import StringIO
 from pathlib import Path
 from typing import Any
 
 from monochord.core.config import Tree, dump_toml, load_toml
-from monochord.core.errors import InputError, MissingLibraryError
+from monochord.core.errors import InputError, required
 from monochord.core.files import write_text
 from monochord.perception.training.checkpoint import Line
 
@@ -63,10 +63,8 @@ def write_metrics(out: Path, metrics: Mapping[str, Any]) -> None:
 
 def summary_writer() -> Any:
     """Return TensorBoard's event writer; raises `MissingLibraryError` if TensorBoard is not installed."""
-    try:
+    with required("board = true", "tensorboard", "tensorboard"):
         from torch.utils.tensorboard import SummaryWriter  # noqa: PLC0415
-    except ImportError as error:
-        raise MissingLibraryError("board = true", "tensorboard", "tensorboard") from error
     return SummaryWriter
 
 
@@ -78,19 +76,14 @@ def board(folder: Path | None) -> Generator[Callable[[list[Line]], None]]:
     new file that replaces earlier files, so a resumed run shows every epoch once. Raises `InputError` if
     TensorBoard is not installed.
 
-    Examples
-    --------
     >>> with board(None) as show:
     ...     show([{"epoch": 1, "loss": 0.5, "force": 0.2}])
     """
     if folder is None:
         yield lambda _: None
         return
-    events = _Events(folder, summary_writer())
-    try:
+    with closing(_Events(folder, summary_writer())) as events:
         yield events.show
-    finally:
-        events.close()
 
 
 class _Events:

@@ -11,7 +11,7 @@ import numpy as np
 
 from monochord.core.config import Tree
 from monochord.core.errors import InputError
-from monochord.core.files import refuse_endless
+from monochord.core.files import refuse_endless, written
 from monochord.core.types import Audio, Block, Feed, Readings
 from monochord.core.units import Samples, Seconds
 from monochord.sessions import Description, SessionClock, SessionReader, SessionWriter
@@ -89,6 +89,14 @@ def about(session: SessionReader, form: str) -> Tree:
         "complete": session.complete,
         "description": json.loads(session.description.dump()),
     }
+
+
+def write_about(session: SessionReader, form: str, folder: Path) -> Path:
+    """Write the description and clock of a session into its exported folder; return the file."""
+    text = json.dumps(about(session, form), indent=1, sort_keys=True, ensure_ascii=False)
+    with written(folder / ABOUT):
+        (folder / ABOUT).write_text(text + "\n", encoding="utf-8")
+    return folder / ABOUT
 
 
 def form_of(folder: Path) -> str:

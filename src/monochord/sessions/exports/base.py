@@ -5,7 +5,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from monochord.core.errors import InputError, MissingLibraryError
+from monochord.core.errors import InputError, required
+from monochord.core.files import accessible
 from monochord.core.ranges import Checked
 from monochord.sessions import SessionReader
 
@@ -32,22 +33,18 @@ class Export(Checked, ABC):
 
 def arrow(form: str) -> tuple[Any, Any]:
     """Return pyarrow and its Parquet part; raises `MissingLibraryError` where they are not installed."""
-    try:
+    with required(f"Exporting {form}", "pyarrow >= 17", "export"):
         import pyarrow as pa  # noqa: PLC0415
         import pyarrow.parquet as pq  # noqa: PLC0415
-    except ImportError as error:
-        raise MissingLibraryError(f"Exporting {form}", "pyarrow >= 17", "export") from error
     return pa, pq
 
 
 def new_folder(out: Path) -> Path:
     """Create a folder or accept an empty one; raises `InputError` where it is not empty."""
-    try:
+    with accessible(f"folder {out}", "a folder that can be created"):
         out.mkdir(parents=True, exist_ok=True)
         if any(out.iterdir()):
             raise InputError(f"folder {out} (not empty)", "a new folder", "choose another name")
-    except OSError as error:
-        raise InputError(f"folder {out} ({error.strerror})", "a folder that can be created") from error
     return out
 
 

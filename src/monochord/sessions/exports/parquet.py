@@ -1,6 +1,5 @@
 """A folder of Parquet files per session, one per stream."""
 
-import json
 import signal
 import subprocess
 import sys
@@ -18,17 +17,16 @@ from monochord.core.units import Seconds
 from monochord.sessions import Description, SessionReader
 from monochord.sessions.bounds import MAX_COLUMNS, refuse_unpacking
 from monochord.sessions.exports._contents import (
-    ABOUT,
     MAX_STRETCH,
     READING_COLUMNS,
     Columns,
     Stretch,
-    about,
     checked,
     read_about,
     stretches,
     table_names,
     tables,
+    write_about,
     write_back,
 )
 from monochord.sessions.exports.base import Export, arrow, folder_each
@@ -72,10 +70,7 @@ class Parquet(Export):
                 with written(path):
                     pq.write_table(pa.table(arrays), path, compression=self.compression, **CHECKED)
                 paths.append(path)
-            text = json.dumps(about(session, FORM), indent=1, sort_keys=True, ensure_ascii=False)
-            with written(folder / ABOUT):
-                (folder / ABOUT).write_text(text + "\n", encoding="utf-8")
-            paths.append(folder / ABOUT)
+            paths.append(write_about(session, FORM, folder))
         return paths
 
     def read(self, folder: Path, path: Path) -> None:

@@ -1,7 +1,6 @@
 """A folder per session in formats that any program opens: WAV, CSV and JSON."""
 
 import csv
-import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -18,17 +17,16 @@ from monochord.core.units import Samples
 from monochord.sessions import SessionReader
 from monochord.sessions.description import SIMULATED_COMMENT
 from monochord.sessions.exports._contents import (
-    ABOUT,
     MAX_STRETCH,
     READING_COLUMNS,
     Columns,
     Stretch,
-    about,
     checked,
     read_about,
     stretches,
     table_names,
     tables,
+    write_about,
     write_back,
 )
 from monochord.sessions.exports.base import Export, folder_each
@@ -63,10 +61,7 @@ class WavCsv(Export):
             paths += [_write_sound(session, folder), folder / STRETCHES]
             for name, columns in tables(session).items():
                 paths.append(write_csv(folder / f"{name}.csv", columns))
-            text = json.dumps(about(session, FORM), indent=1, sort_keys=True, ensure_ascii=False)
-            with written(folder / ABOUT):
-                (folder / ABOUT).write_text(text + "\n", encoding="utf-8")
-            paths.append(folder / ABOUT)
+            paths.append(write_about(session, FORM, folder))
         return paths
 
     def read(self, folder: Path, path: Path) -> None:
