@@ -3,6 +3,7 @@
 import json
 import platform
 from collections.abc import Iterator
+from dataclasses import asdict
 from pathlib import Path
 
 import click
@@ -55,15 +56,7 @@ def bench(name: str | None, as_json: bool, assignments: tuple[str, ...]) -> None
 
 
 def _record(benchmark: str, row: Row) -> dict[str, str | float | None]:
-    return {
-        "benchmark": benchmark,
-        "name": row.name,
-        "value": row.value,
-        "unit": row.unit,
-        "baseline": row.baseline,
-        "baseline_value": row.baseline_value,
-        "ratio": row.ratio,
-    }
+    return {"benchmark": benchmark, **asdict(row), "ratio": row.ratio}
 
 
 def _line(row: Row) -> str:

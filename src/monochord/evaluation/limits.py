@@ -9,13 +9,14 @@ from monochord.core.types import Contact, StringParams
 from monochord.core.units import Metres, Newtons, Seconds
 from monochord.evaluation.results import Results
 from monochord.evaluation.scores import regression_rows
-from monochord.physics.theory import TensionLaw, contact_bound
+from monochord.physics.theory import contact_bound
 from monochord.sessions import SessionReader
 
 MAX_BOUND_WINDOWS = 200
 """The bound is computed for this many windows, spread evenly over all."""
 TENSION_KNOWN, ENDS_KNOWN = 1e-3, 1e-4
 """Assumed accuracy of a sensor's tension (relative) and of its ends' positions (m)."""
+SAMPLE_RATE = 44100.0
 MEDIAN_OF_NORMAL = 0.6745
 """Median absolute value of a normal variable of unit standard deviation."""
 
@@ -46,8 +47,6 @@ def compare_with_bound(
     name: str,
     *,
     ratio: float = 20.0,
-    law: TensionLaw = "geometric",
-    sample_rate: float = 44100.0,
 ) -> BoundComparison | None:
     """Compare the errors of "position" or "force" with the Cramer-Rao bound; None if there are no errors.
 
@@ -55,8 +54,7 @@ def compare_with_bound(
     position and force: for a perfectly known sensor, and for one with tension and ends known as assumed. An
     error far above the first bound is not due to noise; see `BoundComparison` for what the second omits.
 
-    `ratio` is the signal-to-noise ratio of each partial in dB, `law` how force raises tension, and
-    `sample_rate` in Hz.
+    `ratio` is the signal-to-noise ratio of each partial in dB.
     """
     rows = regression_rows(results, "position") & regression_rows(results, "force")
     part = results.where(rows & np.isfinite(results.error_of(name)))
@@ -79,8 +77,8 @@ def compare_with_bound(
                 contact,
                 10.0 ** (0.1 * ratio),
                 duration=part.window,
-                sample_rate=sample_rate,
-                law=law,
+                sample_rate=SAMPLE_RATE,
+                law="geometric",
                 tension_std=tension_std,
                 end_std=end_std,
             )[("position", "force").index(name)]

@@ -1,7 +1,7 @@
 """Presets of plans, one TOML file each, found by its name."""
 
 from collections.abc import Sequence
-from typing import Any
+from functools import partial
 
 from monochord.core.config import from_tree
 from monochord.core.errors import InputError
@@ -12,12 +12,7 @@ MOVED = "hardware", "unseen"
 """Former presets, which are files of the repository now, in `studies/plans`."""
 
 
-def _read(tree: dict[str, Any], where: str) -> Plan:
-    """Return a plan by its table; raises `InputError` if it cannot be used."""
-    return from_tree(Plan, tree, where)
-
-
-PLANS = Presets(package=__name__, kind="plan", read=_read)
+PLANS = Presets(package=__name__, kind="plan", read=partial(from_tree, Plan))
 
 
 def plan_names() -> list[str]:

@@ -1,7 +1,8 @@
 """Materials of touching objects, one TOML file each, with its source."""
 
 from dataclasses import dataclass
-from typing import Annotated, Any
+from functools import partial
+from typing import Annotated
 
 from msgspec import Meta
 
@@ -64,9 +65,5 @@ class Material(Checked):
         )
 
 
-def _read(tree: dict[str, Any], where: str) -> Material:
-    return from_tree(Material, tree, where)
-
-
-MATERIALS = Presets(package=__name__, kind="material", read=_read)
+MATERIALS = Presets(package=__name__, kind="material", read=partial(from_tree, Material))
 material_names, load_material = MATERIALS.names, MATERIALS.load

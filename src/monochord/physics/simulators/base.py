@@ -11,7 +11,8 @@ from monochord.core.curves import thinned
 from monochord.core.notebook import html_table, lines, panels
 from monochord.core.ranges import Checked
 from monochord.core.types import Contact, Floats, StringParams
-from monochord.core.units import Seconds
+from monochord.core.units import Hertz, Seconds
+from monochord.physics.theory import TensionLaw, open_frequency, segment_frequencies
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -90,3 +91,11 @@ class Simulator(Checked, ABC):
     @abstractmethod
     def run(self, case: Case) -> Sound:
         """Simulate; raises `InputError` for a case that the simulator does not support."""
+
+
+def expected_peaks(string: StringParams, contact: Contact | None, law: TensionLaw) -> tuple[Hertz, Hertz]:
+    """Return the fundamentals of both segments under a touch, or twice that of the untouched string."""
+    if contact is None:
+        both = open_frequency(string)
+        return both, both
+    return segment_frequencies(string, contact, law)

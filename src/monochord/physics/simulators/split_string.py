@@ -4,9 +4,8 @@ from dataclasses import dataclass
 from math import isnan
 
 from monochord.core.config import from_tree, override, to_tree
-from monochord.physics.simulators.base import Case, Simulator, Sound
+from monochord.physics.simulators.base import Case, Simulator, Sound, expected_peaks
 from monochord.physics.split_string import Route, SplitString, peaks, simulate
-from monochord.physics.theory import open_frequency, segment_frequencies
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,14 +41,7 @@ class SplitStringSimulator(Simulator):
                 "position": setup.contact.position if setup.contact else None,
                 "force": setup.contact.force if setup.contact else None,
                 "peaks": measured,
-                "theory": list(_expected(setup)),
+                "theory": list(expected_peaks(setup.string, setup.contact, setup.tension_law)),
                 "route": self.route,
             },
         )
-
-
-def _expected(setup: SplitString) -> tuple[float, float]:
-    if setup.contact is None:
-        both = open_frequency(setup.string)
-        return both, both
-    return segment_frequencies(setup.string, setup.contact, setup.tension_law)

@@ -12,8 +12,8 @@ from monochord.core.units import Hertz, Metres, MetresPerSecond, Samples, Second
 from monochord.dsp.spectrum import Analyser
 from monochord.physics.materials import load_material
 from monochord.physics.sensors import load_sensor, sensor_names
-from monochord.physics.simulators.base import Case, Simulator, Sound
-from monochord.physics.theory import TensionLaw, mixing_matrix, open_frequency, segment_frequencies
+from monochord.physics.simulators.base import Case, Simulator, Sound, expected_peaks
+from monochord.physics.theory import TensionLaw, mixing_matrix, open_frequency
 from monochord.physics.twin import Ebow, Key, Pluck, Scene, Sensor, Take, Touch, advance, begin
 from monochord.physics.twin.world import World, plausible_build, plausible_touch
 
@@ -85,7 +85,7 @@ class TwinSimulator(Simulator):
         setup = from_tree(TwinCase, override(to_tree(plain), case.assignments))
         take = _simulate(setup, round(case.seconds * self.sample_rate), self.sample_rate)
         late = _after_the_transient(take)
-        theory = _expected(setup)
+        theory = expected_peaks(setup.sensor.string, setup.contact, setup.tension_law)
         measured = _peaks(take.microphones[:, late:], setup.sensor, self.sample_rate)
         summary: dict[str, Any] = {
             "position": setup.contact.position if setup.contact else None,
@@ -222,10 +222,3 @@ def _strongest(analyser: Analyser, power: Floats) -> Hertz | None:
 
 def _partial(peak: Hertz | None, base: Hertz) -> int | None:
     return None if peak is None else max(1, round(peak / base))
-
-
-def _expected(setup: TwinCase) -> tuple[Hertz, Hertz]:
-    if setup.contact is None:
-        both = open_frequency(setup.sensor.string)
-        return both, both
-    return segment_frequencies(setup.sensor.string, setup.contact, setup.tension_law)

@@ -233,8 +233,6 @@ def trajectory(
     The tool starts at `TRAVEL_HEIGHT`; the string converts between depths and forces. Raises `InputError` for
     a move that cannot be, such as a slide in no direction or a press without an end.
 
-    Examples
-    --------
     >>> plain = StringParams(length=0.2, linear_density=4.0e-4, tension=65.0, core_diameter=2.54e-4)
     >>> motion = trajectory([Press(force=1.0), Stay(seconds=0.5), Retreat()], plain, position=0.1)
     >>> [phase.kind for phase in motion.phases]
@@ -430,28 +428,24 @@ class _Planner:
         self.height = move.clearance - float(depth_under(self.string, self.x, move.force))
 
 
-def speed_profile(
-    distance: Metres, speed: MetresPerSecond, *, acceleration: float = ACCELERATION
-) -> list[tuple[Seconds, Metres, MetresPerSecond]]:
+def speed_profile(distance: Metres, speed: MetresPerSecond) -> list[tuple[Seconds, Metres, MetresPerSecond]]:
     """Return points of a move from rest to rest: time, distance and speed there, without the first.
 
     The speed is a trapezoid over time, a triangle where the distance is too short for the full speed. Each
     slope is cut into `RAMP_SEGMENTS` of equal time, the stretch between them into segments of `MAX_SEGMENT`
-    at most: the speed is exact between the points too, the distance at the points. `speed` is the highest,
-    `acceleration` in m/s^2 that of both slopes. Raises `InputError` unless all three are above 0.
+    at most: the speed is exact between the points too, the distance at the points. `speed` is the highest.
+    Raises `InputError` unless both are above 0.
 
-    Examples
-    --------
     >>> points = speed_profile(0.03, 0.03)
     >>> [round(value, 4) for value in points[-1]]
     [1.02, 0.03, 0.0]
     >>> max(speed for _, _, speed in speed_profile(0.001, 0.2)) < 0.04
     True
     """
-    if not (distance > 0.0 and speed > 0.0 and acceleration > 0.0):
+    if not (distance > 0.0 and speed > 0.0):
         raise InputError(f"a move of {distance:g} m at {speed:g} m/s", "more than 0 each")
-    top = min(speed, (distance * acceleration) ** 0.5)
-    rise = top / acceleration
+    top = min(speed, (distance * ACCELERATION) ** 0.5)
+    rise = top / ACCELERATION
     slope = 0.5 * top * rise
     flat = (distance - 2.0 * slope) / top
     points: list[tuple[Seconds, Metres, MetresPerSecond]] = []
@@ -476,8 +470,6 @@ def depth_under(string: StringParams, position: Metres | Floats, force: Newtons 
     x and the normal `force` F are of any shape, broadcast with each other; d counts from the string at rest.
     Raises `InputError` for a position outside the string and for a negative force.
 
-    Examples
-    --------
     >>> plain = StringParams(length=0.2, linear_density=4.0e-4, tension=65.0, core_diameter=2.54e-4)
     >>> f"{depth_under(plain, 0.1, 1.0):.3e}"
     '7.657e-04'
@@ -493,8 +485,6 @@ def force_at_depth(string: StringParams, position: Metres | Floats, depth: Metre
     polynomial where the depth is known: the cubic of `monochord.physics.theory.geometric_tension` with F put
     in terms of d, derived here. Holds where `depth_under` does, for arguments of the same kind.
 
-    Examples
-    --------
     >>> plain = StringParams(length=0.2, linear_density=4.0e-4, tension=65.0, core_diameter=2.54e-4)
     >>> f"{force_at_depth(plain, 0.1, 7.657e-4):.3f}"
     '1.000'
