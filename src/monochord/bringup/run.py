@@ -10,7 +10,7 @@ from monochord.bringup.examine import BringUp, examine
 from monochord.bringup.page import page
 from monochord.bringup.steps import Step
 from monochord.core.errors import InputError, MonochordError
-from monochord.core.files import accessible, write_text
+from monochord.core.files import usable_path, write_text
 from monochord.physics.sensors import load_sensor, sensor_design
 
 RECORD, SKIP, END = "record", "skip", "end"
@@ -105,7 +105,7 @@ def write(result: BringUp, out: Path) -> tuple[Path | None, Path]:
     for path, content in ((out, text), (report, page(result))):
         if content is None:
             continue
-        with accessible(f"file {path}", "a writable path"):
+        with usable_path(f"file {path}", "a writable path"):
             write_text(path, content)
     return (out if text is not None else None), report
 

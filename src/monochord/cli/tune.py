@@ -22,7 +22,7 @@ from monochord.cli._options import (
 from monochord.cli._output import echo
 from monochord.cli._signature import options_of
 from monochord.core.config import Tree, override
-from monochord.core.files import accessible, write_text
+from monochord.core.files import usable_path, write_text
 from monochord.live import LiveRun
 from monochord.live.tuning import WINDOW, SensorAsTuned, tuned
 from monochord.live.tuning import tune as tune_sensor
@@ -79,7 +79,7 @@ def tune(inputs: tuple[str, ...], *, out: Path | None, force: bool, as_json: boo
         length=options["length"],
     )
     result = dataclasses.replace(result, time=datetime.now(UTC).isoformat(timespec="seconds"))
-    with accessible(f"file {path}", "a writable path"):
+    with usable_path(f"file {path}", "a writable path"):
         write_text(path, result.toml())
     if as_json:
         measured = sensor_tuning(str(path))

@@ -143,7 +143,7 @@ def written(path: Path) -> Generator[None]:
 
 
 @contextmanager
-def accessible(what: str, expected: str) -> Generator[None]:
+def usable_path(what: str, expected: str) -> Generator[None]:
     """Raise `InputError` for `what`, such as ``folder out``, where the system refuses to read or write it."""
     try:
         yield

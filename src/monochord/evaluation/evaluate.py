@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from monochord.core.errors import InputError
-from monochord.core.files import accessible, write_text
+from monochord.core.files import usable_path, write_text
 from monochord.core.ownership import scratch_folder
 from monochord.core.workers import ALL_CORES, ONE_PROCESS, Spread
 from monochord.dsp.music import loop
@@ -113,7 +113,7 @@ def write(folder: Path, evaluation: Evaluation, draw: Draw = lambda *_: {}) -> N
     ``monochord evaluate --out FOLDER`` writes one.
     """
     results, card = evaluation.results, evaluation.card
-    with accessible(f"folder {folder}", "a folder that can be created"):
+    with usable_path(f"folder {folder}", "a folder that can be created"):
         folder.mkdir(parents=True, exist_ok=True)
     write_results(results, folder / RESULTS)
     write_csv(results, folder / TABLE)

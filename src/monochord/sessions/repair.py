@@ -15,7 +15,7 @@ from mcap.opcode import Opcode
 from mcap.records import DataEnd, Footer, Metadata, MetadataIndex, Statistics, SummaryOffset
 
 from monochord.core.errors import InputError
-from monochord.core.files import accessible, refuse_endless, synced
+from monochord.core.files import refuse_endless, synced, usable_path
 from monochord.core.units import Seconds
 from monochord.sessions import chunks
 from monochord.sessions._layout import BEGIN, FORMAT, RECOVERED, opening, refuse_later
@@ -58,7 +58,7 @@ def recover(path: Path) -> Recovery:
         written.
     """
     refuse_endless(path)
-    with accessible(f"file {path}", "a writable file"), path.open("r+b") as file:
+    with usable_path(f"file {path}", "a writable file"), path.open("r+b") as file:
         refuse_recorded(path, file.fileno())
         chunks.mapped(path)
         repair = _Repair(path, file)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TextIO
 
-from monochord.core.files import accessible, written
+from monochord.core.files import usable_path, written
 from monochord.live.sinks._record import NANO, TRACKED, TRUE, record, unix_nanoseconds
 from monochord.live.sinks.base import Run, Sink, Update, Writer
 
@@ -35,7 +35,7 @@ class Csv(Sink):
     @contextmanager
     def open(self, run: Run) -> Generator[Writer]:  # noqa: ARG002
         """Open the file; raises `InputError` where it cannot be written."""
-        with accessible(f"file {self.path}", "a writable path"):
+        with usable_path(f"file {self.path}", "a writable path"):
             file = Path(self.path).open("w", encoding="utf-8", newline="", buffering=1)  # noqa: SIM115
         with file:
             yield _Rows(file, Path(self.path))

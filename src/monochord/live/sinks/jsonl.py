@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
 
-from monochord.core.files import accessible, written
+from monochord.core.files import usable_path, written
 from monochord.live.sinks._record import record
 from monochord.live.sinks.base import Run, Sink, Update, Writer
 
@@ -48,7 +48,7 @@ class Jsonl(Sink):
             with _standard_output() as file:
                 yield _Lines(file, Path("standard output"), everything=self.everything, flush=True)
             return
-        with accessible(f"file {self.path}", "a writable path"):
+        with usable_path(f"file {self.path}", "a writable path"):
             file = Path(self.path).open("w", encoding="utf-8")  # noqa: SIM115
         with file:
             yield _Lines(file, Path(self.path), everything=self.everything, flush=False)

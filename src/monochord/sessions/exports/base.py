@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from monochord.core.errors import InputError, required
-from monochord.core.files import accessible
+from monochord.core.files import usable_path
 from monochord.core.ranges import Checked
 from monochord.sessions import SessionReader
 
@@ -41,7 +41,7 @@ def arrow(form: str) -> tuple[Any, Any]:
 
 def new_folder(out: Path) -> Path:
     """Create a folder or accept an empty one; raises `InputError` where it is not empty."""
-    with accessible(f"folder {out}", "a folder that can be created"):
+    with usable_path(f"folder {out}", "a folder that can be created"):
         out.mkdir(parents=True, exist_ok=True)
         if any(out.iterdir()):
             raise InputError(f"folder {out} (not empty)", "a new folder", "choose another name")
