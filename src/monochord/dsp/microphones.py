@@ -306,9 +306,9 @@ def _stands_out(level: float, power: Floats, k: int, width: int, least: float) -
 def _lines_of(power: Floats, width: int, least: float) -> Indices:
     """Return the bins of lines that stand out of the noise, in bands of `width` bins, by a factor."""
     is_line = np.zeros(power.size, np.bool_)
-    weakest = STRONG * power.max()
+    lowest = STRONG * power.max()
     for k in range(1, power.size - 1):
-        is_peak = power[k] > weakest and power[k] > power[k - 1] and power[k] >= power[k + 1]
+        is_peak = power[k] > lowest and power[k] > power[k - 1] and power[k] >= power[k + 1]
         is_line[k] = is_peak and _stands_out(power[k], power, k, width, least)
     return np.flatnonzero(is_line)
 
