@@ -94,10 +94,13 @@ def test_only_the_kernel_of_the_twin_calls_its_parts() -> None:
 
 WHO_CHECKS = {
     "dsp.levels": {"measure_levels": "itself"},
+    "dsp.microphones": dict.fromkeys(
+        ("__init__", "_frequency", "_has_rest", "compare_inputs", "is_deaf"), "compare_inputs"
+    ),
     "dsp.resample": {"_append": "itself"},
     "dsp.series": {"weigh": "itself"},
     "dsp.spectrum": {"power_spectrum": "itself", "find_peaks": "itself", "block_floors": "spectrum_of"},
-    "perception.usable": {"unusable_reason": "Window"},
+    "perception.usable": {"unusable_reason": "Window", "__call__": "SpectrumAnalyser"},
     "perception.spectrum": {"spectrum_of": "itself", "relisted": "spectrum_of"},
     "perception.closed_form.lines": {"prominent_lines": "itself"},
     "perception.closed_form.both_segments": {"read": "prominent_lines"},
@@ -105,11 +108,11 @@ WHO_CHECKS = {
     "perception.features.reading": {"row": "SpectrumAnalyser"},
     "perception.reader.cells": {"spectrum_cells": "SpectrumAnalyser"},
     "perception.reader.memory": {"recall": "SpectrumAnalyser"},
-    "perception.reader.reader": dict.fromkeys(("alone", "inputs", "read", "_measures"), "SpectrumAnalyser"),
-    "perception.model.correction": {"terms": "itself"},
+    "perception.reader.reader": dict.fromkeys(("alone", "inputs", "read"), "SpectrumAnalyser"),
+    "perception.model.correction": {"terms": "itself", "error": "itself", "residual": "the kernel"},
     "perception.model.faults": {"step": "Definition.fault_columns"},
-    "perception.model.forest": {"forest_sums": "the kernel"},
     "perception.model.network": {"outputs": "the kernel", "network_inputs": "itself"},
+    "perception.training.regression": dict.fromkeys(("_left_out", "first"), "the kernel"),
     "perception.tuning.measurement": {"string_take": "Tuner"},
     "perception.tuning.pluck": {"_peaks": "itself"},
     "perception.tuning.lines": {"merged_lines": "spectrum_of", "lasting_lines": "merged_lines"},

@@ -7,7 +7,7 @@ common, and those of one are the other's, moved by the ratio of the rates.
 """
 
 from collections.abc import Iterable
-from functools import cached_property, lru_cache
+from functools import cache, cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -132,6 +132,7 @@ class Microphones:
     """
 
     def __init__(self) -> None:
+        _compile()
         self._last = self._looked = -1
         self._state = InputState()
 
@@ -275,7 +276,7 @@ class _Spectrum:
         return lines
 
 
-@kernel("Tuple((float64[:,::1], float64[::1]))(float32[:,::1])")
+@kernel()
 def _centred(samples: Audio) -> tuple[Floats, Floats]:
     """Return the samples of each channel about their mean, and their standard deviation (channels,)."""
     centred, levels = np.empty(samples.shape), np.empty(samples.shape[0])
@@ -302,7 +303,7 @@ def _stands_out(level: float, power: Floats, k: int, width: int, least: float) -
     return below > width // 4
 
 
-@kernel("int64[::1](float64[::1], intp, float64)")
+@kernel()
 def _lines_of(power: Floats, width: int, least: float) -> Indices:
     """Return the bins of lines that stand out of the noise, in bands of `width` bins, by a factor."""
     is_line = np.zeros(power.size, np.bool_)
@@ -313,7 +314,7 @@ def _lines_of(power: Floats, width: int, least: float) -> Indices:
     return np.flatnonzero(is_line)
 
 
-@kernel("boolean[::1](float64[::1], int64[::1], float64[::1], intp, float64)")
+@kernel()
 def _would_stand_out(level: Floats, lines: Indices, power: Floats, width: int, least: float) -> Flags:
     """Return whether lines (n,) of such powers (n,) would stand out of a channel's noise by a factor."""
     would = np.empty(lines.size, np.bool_)
@@ -322,7 +323,7 @@ def _would_stand_out(level: Floats, lines: Indices, power: Floats, width: int, l
     return would
 
 
-@kernel("float64[::1](complex128[::1], int64[::1])")
+@kernel()
 def _places_of(values: NDArray[np.complex128], lines: Indices) -> Floats:
     """Return where lines lie, in bins: the highest point of a parabola through the logarithms of three."""
     places = np.empty(lines.size)
@@ -332,6 +333,14 @@ def _places_of(values: NDArray[np.complex128], lines: Indices) -> Floats:
         shift = 0.5 * (below - above) / bend if bend < 0.0 else 0.5 * (above - below)
         places[k] = line + min(max(shift, -0.5), 0.5)
     return places
+
+
+@cache
+def _compile() -> None:
+    """Take a look at two microphones, so that the first look at a stream need not wait for a compiler."""
+    time = np.arange(4410) / 44100
+    one, two = (np.sin(2.0 * np.pi * frequency * time) for frequency in (1000.0, 1500.0))
+    compare_inputs(np.stack((one + two, one - two)).astype(np.float32), 44100)
 
 
 @lru_cache(maxsize=8)
