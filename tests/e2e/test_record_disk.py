@@ -35,7 +35,6 @@ def ended_full(recorder: Any) -> dict[str, Any]:
     return summary
 
 
-@pytest.mark.real_time  # force comes in real time: beside other work it would fill the disk before sound does
 def test_a_full_disk_ends_it_cleanly(
     start_recorder: Callable[..., Any], net_ft: list[str], fast: list[str], small_disk: Path
 ) -> None:

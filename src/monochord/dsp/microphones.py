@@ -117,6 +117,14 @@ def _compared(spectrum: "_Spectrum") -> Inputs:
     return Inputs.SAME if is_same else Inputs.UNKNOWN
 
 
+@cache
+def compile_looks() -> None:
+    """Take a look at two made-up microphones, so that none at a stream has to wait for a compiler."""
+    time = np.arange(4410) / 44100
+    one, two = (np.sin(2.0 * np.pi * frequency * time) for frequency in (1000.0, 1500.0))
+    compare_inputs(np.stack((one + two, one - two)).astype(np.float32), 44100)
+
+
 class Microphones:
     """What the channels of a stream carry, from a look every tenth of a second at most; see `InputState`.
 
@@ -132,7 +140,7 @@ class Microphones:
     """
 
     def __init__(self) -> None:
-        _compile()
+        compile_looks()
         self._last = self._looked = -1
         self._state = InputState()
 
@@ -333,14 +341,6 @@ def _places_of(values: NDArray[np.complex128], lines: Indices) -> Floats:
         shift = 0.5 * (below - above) / bend if bend < 0.0 else 0.5 * (above - below)
         places[k] = line + min(max(shift, -0.5), 0.5)
     return places
-
-
-@cache
-def _compile() -> None:
-    """Take a look at two microphones, so that the first look at a stream need not wait for a compiler."""
-    time = np.arange(4410) / 44100
-    one, two = (np.sin(2.0 * np.pi * frequency * time) for frequency in (1000.0, 1500.0))
-    compare_inputs(np.stack((one + two, one - two)).astype(np.float32), 44100)
 
 
 @lru_cache(maxsize=8)

@@ -175,6 +175,9 @@ def step(
 
 def warm_up(window: Window) -> None:
     """Load and compile everything that would delay the first window."""
+    from monochord.dsp.microphones import compile_looks  # noqa: PLC0415 (loads numba)
+
+    compile_looks()
     _level_findings(window, _inputs(InputState(), window).inputs)
 
 

@@ -20,6 +20,7 @@ from monochord.core.errors import InputError, MonochordError
 from monochord.core.interruption import Interruption, interruption
 from monochord.core.reasons import Reason
 from monochord.core.units import Seconds
+from monochord.dsp.microphones import compile_looks
 from monochord.sessions import Event, SessionClock, SessionWriter
 from monochord.sessions.file import size_limit
 
@@ -69,6 +70,7 @@ def record(
         If a device is absent at the start; no file is left.
     """
     refuse_place(job.path, job.disk.start)
+    compile_looks()
     with ExitStack() as stack:
         stop = stop or stack.enter_context(interruption())
         stack.enter_context(raised_priority())
