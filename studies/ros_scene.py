@@ -1,7 +1,7 @@
 """The markers of two strings as rclpy receives them, drawn with matplotlib.
 
-Makes `docs/figures/ros_markers.png` in half a minute, after ``make ros``, whose Python has rclpy and is started by
-it: ``python -m studies.ros_scene --out docs/figures/ros_markers.png``.
+Makes `docs/figures/ros_markers.png` in half a minute, after ``make ros``, whose Python has rclpy and is
+started: ``python -m studies.ros_scene --out docs/figures/ros_markers.png``.
 """
 
 from __future__ import annotations
