@@ -293,8 +293,8 @@ def _side_by_side(twins: Sequence[Twin], frames: Samples, cores: int | None) -> 
             replace(
                 twin,
                 start=twin.start + frames,
-                state=State(*(a[i : i + 1].copy() for a in state)),
-                plausible=None if more is None else Plausible(*(a[i : i + 1].copy() for a in more)),
+                state=State(*(a[i : i + 1] for a in state)),
+                plausible=None if more is None else Plausible(*(a[i : i + 1] for a in more)),
             ),
         )
         for i, twin in enumerate(twins)
@@ -414,7 +414,9 @@ def _single(named: Named) -> Named:
 
 
 def _stacked(arrays: Sequence[np.ndarray]) -> np.ndarray:
-    """Return batches of one as one batch; `np.concatenate` would turn records into plain tuples."""
+    """Return batches of one as one batch; of records `np.concatenate` would make plain tuples."""
+    if arrays[0].dtype.names is None:
+        return np.concatenate(arrays)
     stacked = np.empty((len(arrays), *arrays[0].shape[1:]), arrays[0].dtype)
     for i, array in enumerate(arrays):
         stacked[i] = array[0]
