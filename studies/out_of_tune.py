@@ -14,8 +14,7 @@ from monochord.benchmarks.base import Benchmark, Row
 from monochord.core.ranges import Checked
 from monochord.core.types import Audio, Flags, Floats
 from monochord.core.units import Metres, Seconds
-from monochord.physics.sensors import load_sensor, retuned
-from monochord.physics.theory import open_frequency
+from monochord.physics.sensors import load_sensor
 
 SENSOR, HOP = "prototype", 0.02
 TOUCHES = ((0.06, 1.0, "plastic"), (0.09, 0.6, "wood"), (0.13, 1.5, "metal_tube"))
@@ -77,7 +76,7 @@ def _counts(off: float, build: int) -> tuple[int, ...]:
 def _taken(off: float, build: int) -> tuple[Audio, Floats]:
     """Return the sound (2, n) of a string, and where it is touched (n,), NaN where it is not."""
     sensor = load_sensor(SENSOR)
-    string = retuned(sensor.string, open_frequency(sensor.string) * (1.0 + off))
+    string = replace(sensor.string, tension=sensor.string.tension * (1.0 + off) ** 2)
     twin = mc.VirtualSensor(replace(sensor, string=string), seed=build, build=build, day=0, world="plausible")
     parts = [twin.advance(BEFORE)]
     for position, force, material in TOUCHES:
