@@ -62,10 +62,11 @@ def variants(builds: int) -> list[Ablation]:
 @click.argument("folder", type=click.Path(path_type=Path, exists=True, file_okay=False))
 @click.option("--out", type=click.Path(path_type=Path), required=True, help="JSON file of the figures.")
 @click.option("--updates", default=2000, show_default=True, help="Updates of each variant.")
+@click.option("--sessions", default=100_000, help="Most sessions: as many as `bundled_model` was told.")
 @click.option("--seed", default=0, show_default=True, help="Random seed.")
-def command(folder: Path, out: Path, updates: int, seed: int) -> None:
+def command(folder: Path, out: Path, updates: int, sessions: int, seed: int) -> None:
     """Train and score each variant on the rows in FOLDER."""
-    work, sounds = planned(PLANS, seed), folder / "sounds"
+    work, sounds = planned(PLANS, seed)[:sessions], folder / "sounds"
     rows_folder = folder / f"rows_{crc32((folder / 'windows.safetensors').read_bytes()):08x}"
     heard = [one for one in work if share_of(one.build or 0, seed) < READER]
     unheard = [one for one in work if share_of(one.build or 0, seed) >= READER]
@@ -93,7 +94,8 @@ def command(folder: Path, out: Path, updates: int, seed: int) -> None:
         )
         result[variant.name] = {"memory": told[ALL]["memory"], "groups": told}
         print(*_table(result), sep="\n", flush=True)
-    out.write_text(json.dumps({"simulated": True, "updates": updates, "variants": result}, indent=1) + "\n")
+    about = {"simulated": True, "updates": updates, "sessions": [len(heard), len(unheard)]}
+    out.write_text(json.dumps(about | {"variants": result}, indent=1) + "\n")
 
 
 def without(rows: Rows, parts: Sequence[str]) -> Rows:
