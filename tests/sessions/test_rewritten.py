@@ -81,6 +81,7 @@ WAYS: dict[str, dict[str, Any]] = {
     "without compression": {"compression": NONE},
     "small chunks": {"compression": NONE, "chunk_size": 20_000},
     "chunk index only": {"index_types": IndexType.CHUNK},
+    "small chunks without an index": {"chunk_size": 20_000, "index_types": IndexType.NONE},
     "no summary": {
         "index_types": IndexType.NONE,
         "use_statistics": False,
