@@ -2,6 +2,7 @@
 
 import os
 import resource
+import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -58,8 +59,13 @@ def test_what_has_no_end_is_refused_at_once(tmp_path: Path, name: str, kind: str
 
 
 @pytest.fixture
-def small_files() -> Iterator[None]:
-    """Let no file grow beyond 20 kB, as on a disk that is full."""
+def small_files(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Let no file grow beyond 20 kB, as on a disk that is full.
+
+    Nor is bytecode kept of what is imported meanwhile: Python 3.11 would keep its first 20 kB, and every later
+    import of that module would fail.
+    """
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, hard))
     yield
