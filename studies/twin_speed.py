@@ -5,12 +5,15 @@ Makes what `docs/reference/twin.md` says of its speed, in some 30 seconds: ``pyt
 
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from itertools import product
+from typing import Literal, TypeAlias
 
 import numpy as np
 from studies._command import measure
 
+from monochord import VirtualSensor
 from monochord.benchmarks import one_core
 from monochord.benchmarks.base import Benchmark, Row
 from monochord.core.errors import InputError
@@ -40,6 +43,10 @@ PLAUSIBLE_SEED = 3
 """Radius of the touching object, in m: with it, the plastic object has three modes below it."""
 SETTLE: Seconds = 0.5
 """Warm-up sound before the timing, in s."""
+LED_STEP: Seconds = 1e-3
+World: TypeAlias = Literal["ideal", "plausible"]
+LED: Mapping[World, tuple[float, float]] = {"ideal": (0.2, 0.4), "plausible": (0.25, 0.9)}
+"""Worlds in which a twin is led by arrays, and the time in ms aimed at with one new force and with ten."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,9 +55,10 @@ class Twin(Benchmark):
 
     Rows: the string alone, plucked (free); with both drivers (ebows); pressed besides (touch); and
     everything: a touch that slides to and fro, rough, on a drifting string in a noisy room (full), which is
-    timed once more with all effects of the world `plausible`, beside the ideal one. What is compiled has run
-    once before. Both sides of a ratio take turns over stretches of the same length, and the median of their
-    processor time counts, for other programs take a share of any machine.
+    timed once more with all effects of the world `plausible`, beside the ideal one; then a touch whose force
+    is new every millisecond, in both worlds. What is compiled has run once before. Both sides of a ratio take
+    turns over stretches of the same length, and the median of their processor time counts, for other programs
+    take a share of any machine.
 
     Parameters
     ----------
@@ -94,6 +102,8 @@ class Twin(Benchmark):
             pace, base = self._pair(plausible, _Sounding(sensor, usual, self.stretch))
             yield _row("full in the world plausible, time/audio", pace, "full, ideal", base)
             yield _row("paper's FDTD, time/audio", self._pair(fdtd, fdtd)[0], "real time", 1.0)
+            for world, keys in product(LED, (1, 10)):
+                yield self._led(world, keys)
         yield from self._many(sensor)
 
     def _pair(self, own: Callable[[], None], baseline: Callable[[], None]) -> tuple[float, float]:
@@ -108,6 +118,22 @@ class Twin(Benchmark):
                 taken.append(time.thread_time() - start)
         first, second = (float(np.median(taken)) / self.stretch for taken in times)
         return first, second
+
+    def _led(self, world: World, keys: int) -> Row:
+        """Time a force that is new every millisecond, as a simulation of a robot gives it."""
+        twin = VirtualSensor(self.sensor, world=world, build=131, seed=1, objects=("plastic",))
+        twin.lead(LED_STEP, position=0.09, force=1.0)
+        twin.advance(SETTLE)
+        seconds, taken = LED_STEP * keys, list[float]()
+        for step in range(1 + round(self.seconds / seconds)):
+            forces = 1.0 + 0.2 * np.sin(0.3 * (step * keys + np.arange(keys)))
+            start = time.thread_time()
+            twin.lead(LED_STEP, position=np.full((1, keys), 0.09), force=forces[None])
+            twin.advance(seconds)
+            taken.append(time.thread_time() - start)
+        name = f"led by {keys} force(s) of {1e3 * LED_STEP:g} ms and advanced, {world}"
+        value, aim = 1e3 * float(np.median(taken[1:])), LED[world][keys > 1]
+        return Row(name=name, value=value, unit="ms", baseline="aimed at", baseline_value=aim)
 
     def _many(self, sensor: Sensor) -> Iterator[Row]:
         """Utilisation of all cores: speed on all cores over speed on one core, per core."""

@@ -62,8 +62,8 @@ def test_what_has_no_end_is_refused_at_once(tmp_path: Path, name: str, kind: str
 def small_files(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Let no file grow beyond 20 kB, as on a disk that is full.
 
-    Nor is bytecode kept of what is imported meanwhile: Python 3.11 would keep its first 20 kB, and every later
-    import of that module would fail.
+    Nor is bytecode kept of what is imported meanwhile: Python 3.11 would keep its first 20 kB, and every
+    later import of that module would fail.
     """
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)

@@ -35,6 +35,12 @@ def test_a_plausible_world_stands_beside_the_ideal_one(rows: dict[str, Row]) -> 
     assert 0.8 < row.ratio < 2.5  # measured: 1.4 over longer stretches
 
 
+def test_a_force_that_is_new_every_millisecond_is_timed_beside_its_aim(rows: dict[str, Row]) -> None:
+    led = {name: row for name, row in rows.items() if name.startswith("led by")}
+    assert len(led) == 4
+    assert all(0.0 < row.value < 20.0 * row.baseline_value for row in led.values() if row.baseline_value)
+
+
 def test_many_are_timed_on_one_core_and_on_all(rows: dict[str, Row]) -> None:
     cores = len(os.sched_getaffinity(0))
     many, share = rows["3 touched twins, wall/audio"], rows[f"share of {cores} cores used"]
