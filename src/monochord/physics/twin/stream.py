@@ -358,7 +358,7 @@ def led(twin: Twin, motions: Sequence[Floats]) -> Twin:
 
     Unlike `retouch` it makes no object and forgets nothing of a contact: it costs microseconds. The twin's
     `scene` keeps the motions with which its objects came. A motion (keys, 5) has the columns `KEY_COLUMNS` at
-    rising times, in SI units; it is taken as it is.
+    rising times, in SI units, which nothing checks here.
     """
     counts = [len(motion) for motion in motions]
     keys = np.zeros((1, len(motions), max(counts, default=1)), dtype_of(KeyRecord))
