@@ -1,10 +1,11 @@
 """A sealed plan by group: several models' evaluations of one rendering, side by side. Simulated.
 
     monochord collect studies/plans/sealed_14.toml --out sealed_14
-    monochord evaluate demo --sessions 'sealed_14/*.mcap' --tuned --no-baselines --out demo
+    monochord evaluate demo --sessions sealed_14 --skip --tuned --no-baselines --out demo
     python -m studies.sealed demo before --rows sealed_14.json
 
-Each folder is one that `monochord evaluate --out` wrote; its name is the model's. A group's rows are of the
+Each folder is one that `monochord evaluate --out` wrote; its name is the model's. Skipped are five sessions
+whose taps a dead microphone, motors or music hide. A group's rows are of the
 sessions that a plan names ``GROUP_NUMBER``, those of `TOGETHER` of several groups.
 """
 

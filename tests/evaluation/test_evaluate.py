@@ -64,6 +64,20 @@ def test_sessions_are_selected_whole_with_the_string_that_they_state(
     assert 0.0 < data.force_floor["hold_000"] < 0.1
 
 
+def test_sessions_that_cannot_be_used_are_refused_or_left_out_with_a_note(
+    sessions: tuple[Path, ...], tmp_path: Path
+) -> None:
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(sessions[0].read_bytes()[:-20_000])
+    both = EvaluationSettings(sessions=(str(sessions[0]), str(cut)))
+    with pytest.raises(InputError, match=r"cut\.mcap"):
+        select(both, CLOSED_FORM, tmp_path)
+    data = select(replace(both, skip=True), CLOSED_FORM, tmp_path)
+    assert [part.name for part in data.selection.dataset.manifest.parts] == [sessions[0].stem]
+    assert (data.selection.string, list(data.force_floor)) == (STRING, [sessions[0].stem])
+    assert [note.startswith("left out: session cut.mcap") for note in data.notes] == [True]
+
+
 def test_a_session_that_was_trained_on_is_refused_under_any_name(dataset: Dataset) -> None:
     checksum = dataset.manifest.parts[1].checksum
     trained = replace(DEMO, sessions={"another name": checksum}, dataset="x")

@@ -22,6 +22,7 @@ from monochord.perception.model.bundled import bundled_names
 @options_of(evaluated, "split", metavar="FILE")
 @options_of(evaluated, "part")
 @options_of(evaluated, "sessions", multiple=True, type=str, metavar="FILES")
+@options_of(evaluated, "skip")
 @options_of(evaluated, "estimator", metavar="NAME")
 @set_option("monochord list estimators")
 @options_of(evaluated, "sensor", metavar="PRESET")
@@ -75,6 +76,8 @@ def evaluate(
         refuse_without(
             "--split or --part with --sessions", "neither, since all sessions are tested", "split", "part"
         )
+    else:
+        refuse_without("--skip without --sessions", "--sessions, of which it leaves some out", "skip")
     if rows is None:
         refuse_without("--feature without --rows", "--rows, since --feature names the rows", "feature")
     if not (options["noise"] or suite):

@@ -43,7 +43,7 @@ from monochord.datasets.store import (
     write_array,
     write_table,
 )
-from monochord.datasets.truth import SessionTruth, truth_of
+from monochord.datasets.truth import REMEDY, SessionTruth, truth_of
 from monochord.physics.sensors import load_sensor, same_wire
 from monochord.sessions import TUNING, AudioTrack, Description, SessionReader, read_session
 from monochord.sessions.alignment import AUDIO
@@ -455,7 +455,7 @@ def _refuse_damaged(session: SessionReader) -> None:
     if session.damaged or malformed:
         counts = f"damaged chunks: {session.damaged}, malformed messages: {malformed}"
         given = f"session {session.path.name} ({counts})"
-        raise InputError(given, "an undamaged session", "leave it out, or use --force")
+        raise InputError(given, "an undamaged session", REMEDY)
 
 
 def _flags(audio: AudioTrack, starts: Indices, size: Samples) -> dict[str, Flags]:

@@ -14,6 +14,8 @@ from monochord.sessions.alignment import AUDIO, Alignment, Spans, align, aligned
 RECORDED, MEASURED = "recorded", "measured"
 WRENCH, POSE = "wrench", "pose"
 """Streams from which labels are measured."""
+REMEDY = "leave it out, or let `build` or `calibrate` take it with --force"
+"""What to do about a session that is refused."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,7 +60,7 @@ def truth_of(
     if alignment.flags and not force:
         first, *others = alignment.flags
         given = f"session {name}: {first}" + (f" (and {len(others)} more)" if others else "")
-        raise InputError(given, "streams on one clock", "leave it out, or use --force")
+        raise InputError(given, "streams on one clock", REMEDY)
     labels = session.labels
     if not recorded:
         wrench, pose = (aligned_readings(session, stream, alignment) for stream in (WRENCH, POSE))

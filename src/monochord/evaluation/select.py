@@ -18,7 +18,7 @@ from monochord.core.types import StringParams
 from monochord.core.units import Newtons, Seconds
 from monochord.core.workers import ONE_PROCESS, Spread
 from monochord.datasets.audit import audit
-from monochord.datasets.build import BuildOptions, build_dataset, find_sessions
+from monochord.datasets.build import BuildOptions, build_dataset, find_sessions, named_sessions
 from monochord.datasets.split import SPLIT_FILE, Split
 from monochord.datasets.store import Dataset, open_dataset
 from monochord.evaluation.limits import force_floor
@@ -57,6 +57,8 @@ class EvaluationSettings:
         A dataset, the file of its split, and the part to evaluate; by default those of the training run.
     sessions
         Session files, folders or patterns to evaluate instead of a dataset.
+    skip
+        Whether to leave out sessions that cannot be used; a note names each.
     sensor
         Sensor preset whose string the estimator gets.
     tuned
@@ -79,6 +81,7 @@ class EvaluationSettings:
     split: Path | None = None
     part: Part = "test"
     sessions: tuple[str, ...] = ()
+    skip: bool = False
     sensor: str | None = None
     tuned: bool = False
     noises: tuple[str, ...] = ()
@@ -196,11 +199,11 @@ def select(
     if settings.sessions:
         if settings.dataset is not None:
             raise InputError("--sessions with --dataset", "only one of them")
-        files, window, dataset = _dataset_of_sessions(settings.sessions, definition, scratch, spread)
+        files, window, dataset = _dataset_of_sessions(settings, definition, scratch, spread)
         floors, stated = _known_of_sessions(files, window)
         rows = np.arange(len(dataset))
         string = string or stated
-        notes: tuple[str, ...] = ()
+        notes = tuple(f"left out: {reason}" for reason in dataset.manifest.refused.values())
     else:
         folder = settings.dataset or (Path(config["dataset"]) if config.get("dataset") else None)
         if folder is None:
@@ -300,15 +303,15 @@ def refuse_unusable_labels(selection: Selection) -> None:
 
 
 def _dataset_of_sessions(
-    names: Sequence[str], definition: Definition | None, scratch: Path, spread: Spread
+    settings: EvaluationSettings, definition: Definition | None, scratch: Path, spread: Spread
 ) -> tuple[list[Path], Seconds, Dataset]:
-    """Return the session files, the window length, and their dataset."""
-    files = find_sessions(names)
+    """Return the files of the sessions that are used, the window length, and their dataset."""
+    files = find_sessions(settings.sessions)
     window = hop = 0.1
     if definition is not None:
         window, hop = (size / definition.sample_rate for size in (definition.window, definition.hop))
     rate = definition.sample_rate if definition else None
-    options = BuildOptions(window=window, hop=hop, sample_rate=rate)
+    options = BuildOptions(window=window, hop=hop, sample_rate=rate, skip=settings.skip)
     listen = tension_estimator(definition.string if definition else None)
     dataset = build_dataset(
         files,
@@ -319,7 +322,8 @@ def _dataset_of_sessions(
         workers=spread.workers,
         cluster=spread.cluster,
     )
-    return files, window, dataset
+    refused = dataset.manifest.refused
+    return [path for name, path in named_sessions(files).items() if name not in refused], window, dataset
 
 
 def _known_of_sessions(

@@ -111,6 +111,7 @@ def evaluate(
     data: LabelledData | Dataset | str | Path | None = None,
     *,
     sessions: Sessions = (),
+    skip: bool = False,
     split: str | Path | None = None,
     part: Part = "test",
     estimator: str | None = None,
@@ -138,6 +139,8 @@ def evaluate(
         Dataset to test on, or its folder; by default the training run's.
     sessions
         Session files, folders or patterns to test on instead of a dataset.
+    skip
+        Whether to leave out sessions that cannot be used; the notes name them.
     split
         File of the split; by default the training run's split, or the dataset's own.
     part
@@ -198,6 +201,7 @@ def evaluate(
             split=Path(split) if split else None,
             part=part,
             sessions=tuple(session_names(sessions)),
+            skip=skip,
             sensor=None if sensor is None else str(sensor),
             tuned=tuned,
             noises=tuple(noise),
