@@ -1,5 +1,6 @@
 """A virtual sensor that is led by arrays sounds as its touches' keys say, alone and among others."""
 
+import copy
 from collections.abc import Callable
 
 import numpy as np
@@ -145,3 +146,89 @@ def test_objects_that_are_led_stay_when_others_come_and_go() -> None:
     assert sensor.advance(0.2)[1]["contacts"][-1] == 2
     sensor.release()
     assert sensor.advance(0.3)[1]["contacts"][-1] == 0
+
+
+def test_a_slide_leaves_the_press_going_on_and_a_change_the_slide() -> None:
+    sensor = VirtualSensor(seed=1)
+    sensor.press(0.09, 1.0)
+    sensor.slide(0.5, along=0.02)
+    _, labels = sensor.advance(0.3)
+    assert labels["force"][-1] == pytest.approx(1.0, rel=0.05)
+    assert labels["position"][-1] == pytest.approx(0.09 + 0.02 * 0.29, abs=5e-4)
+    sensor.change(2.0)
+    sensor.slide(0.5, across=0.02)
+    sensor.change(2.0)
+    _, labels = sensor.advance(0.3)
+    assert labels["force"][-1] == pytest.approx(2.0, rel=0.05)
+    assert labels["slip_velocity"][-4410:].mean() == pytest.approx(0.02, rel=0.05)
+    sensor.slide(0.5, across=0.02)
+    sensor.release()
+    assert not sensor.advance(0.2)[1]["contact"][-1]
+
+
+def test_the_ninth_object_takes_the_place_of_one_that_is_up() -> None:
+    sensor = VirtualSensor(seed=1)
+    held = sensor.press(0.06, 0.5)
+    for tap in range(8):
+        number = sensor.press(0.12, 0.8)
+        assert sensor.advance(0.15)[1]["contacts"][-1] == 2, tap
+        sensor.release(number)
+        sensor.advance(0.15)
+    assert held == 0
+    assert number == 1
+    number = sensor.press(0.1, 0.8)
+    sensor.advance(0.15)
+    sensor.change(1.4)  # the last one's
+    _, labels = sensor.advance(0.1)
+    assert labels["position"][-1] == pytest.approx(0.1, abs=1e-4)
+    assert labels["force"][-1] == pytest.approx(1.4, rel=0.05)
+    for place in np.linspace(0.04, 0.16, 6):
+        sensor.press(place, 0.1)
+    with pytest.raises(InputError, match="8 at once; release one"):
+        sensor.press(0.1, 0.1)
+
+
+def test_shares_of_a_frame_add_up() -> None:
+    sensor = VirtualSensor(seed=1)
+    for step in (1e-3, 1.0 / 240.0, 1e-5):
+        before = sensor.time
+        for _ in range(240):
+            sensor.advance(step)
+        assert sensor.time - before == pytest.approx(240 * step, abs=1.0 / 44100)
+
+
+def test_a_copy_is_a_sensor_of_its_own_at_the_same_instant() -> None:
+    sensor = VirtualSensor(seed=1, objects=["wood"])
+    sensor.press(0.09, 1.0)
+    sensor.advance(0.1)
+    other = copy.copy(sensor)
+    other.press(0.12, 1.0)
+    assert sensor.advance(0.2)[1]["contacts"][-1] == 1
+    assert other.advance(0.2)[1]["contacts"][-1] == 2
+    plain = VirtualSensor(seed=1)
+    plain.restore(other.snapshot())
+    plain.lead(STEP, position=0.06, force=1.0)  # by the snapshot's object
+    assert plain.advance(0.1)[1]["contacts"][-1] == 3
+    twin = copy.copy(plain)
+    assert_array_equal(twin.advance(0.1)[0], plain.advance(0.1)[0])
+
+
+def test_what_no_object_may_do_is_refused_when_it_is_asked() -> None:
+    sensor = VirtualSensor(seed=1)
+    sensor.press(0.09, 1.0)
+    sensor.advance(0.2)
+    for refused in (
+        lambda: sensor.change(50.0),
+        lambda: sensor.slide(0.3, across=30.0),
+        lambda: sensor.slide(0.05, along=-6.0),
+    ):
+        with pytest.raises(InputError):
+            refused()
+    assert sensor.advance(0.1)[1]["force"][-1] == pytest.approx(1.0, rel=0.05)
+
+
+def test_sensors_are_led_all_or_none() -> None:
+    sensors = VirtualSensors(count=2, objects=["plastic"])
+    with pytest.raises(InputError, match="force 11"):
+        sensors.lead(STEP, position=0.08, force=np.array([[[1.0]], [[11.0]]]))
+    assert not sensors.advance(0.2)[1]["contact"].any()

@@ -1,9 +1,10 @@
 """A virtual sensor that is touched step by step: press, slide, release, and take the sound."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, TypeAlias
 
 import numpy as np
 from msgspec import Meta
@@ -12,7 +13,7 @@ from numpy.typing import ArrayLike
 from monochord.core.errors import InputError
 from monochord.core.lengths import metres_meant
 from monochord.core.notebook import lines
-from monochord.core.ranges import Finite, NonNegative, Positive, Seed, checked
+from monochord.core.ranges import Finite, Positive, Seed, checked
 from monochord.core.shapes import numbers
 from monochord.core.types import Audio, Floats
 from monochord.core.units import Metres, MetresPerSecond, Newtons, Seconds
@@ -53,6 +54,9 @@ MAX_CLEARANCE: Metres = 0.1
 MAX_ACROSS: MetresPerSecond = 0.5
 MAX_ALONG: MetresPerSecond = 5.0
 """What an object may do; see `Key` and `Touch`."""
+Force: TypeAlias = Annotated[Newtons, Meta(ge=0.0, le=MAX_FORCE)]
+Across: TypeAlias = Annotated[MetresPerSecond, Meta(ge=-MAX_ACROSS, le=MAX_ACROSS)]
+Along: TypeAlias = Annotated[MetresPerSecond, Meta(ge=-MAX_ALONG, le=MAX_ALONG)]
 
 
 class Snapshot(NamedTuple):
@@ -61,14 +65,18 @@ class Snapshot(NamedTuple):
     twin: Twin
     objects: tuple[Touch, ...]
     motions: tuple[Floats, ...]
+    slots: int
+    last: int
     new: bool
+    behind: float
 
 
 class VirtualSensor:
     """The twin as an object with a state: a simulated sensor that a program touches as it goes.
 
     Time runs only in `advance`. What is asked of an object begins at the present time and takes effect in
-    the sound that is taken after it; an approach lasts 60 ms and a press 50 ms. All sound is simulated.
+    the sound that is taken after it; an approach lasts 60 ms and a press 50 ms. A slide leaves alone how the
+    force goes on, and a change how the object moves; a release ends both. All sound is simulated.
 
     Parameters
     ----------
@@ -130,9 +138,9 @@ class VirtualSensor:
         self._objects: list[Touch] = []
         self._motions: list[Floats] = []
         self._changed = self._new = False
+        self._slots, self._last, self._behind = len(objects), -1, 0.0
         for material in objects:
             self._bring(load_material(material), np.array([[0.0, 0.5 * length, 0.0, CLEARANCE, 0.0]]))
-        self._slots = len(self._objects)
         scene = Scene(pluck=pluck, touches=tuple(self._objects))
         self._twin, self._new = begin(self.sensor, scene, sample_rate=sample_rate, seed=seed), False
 
@@ -163,7 +171,7 @@ class VirtualSensor:
     def press(
         self,
         position: Finite[Metres],
-        force: NonNegative[Newtons],
+        force: Force,
         *,
         material: str | Path = "plastic",
         radius: Positive[Metres] | None = None,
@@ -187,17 +195,16 @@ class VirtualSensor:
         Returns
         -------
         int
-            The object's number, which `slide`, `change` and `release` take.
+            The object's number, which `slide`, `change` and `release` take. Numbers begin anew where all
+            objects are up; the ninth takes that of one that is up.
 
         Raises
         ------
         InputError
-            For a position off the string, a force out of range, an unknown material, or a ninth object.
+            For a position off the string, a force out of range, an unknown material, or a ninth object
+            while eight are down.
         """
         self._refuse_off_string(position)
-        last = [motion[-1] for motion in self._motions[self._slots :]]
-        if all(row[HEIGHT] > 0.0 and self.time >= row[TIME] for row in last):
-            del self._objects[self._slots :], self._motions[self._slots :]  # all are gone
         down = self.time + CLEARANCE / APPROACH
         motion = np.array([
             [self.time, position, 0.0, CLEARANCE, 0.0],
@@ -207,35 +214,36 @@ class VirtualSensor:
         return self._bring(load_material(material), motion, radius=radius, rolls=rolls)
 
     @checked
-    def change(self, force: NonNegative[Newtons], *, touch: int = -1) -> None:
+    def change(self, force: Force, *, touch: int = -1) -> None:
         """Change the force of an object that presses, within 50 ms; the last object by default."""
         now = self._now(touch)
-        self._continue(touch, [now, [now[TIME] + PRESS, now[POSITION], force, 0.0, 0.0]])
+        pressed = [now[TIME] + PRESS, now[POSITION], force, 0.0, 0.0]
+        self._continue(touch, [now, pressed], keep=(POSITION, ACROSS))
 
     @checked
     def slide(
         self,
         seconds: Annotated[Seconds, Meta(ge=2.0 * ACCELERATION, le=MAX_SECONDS)],
         *,
-        across: Finite[MetresPerSecond] = 0.0,
-        along: Finite[MetresPerSecond] = 0.0,
+        across: Across = 0.0,
+        along: Along = 0.0,
         touch: int = -1,
     ) -> None:
-        """Move an object while it presses; the last object by default.
+        """Move an object; the last one by default.
 
         Parameters
         ----------
         seconds
             How long it moves, 0.05 s or more.
         across, along
-            Speed across the string, and along it towards pickup 2, in m/s; either sign.
+            Speed across the string, up to 0.5 m/s, and along it towards pickup 2, up to 5; either sign.
         touch
             Number of the object.
 
         Raises
         ------
         InputError
-            For too short a motion, or one that leaves the string.
+            For too short or too fast a motion, or one that leaves the string.
         """
         now = self._now(touch)
         time, begin, force, height, _ = now
@@ -248,7 +256,7 @@ class VirtualSensor:
             [time + seconds - ACCELERATION, end - way, force, height, across],
             [time + seconds, end, force, height, 0.0],
         ]
-        self._continue(touch, keys)
+        self._continue(touch, keys, keep=(FORCE, HEIGHT))
 
     @checked
     def release(self, touch: int | None = None) -> None:
@@ -304,7 +312,11 @@ class VirtualSensor:
         >>> round(float(twin.advance(0.1)[1]["position"][-1]), 3)
         0.08
         """
-        rows = self._led(position, force, clearance, across)
+        lead_together([self], step, [(position, force, clearance, across)])
+
+    def _led(self, step: Seconds, *values: ArrayLike) -> Floats:
+        """Return the motions, (objects, k + 1, columns), that `lead` asks for from now on."""
+        rows = self._asked(*values)
         motion = np.empty((self._slots, rows.shape[2] + 1, 5))
         motion[:, 0] = [self._now(number) for number in range(self._slots)]
         motion[:, 1:, TIME] = self.time + step * np.arange(1, rows.shape[2] + 1)
@@ -316,23 +328,31 @@ class VirtualSensor:
         if fastest > MAX_ALONG:
             given = f"an object that moves at {fastest:.3g} m/s along the string"
             raise InputError(given, f"{MAX_ALONG:g} m/s at most")
-        for number in range(self._slots):
-            self._continue(number, motion[number])
+        return motion
 
     def snapshot(self) -> Snapshot:
         """Return the present state of the string, of its objects and of the electronics, for `restore`."""
-        return Snapshot(self._twin, tuple(self._objects), tuple(self._motions), self._new)
+        objects, motions = tuple(self._objects), tuple(self._motions)
+        return Snapshot(self._twin, objects, motions, self._slots, self._last, self._new, self._behind)
 
     @checked
     def restore(self, snapshot: Snapshot) -> None:
         """Go back to a snapshot of this sensor, or on to one of another sensor of the same design and build.
 
-        The sound that follows is the same to the last bit. Raises `InputError` for another build's.
+        The sound that follows is the same to the last bit, but for objects yet to come, whose mounts and
+        surfaces this sensor's own seed draws. Raises `InputError` for a snapshot of another build.
         """
         if snapshot.twin.sensor != self.sensor or snapshot.twin.sample_rate != self.sample_rate:
             raise InputError("a snapshot of another sensor", "one of the same design, build, day and rate")
-        self._twin, objects, motions, self._new = snapshot
+        self._twin, objects, motions, self._slots, self._last, self._new, self._behind = snapshot
         self._objects, self._motions, self._changed = list(objects), list(motions), True
+
+    def __copy__(self) -> "VirtualSensor":
+        """Return a sensor of its own at the same instant, which gives the same sound."""
+        copy = object.__new__(VirtualSensor)
+        vars(copy).update(vars(self))
+        copy.restore(self.snapshot())
+        return copy
 
     @checked
     def drive(self, first: bool, second: bool) -> None:  # noqa: FBT001
@@ -344,6 +364,8 @@ class VirtualSensor:
         self, seconds: Annotated[Seconds, Meta(ge=0.0, le=MAX_SECONDS)]
     ) -> tuple[Audio, dict[str, Floats]]:
         """Advance time, and return the sound and its ground truth.
+
+        A share of a frame that is left over is made up for by the next call, so that steps of 1 ms keep time.
 
         Returns
         -------
@@ -359,8 +381,15 @@ class VirtualSensor:
         InputError
             For a negative time, or more than an hour at once.
         """
-        take, self._twin = advance(self._moved(), round(seconds * self.sample_rate))
+        take, self._twin = advance(self._moved(), self._frames(seconds))
         return take.microphones, _columns(take.labels)
+
+    def _frames(self, seconds: Seconds) -> int:
+        """Return the frames of the next advance, and keep the rest of one for that after it."""
+        asked = round(seconds * self.sample_rate + self._behind, 6)
+        frames = math.floor(asked + 0.5)
+        self._behind = asked - frames
+        return frames
 
     def _moved(self) -> Twin:
         """Return the twin with what was asked of its objects since it last advanced."""
@@ -385,7 +414,7 @@ class VirtualSensor:
     def _now(self, touch: int) -> Floats:
         """Return the row of an object's motion at the present time."""
         try:
-            motion = self._motions[touch]
+            motion = self._motions[self._number(touch)]
         except IndexError:
             given, allowed = f"object {touch}", f"one of {len(self._motions)} objects"
             raise InputError(given, allowed, "press first") from None
@@ -394,27 +423,51 @@ class VirtualSensor:
             return np.array([time, *motion[-1, POSITION:]])
         return np.array([time, *(np.interp(time, motion[:, TIME], column) for column in motion.T[1:])])
 
+    def _number(self, touch: int) -> int:
+        """Return the number of an object; -1 is the one that came last."""
+        return self._last if touch == -1 else touch
+
     def _bring(
         self, material: Material, motion: Floats, *, radius: Metres | None = None, rolls: bool = False
     ) -> int:
-        """Add an object, and return its number."""
-        if len(self._objects) == MAX_TOUCHES:
-            given, allowed = f"object {MAX_TOUCHES + 1}", f"{MAX_TOUCHES} at once"
-            raise InputError(given, allowed, "release all, and advance")
+        """Add an object, or put it in the place of one that is up, and return its number."""
         touch = Touch(material=material, motion=_keys(motion), radius=radius, rolls=rolls)
-        self._objects.append(plausible_touch(touch, self._seed, world=self.world))
-        self._motions.append(motion)
-        self._new = True
-        return len(self._objects) - 1
+        pressed = range(self._slots, len(self._objects))
+        last = {number: self._motions[number][-1] for number in pressed}
+        up = [number for number, row in last.items() if row[HEIGHT] > 0.0 and self.time >= row[TIME]]
+        if len(up) == len(pressed):
+            del self._objects[self._slots :], self._motions[self._slots :]  # all are gone
+        number = len(self._objects)
+        if number == MAX_TOUCHES:
+            if not up:
+                raise InputError(f"object {number + 1}", f"{number} at once", "release one, and advance")
+            number = up[0]
+        self._objects[number : number + 1] = [plausible_touch(touch, self._seed, world=self.world)]
+        self._motions[number : number + 1] = [motion]
+        self._last, self._new = number, True
+        return number
 
-    def _continue(self, touch: int, keys: Floats | Sequence[Floats | Sequence[float]]) -> None:
-        """Have an object go on by these keys, the first of which is now, whatever it was about to do."""
+    def _continue(
+        self, touch: int, keys: Floats | Sequence[Floats | Sequence[float]], keep: Sequence[int] = ()
+    ) -> None:
+        """Have an object go on by these keys, the first of which is now, whatever it was about to do.
+
+        The columns `keep` alone go on as before.
+        """
+        touch, wanted = self._number(touch), np.array(keys)
         motion = self._motions[touch]
+        if keep:
+            time = np.union1d(wanted[:, TIME], motion[motion[:, TIME] > self.time, TIME])
+            columns = [time]
+            for column in (POSITION, FORCE, HEIGHT, ACROSS):
+                source = motion if column in keep else wanted
+                columns.append(np.interp(time, source[:, TIME], source[:, column]))
+            wanted = np.stack(columns, axis=1)
         past = motion[motion[:, TIME] < self.time]
-        self._motions[touch] = np.vstack((past[-1:], np.array(keys)))
+        self._motions[touch] = np.vstack((past[-1:], wanted))
         self._changed = True
 
-    def _led(self, *values: ArrayLike) -> Floats:
+    def _asked(self, *values: ArrayLike) -> Floats:
         """Return position, force, clearance and speed across, (4, objects, k), or refuse them."""
         if not self._slots:
             raise InputError("lead without objects", 'VirtualSensor(..., objects=["plastic"])')
@@ -441,11 +494,21 @@ class VirtualSensor:
         return rows
 
 
+def lead_together(
+    sensors: Sequence[VirtualSensor], step: Seconds, values: Sequence[Sequence[ArrayLike]]
+) -> None:
+    """Lead the objects of sensors, each by its values in the order of `VirtualSensor.lead`, or none of them."""
+    motions = [each._led(step, *own) for each, own in zip(sensors, values, strict=True)]  # noqa: SLF001
+    for each, led_by in zip(sensors, motions, strict=True):
+        for number, motion in enumerate(led_by):
+            each._continue(number, motion)  # noqa: SLF001
+
+
 def advance_together(
     sensors: Sequence[VirtualSensor], seconds: Seconds, cores: int | None = None
 ) -> list[tuple[Audio, dict[str, Floats]]]:
     """Advance the time of sensors of one rate side by side; each gives what its `advance` returns."""
-    frames = round(seconds * sensors[0].sample_rate)
+    frames = sensors[0]._frames(seconds)  # noqa: SLF001
     done = advance_many([each._moved() for each in sensors], frames, cores=cores)  # noqa: SLF001
     for each, (_, twin) in zip(sensors, done, strict=True):
         each._twin = twin  # noqa: SLF001

@@ -14,7 +14,7 @@ from monochord.core.shapes import numbers
 from monochord.core.types import Audio, Floats
 from monochord.core.units import Seconds
 from monochord.physics.setup import Sensor
-from monochord.physics.twin.virtual_sensor import MAX_SECONDS, Snapshot, VirtualSensor, advance_together
+from monochord.physics.twin.virtual_sensor import MAX_SECONDS, Snapshot, VirtualSensor, advance_together, lead_together
 from monochord.physics.twin.world import World
 
 
@@ -107,9 +107,9 @@ class VirtualSensors(Sequence[VirtualSensor]):
             if array.ndim > 3 or (array.ndim == 3 and len(array) not in (1, len(self))):
                 given = f"{name} of the shape {array.shape}"
                 raise InputError(given, f"({len(self)}, objects, k), or what broadcasts to it")
-        for number, each in enumerate(self):
-            rows = {n: a if a.ndim < 3 else a[number % len(a)] for n, a in arrays.items()}
-            each.lead(step, **rows)
+        given = arrays.values()
+        rows = [[a if a.ndim < 3 else a[number % len(a)] for a in given] for number in range(len(self))]
+        lead_together(self, step, rows)
 
     def snapshot(self) -> tuple[Snapshot, ...]:
         """Return the present states of all sensors, for `restore`."""
