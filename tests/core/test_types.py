@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from monochord.core import types
-from monochord.core.types import Estimate, StreamHealth, Window
+from monochord.core.types import Block, Estimate, StreamHealth, Window
 
 NOUNS = [
     noun
@@ -22,6 +22,12 @@ def test_every_noun_is_frozen_has_slots_and_takes_keywords_only() -> None:
         assert getattr(noun, "__dataclass_params__").frozen, noun  # noqa: B009
         assert "__slots__" in vars(noun), noun
         assert all(field.kw_only for field in dataclasses.fields(noun)), noun
+
+
+def test_nouns_with_arrays_are_found_in_lists() -> None:
+    blocks = [Block(samples=np.zeros((2, 4), np.float32), start=start) for start in (0, 4)]
+    assert blocks.index(blocks[1]) == 1
+    assert len({*blocks}) == 2
 
 
 def test_an_abstention_has_no_number_and_a_reason() -> None:

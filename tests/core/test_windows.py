@@ -103,7 +103,7 @@ def test_memory_does_not_grow_with_the_stream() -> None:
 def test_an_index_that_goes_back_is_refused() -> None:
     samples = np.ones((1, 10), np.float32)
     blocks = [Block(samples=samples, start=0), Block(samples=samples, start=5)]
-    with pytest.raises(ValueError, match=r"5\b.*\b10"):
+    with pytest.raises(InputError, match=r"5\b.*\b10"):
         list(windows(blocks, size=4, hop=4, sample_rate=1000))
 
 
@@ -111,3 +111,10 @@ def test_an_index_that_goes_back_is_refused() -> None:
 def test_sizes_below_one_are_refused(size: int, hop: int) -> None:
     with pytest.raises(InputError, match="expected a whole number of 1 or more"):
         list(windows([], size=size, hop=hop, sample_rate=44100))
+
+
+@pytest.mark.parametrize("channels", [(1, 2), (2, 1)])
+def test_blocks_of_other_channels_are_refused(channels: tuple[int, int]) -> None:
+    blocks = [Block(samples=np.ones((count, 8), np.float32), start=8 * n) for n, count in enumerate(channels)]
+    with pytest.raises(InputError, match=f"{channels[1]} channels after one of {channels[0]}"):
+        list(windows(blocks, size=4, hop=4, sample_rate=44100))

@@ -105,6 +105,11 @@ def test_so_do_those_of_the_learning_path(data: LabelledData, tmp_path: Path) ->
             assert fact in repr(thing), repr(thing)
 
 
+def test_features_of_sessions_are_those_of_their_own_string(data: LabelledData) -> None:
+    with pytest.raises(mc.InputError, match=r"of a string of 0\.2 m.* 0\.65 m .*name their sensor"):
+        data.arrays(sensor="long")
+
+
 def test_a_calibrated_model_shows_itself_as_a_model_does(data: LabelledData) -> None:
     session = next(data.dataset.path.parent.glob("*.mcap"))
     model = mc.calibrate("demo", [session])

@@ -67,3 +67,12 @@ def test_what_is_computed_is_a_plain_array(rows: FeatureRows) -> None:
 def test_names_and_columns_are_as_many() -> None:
     with pytest.raises(InputError, match="2 names"):
         FeatureRows(np.zeros((4, 3), np.float32), ("a", "b"))
+
+
+def test_a_window_with_a_sample_that_is_no_number_has_no_features() -> None:
+    sound = 0.1 * np.random.default_rng(0).normal(size=(2, 8820))
+    sound[1, 6000] = np.nan
+    rows, clean = mc.features(sound), mc.features(np.nan_to_num(sound))
+    torn = np.array([441 * k <= 6000 < 441 * k + 4410 for k in range(11)])
+    assert np.isnan(rows[torn]).all()
+    assert np.array_equal(rows[~torn], clean[~torn])

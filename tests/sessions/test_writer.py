@@ -63,6 +63,19 @@ def test_what_was_flushed_is_readable_without_closing(tmp_path: Path, *, flushed
     assert read_session(path).audio.samples.shape[1] == 44641
 
 
+def test_a_buffer_that_is_filled_again_records_what_it_held(tmp_path: Path) -> None:
+    sound = np.random.default_rng(0).normal(size=(2, 4410)).astype(np.float32)
+    buffer = np.empty((2, 441), np.float32)
+    with SessionWriter(tmp_path / "a.mcap", description()) as writer:
+        for start in range(0, 4410, 441):
+            buffer[:] = sound[:, start : start + 441]
+            writer.audio(Block(samples=buffer, start=start))
+        for start in (4409, 0):
+            with pytest.raises(InputError, match=f"{start}.* 4410 or later"):
+                writer.audio(Block(samples=buffer, start=start))
+    assert np.array_equal(read_session(tmp_path / "a.mcap").audio.samples, sound)
+
+
 def test_a_writer_that_is_dropped_lets_its_file_go(tmp_path: Path) -> None:
     writer = make(tmp_path / "a.mcap", seconds=1.0, close=False)
     with pytest.raises(InputError, match="writ"):

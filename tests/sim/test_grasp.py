@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import monochord as mc
-from monochord.sim.grasp import CAUGHT, OBJECTS, GraspScene, grasp
+from monochord.sim.grasp import CAUGHT, OBJECTS, GraspScene, grasp, slip_reflex
 
 
 @pytest.fixture(scope="module")
@@ -87,3 +87,9 @@ def test_the_page_runs_as_shown(capsys: pytest.CaptureFixture[str]) -> None:
     assert len(errors) > 30
     assert np.median(errors) < 0.5
     assert re.fullmatch(r"sunk by [\d.]+ mm, [\d.]+ N hold it, [\d.]+ N would", end)
+
+
+def test_a_reflex_begins_each_episode_anew(scene: GraspScene) -> None:
+    reflex = slip_reflex(threshold=-1.0)  # slip is heard at once, and always
+    first, again = (grasp(scene, reflex, seed=4, name="dowel").grip for _ in range(2))
+    assert first == again > 1.0

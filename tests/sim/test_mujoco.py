@@ -304,3 +304,11 @@ def test_at_rest_friction_creeps_below_what_counts_as_slip() -> None:
         strings.step()
         speeds += [abs(each.along) for each in strings["left"].contacts]
     assert max(speeds[500:]) < 5e-4
+
+
+def test_strings_are_a_mapping() -> None:
+    _, _, strings = simulated(scene("left", "right"))
+    assert "left" in strings
+    assert "middle" not in strings
+    assert strings.get("middle") is None
+    assert strings.get("right") is strings["right"]

@@ -92,7 +92,8 @@ def test_many_together_are_each_of_them_alone(observation: str) -> None:
     options: dict[str, Any] = {"observation": observation, "world": "plausible", "builds": 2}
     envs = many(count, max_episode_steps=length, **options)
     singles = [gymnasium.make(NAME, max_episode_steps=length, **options) for _ in range(count)]
-    together, _ = envs.reset(seed=7)
+    seed: Any = np.int64(7)
+    together, _ = envs.reset(seed=seed)
     alone = [env.reset(seed=7 + number)[0] for number, env in enumerate(singles)]
     actions = np.random.default_rng(1).uniform(-1.0, 1.0, (steps, count, 2)).astype(np.float32)
     actions[:, :, 1] = 1.0

@@ -435,3 +435,31 @@ def test_live_runs_the_strings_of_a_skin(tmp_path: Path, capsys: Capture) -> Non
     rows = records(capsys, "live", "demo", wav, "--skin", file)
     assert [row["string"] for row in rows[:4]] == ["s1", "s2", "s1", "s2"]
     assert "--skin with --sensor" in refusal(capsys, "live", "demo", wav, "--skin", file, "--sensor", "long")
+
+
+def test_what_is_read_of_a_string_cannot_be_written_to() -> None:
+    string = ring(1).strings["s1"]
+    for vector in (string.direction, string.along):
+        with pytest.raises(ValueError, match="read-only"):
+            vector[0] = -1.0
+    places = np.array([0.05, 0.1])
+    assert np.array_equal(string.at(places), [string.at(place) for place in places])
+
+
+def test_a_skin_listens_to_a_virtual_sensor_for_each_string() -> None:
+    with pytest.raises(mc.InputError, match=r"3 virtual sensors.* 2, one for each of s1, s2"):
+        next(ring(2).listen(mc.VirtualSensors(count=3)))
+
+
+@pytest.mark.parametrize("ahead", [0, 1])
+def test_sound_that_is_taken_of_one_string_is_a_gap_of_all(ahead: int) -> None:
+    sensors = mc.VirtualSensors(count=2, seed=1)
+    updates = ring(2).listen(sensors, seconds=0.6)
+    for _ in range(20):
+        next(updates)
+    sensors[ahead].advance(0.05)
+    heard = [(name, each) for update in updates for name, each in update.strings.items()]
+    assert {name for name, each in heard if isinstance(each, mc.Update) and each.window.has_gap} == {
+        "s1",
+        "s2",
+    }

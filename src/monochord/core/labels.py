@@ -43,7 +43,7 @@ SETTLED = 1.0 - 1e-6
 """Smallest label ``settled``, a share of the window, from which its sound counts as settled."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LabelTrack:
     """Ground truth at times (n,) in s, one column (n,) per quantity; NaN where unknown."""
 

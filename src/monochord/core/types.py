@@ -101,7 +101,7 @@ class Contact(Checked):
     slip_velocity: Finite[MetresPerSecond] = 0.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Block(Checked):
     """Consecutive sample frames from a source.
 
@@ -133,7 +133,7 @@ class Block(Checked):
         return f"Block: samples {np.shape(self.samples)} from frame {self.start}{lost}"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Window(Checked):
     """A window of audio to analyse; `samples` is (channels, n) float32 from index `start` on.
 
@@ -452,7 +452,7 @@ POSE = ("x", "y", "z", "qx", "qy", "qz", "qw")
 """Columns of the stream ``pose``: position in m, then orientation as a unit quaternion."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Readings(Checked):
     """Consecutive readings of one instrument, n of them, in order of arrival.
 

@@ -4,6 +4,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
+from monochord.core.errors import InputError
 from monochord.core.ranges import Count, SampleRate, checked
 from monochord.core.types import Audio, Block, Window
 from monochord.core.units import Samples
@@ -35,7 +36,7 @@ def windows(blocks: Iterable[Block], *, size: Count, hop: Count, sample_rate: Sa
     Raises
     ------
     InputError
-        If `size` or `hop` is below 1.
+        If `size` or `hop` is below 1, or a block begins before the last one's end or has other channels.
 
     Examples
     --------
@@ -49,6 +50,9 @@ def windows(blocks: Iterable[Block], *, size: Count, hop: Count, sample_rate: Sa
     for block in blocks:
         if tape is None:
             tape = _Tape(block.samples.shape[0], size)
+        if len(block.samples) != len(tape.buffer):
+            given = f"a block of {len(block.samples)} channels after one of {len(tape.buffer)}"
+            raise InputError(given, "blocks of one stream")
         for run, is_gap in _runs(block, tape.end, size):
             tape.append(run)
             if is_gap:
@@ -64,7 +68,7 @@ def _runs(block: Block, end: Samples, longest: Samples) -> Iterator[tuple[Audio,
     """Yield the frames after clock index `end`, lost frames as zeros, in runs of limited length."""
     lost = block.start - end
     if lost < 0:
-        raise ValueError(f"block starts at frame {block.start}, before the previous block's end {end}")
+        raise InputError(f"a block from frame {block.start}", f"{end} or later, where the last one ended")
     zeros = np.zeros((block.samples.shape[0], min(lost, longest)), np.float32)
     for done in range(0, lost, longest):
         yield zeros[:, : lost - done], True

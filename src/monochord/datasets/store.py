@@ -41,7 +41,7 @@ SAMPLED_BLOCKS = 128
 """Number of 1 MiB audio blocks compared with their checksums when a dataset is opened."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Dataset:
     """Windows with labels, in order of session and time.
 

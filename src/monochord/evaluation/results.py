@@ -64,7 +64,7 @@ class Trial:
         return self.noise if self.ratio is None else f"{self.noise} {self.ratio:g} dB"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Results:
     """Estimates beside the truth, one row per window, in order of trial and time.
 

@@ -17,7 +17,7 @@ from monochord.core.reasons import Reason
 from monochord.core.types import StringParams
 from monochord.core.units import Hertz, Metres, Seconds
 from monochord.core.windows import windows
-from monochord.live.listen import source_of
+from monochord.live.listen import Listenable, source_of
 from monochord.live.settings import WindowLength, WindowSettings
 from monochord.perception.tuning import Tuning
 from monochord.perception.tuning.measurement import (
@@ -156,7 +156,7 @@ class SensorAsTuned:
 
 @checked
 def tune(
-    *sources: str | Path | Source,
+    *sources: Listenable,
     sensor: str | Path = "",
     seconds: Positive[Seconds] = SECONDS,
     window: WindowLength = WINDOW.length,
@@ -168,8 +168,8 @@ def tune(
     Parameters
     ----------
     sources
-        Each as for `listen`: a recording, a source's name, or a source object; jack by default. Several
-        sources are takes of one sensor.
+        Each as for `listen`: a recording, a source's name, a source object, a virtual sensor or an array;
+        jack by default. Several sources are takes of one sensor.
     sensor
         The design: a preset's name, or the file of an earlier tuning. Optional where the source provides its
         string, as a session or the twin does.
@@ -181,7 +181,7 @@ def tune(
         The string's length in m from end to end, measured with a ruler; by default the one in the earlier
         file, or else unknown. Models then state positions on a string of this length.
     options
-        Options of the source, such as ``seed=1`` or ``speed=0.0`` for the twin.
+        Options of the source, such as ``seed=1`` or ``speed=0.0`` for the twin; ``sample_rate`` of an array.
 
     Raises
     ------

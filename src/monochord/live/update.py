@@ -25,7 +25,7 @@ from monochord.perception.watching import Condition
 NO_DECISIONS: Mapping[str, bool] = MappingProxyType({})
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Update(Checked, NamedEstimates):
     """All values of a string at one window: `mc.listen` yields it, and a sink takes it.
 

@@ -20,7 +20,7 @@ from monochord.datasets.split import SPLIT_FILE, Split
 from monochord.datasets.store import Dataset, open_dataset, window_starts
 from monochord.perception.features import FEATURES
 from monochord.perception.training.rows import DatasetFeature
-from monochord.physics.sensors import as_sensor
+from monochord.physics.sensors import as_sensor, refuse_other_length
 from monochord.physics.twin import Sensor
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ def features(
     -------
     FeatureRows
         Features (windows, columns) float32 with named `columns`. Row k describes the window that starts at
-        time k `hop`.
+        time k `hop`; it is NaN where a sample of that window is no finite number.
 
     Raises
     ------
@@ -92,7 +92,9 @@ def features(
     rows = np.empty((len(starts), len(extractor.columns)), np.float32)
     for first in range(0, len(starts), BATCH):
         batch = [samples[:, start : start + size] for start in starts[first : first + BATCH].tolist()]
-        rows[first : first + BATCH] = extractor(np.stack(batch))
+        stacked = np.stack(batch)
+        rows[first : first + BATCH] = extractor(stacked)
+        rows[first : first + BATCH][~np.isfinite(stacked).all(axis=(1, 2))] = np.nan
     return FeatureRows(rows, extractor.columns)
 
 
@@ -308,11 +310,17 @@ class LabelledData:
             N. NaN marks a missing label.
         parts
             The name (n,) of each window's part.
+
+        Raises
+        ------
+        InputError
+            For an unknown feature, option or part, or sessions of a string of another length than the
+            sensor's.
         """
-        manifest, rows = self.dataset.manifest, self.rows(part)
-        signal = Signal(
-            sample_rate=manifest.sample_rate, channels=manifest.channels, string=as_sensor(sensor).string
-        )
+        manifest, rows, string = self.dataset.manifest, self.rows(part), as_sensor(sensor).string
+        for length in {part.length or string.length for part in manifest.parts}:
+            refuse_other_length(length, string.length, "sessions of a string", "name their sensor")
+        signal = Signal(sample_rate=manifest.sample_rate, channels=manifest.channels, string=string)
         table = DatasetFeature.prepared(
             self.dataset, signal, feature, options, self.dataset.path / "features"
         )

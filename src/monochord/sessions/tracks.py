@@ -15,7 +15,7 @@ AUDIO, LABELS = "audio", "labels"
 """Names of the streams in every session: the audio and the labels."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class AudioTrack:
     """The microphones' samples (channels, n) float32 from the stream's first frame on.
 
@@ -84,7 +84,7 @@ class AudioTrack:
         return (np.asarray(time) - start) * rate
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ReadingTrack:
     """All readings of an instrument; see `monochord.core.types.Readings` for the arrays."""
 
@@ -119,7 +119,7 @@ class Event:
     data: Mapping[str, Any] = field(default_factory=dict[str, Any])
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ClockTrack:
     """Offsets in s of clocks from the monotonic clock, by name (n,), measured at times (n,)."""
 

@@ -4,6 +4,7 @@ import hashlib
 import json
 import os
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -76,6 +77,7 @@ class SessionWriter(Closing):
         self._file = SessionFile(self.path)
         self._closed = False
         self._pending: list[Block] = []
+        self._end: Samples = 0
         self._counts = {"frames": 0, "dropped": 0, "gaps": 0, "end": 0}
         self._digests: dict[int, Digest] = {}
         self._unflushed = self._chunks = 0
@@ -102,15 +104,21 @@ class SessionWriter(Closing):
 
     @checked
     def audio(self, block: Block) -> None:
-        """Add the next block; consecutive blocks are joined into one message."""
+        """Add the next block, whose array is copied; consecutive blocks are joined into one message.
+
+        Raises `InputError` for a block of other channels, or one that begins before the last one's end.
+        """
         self._refuse_closed()
         if block.samples.shape[0] != self.description.channels:
             given = f"block of {block.samples.shape[0]} channels"
             raise InputError(given, f"{self.description.channels}, as described")
-        before = self._pending
-        if before and (block.dropped or block.start != before[-1].start + before[-1].samples.shape[1]):
+        if block.start < self._end:
+            given = f"a block from frame {block.start}"
+            raise InputError(given, f"{self._end} or later, where the last one ended")
+        if self._pending and (block.dropped or block.start != self._end):
             self._write_audio()
-        self._pending.append(block)
+        self._pending.append(replace(block, samples=block.samples.copy()))
+        self._end = block.start + block.samples.shape[1]
         if (
             sum(each.samples.shape[1] for each in self._pending)
             >= AUDIO_MESSAGE * self.description.sample_rate

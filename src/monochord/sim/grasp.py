@@ -298,12 +298,15 @@ def slip_reflex(first: Newtons = 0.6, factor: float = 1.2, threshold: float = 0.
 
     `first` is the grip at first, in N, and `threshold` the mean estimate of slip of both strings from which
     they hear it; 0.2 suits the world ideal, 0.5 plausible. A changed grip sounds like slip for as long as a
-    window has of it, hence the pauses.
+    window has of it, hence the pauses. Where time goes back, an episode begins, with the grip at first.
     """
-    grip, raised = first, SETTLED
+    grip, raised, now = first, SETTLED, 0.0
 
     def control(state: Grasp) -> Newtons:
-        nonlocal grip, raised
+        nonlocal grip, raised, now
+        if state.time <= now:
+            grip, raised = first, SETTLED
+        now = state.time
         slips = [each.slip.value for each in state.updates if each.slip.valid]
         if slips and np.mean(slips) > threshold and state.time - raised > PAUSE:
             grip, raised = min(grip * factor, MAX_GRIP), state.time

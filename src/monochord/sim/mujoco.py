@@ -262,6 +262,13 @@ class Strings(Mapping[str, SimulatedString]):
         except KeyError:
             raise InputError(f"string '{name}'", f"one of {', '.join(self._strings)}") from None
 
+    def __contains__(self, name: object) -> bool:
+        return name in self._strings
+
+    def get(self, name: str, default: Any = None) -> Any:
+        """Return a string by name, or else the default."""
+        return self._strings.get(name, default)
+
     def __iter__(self) -> Iterator[str]:
         return iter(self._strings)
 

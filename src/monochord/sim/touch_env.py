@@ -1,7 +1,8 @@
 """The Gymnasium environment ``monochord/Touch-v0``, alone and as many at once."""
 
 from collections.abc import Iterable
-from typing import Any
+from operator import index
+from typing import Any, SupportsIndex
 
 import gymnasium
 import numpy as np
@@ -151,7 +152,8 @@ class TouchVectorEnv(VectorEnv[Observation, Audio, NDArray[Any]]):
         A whole `seed` is that of the first one, and each next one has the next number.
         """
         seeds = [seed] * self.num_envs if seed is None else seed
-        seeds = [seeds + number for number in range(self.num_envs)] if isinstance(seeds, int) else seeds
+        if isinstance(seeds, SupportsIndex):
+            seeds = [index(seeds) + number for number in range(self.num_envs)]
         if len(seeds) != self.num_envs:
             raise InputError(
                 f"{len(seeds)} seeds", f"{self.num_envs}, one of each environment, or one number"

@@ -72,18 +72,18 @@ class SkinString(Checked):
 
         Sound tells where a touch divides its string, so a position is taken as a share of the string.
         """
-        return (np.asarray(self.end) - np.asarray(self.start)) / self.loaded.string.length
+        return _kept((np.asarray(self.end) - np.asarray(self.start)) / self.loaded.string.length)
 
     @cached_property
     def direction(self) -> Floats:
         """Unit vector (3,) of a touch's force on the string, across it."""
         axis = _unit(self.along)
         press = _unit(self.press)
-        return _unit(press - (axis @ press) * axis)
+        return _kept(_unit(press - (axis @ press) * axis))
 
-    def at(self, position: Metres) -> Floats:
-        """Return the point (3,) of the link at a position from pickup 1."""
-        return np.asarray(self.start) + position * self.along
+    def at(self, position: Metres | Floats) -> Floats:
+        """Return the point (3,) of the link at a position from pickup 1, or points (n, 3) at n positions."""
+        return np.asarray(self.start) + np.multiply.outer(position, self.along)
 
     def check(self, name: str) -> None:
         """Raise `InputError` for ends or a press that no string has; `name` is the string's."""
@@ -172,6 +172,12 @@ def _unit(vector: ArrayLike) -> Floats:
     """Return a vector (3,) at length 1; any but zero, however small or large."""
     scaled = np.asarray(vector) / np.abs(vector).max()
     return scaled / np.linalg.norm(scaled)
+
+
+def _kept(vector: Floats) -> Floats:
+    """Return a vector that is read again and again, and that nobody can write to."""
+    vector.flags.writeable = False
+    return vector
 
 
 def _shown(place: Place | Direction) -> str:

@@ -16,6 +16,7 @@ from monochord.live.listen import Answering, Listenable, live_run
 from monochord.live.loop import opened
 from monochord.live.settings import LiveRun, StringSettings, channels_of
 from monochord.live.update import Update
+from monochord.physics.twin.virtual_sensors import VirtualSensors
 from monochord.skin.geometry import Neighbours, SkinString, neighbours
 from monochord.skin.update import SkinContact, SkinUpdate, contact_of
 from monochord.skin.urdf import refuse_other_link
@@ -160,6 +161,9 @@ class Skin(Checked):
         >>> [contact.string for contact in update.contacts], update.contacts[0].point.round(3).tolist()
         (['top'], [0.09, 0.0, 0.02])
         """
+        if isinstance(source, VirtualSensors) and len(source) != len(self.strings):
+            given = f"{len(source)} virtual sensors"
+            raise InputError(given, f"{len(self.strings)}, one for each of {', '.join(self.strings)}")
         setup = live_run(source, model, seconds, hop, window, "", "", options, self.settings)
         return self._updates(setup)
 

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from tests.perception.windows import RATE, SIZE, cut
 from tests.physics.twin.built import planned
 
+import monochord as mc
 from monochord.core.errors import InputError
 from monochord.core.reasons import Reason
 from monochord.core.types import Audio, Block, Floats, Signal, StringParams, Window
@@ -339,3 +340,11 @@ def test_what_cannot_be_tuned_is_refused() -> None:
         Tuner.of(Signal(sample_rate=RATE, channels=3, string=PROTOTYPE), SIZE)
     with pytest.raises(InputError, match="frames"):
         Tuner.of(Signal(sample_rate=RATE, channels=2, string=PROTOTYPE), 300)
+
+
+def test_a_virtual_sensor_and_an_array_are_tuned_as_a_recording_is() -> None:
+    twin = mc.VirtualSensor("prototype", seed=1)
+    sound, _ = twin.advance(1.5)
+    by_array = mc.tune(sound[:, 4410:], sensor="prototype", seconds=1.0, sample_rate=44100)
+    assert abs(by_array.deviation) < 2e-3
+    assert abs(mc.tune(twin, seconds=1.0).deviation - by_array.deviation) < 2e-3

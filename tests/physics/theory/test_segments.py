@@ -126,3 +126,8 @@ def test_step_limit_is_the_courant_condition() -> None:
 def test_what_cannot_be_is_refused(wrong: Callable[[], object]) -> None:
     with pytest.raises(InputError):
         wrong()
+
+
+def test_arrays_that_do_not_fit_together_are_refused() -> None:
+    with pytest.raises(InputError, match=r"locate from segments.* of one shape"):
+        locate_from_segments(0.2, np.ones(3), np.ones(2))

@@ -168,15 +168,14 @@ def test_a_slide_leaves_the_press_going_on_and_a_change_the_slide() -> None:
 
 def test_the_ninth_object_takes_the_place_of_one_that_is_up() -> None:
     sensor = VirtualSensor(seed=1)
-    held = sensor.press(0.06, 0.5)
-    for tap in range(8):
-        number = sensor.press(0.12, 0.8)
-        assert sensor.advance(0.15)[1]["contacts"][-1] == 2, tap
-        sensor.release(number)
+    numbers = [sensor.press(0.06, 0.5)]
+    for _ in range(8):
+        numbers.append(sensor.press(0.12, 0.8))
+        assert sensor.advance(0.15)[1]["contacts"][-1] == 2
+        sensor.release(numbers[-1])
         sensor.advance(0.15)
-    assert held == 0
-    assert number == 1
-    number = sensor.press(0.1, 0.8)
+    assert numbers == [0, 1, 2, 3, 4, 5, 6, 7, 1]
+    sensor.press(0.1, 0.8)
     sensor.advance(0.15)
     sensor.change(1.4)  # the last one's
     _, labels = sensor.advance(0.1)

@@ -1,6 +1,7 @@
 """Virtual sensors touched from Python, one or several; not available on the command line."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,21 +54,22 @@ class VirtualSensorsSource(Source):
 
 
 class _Clock:
-    """The frames of a stream by a virtual sensor's time, which may have gone on, or back, between blocks."""
+    """The frames of a stream by its sensors' times, each of which may go on, or back, between blocks."""
 
-    def __init__(self, sensor: VirtualSensor, sample_rate: int) -> None:
-        self._sensor, self._rate = sensor, sample_rate
-        self._origin = self._now
+    def __init__(self, sensors: Sequence[VirtualSensor], sample_rate: int) -> None:
+        self._sensors, self._rate = sensors, sample_rate
+        self._origins = self._now
 
     @property
-    def _now(self) -> Samples:
-        return round(self._sensor.time * self._rate)
+    def _now(self) -> list[Samples]:
+        return [round(sensor.time * self._rate) for sensor in self._sensors]
 
     def lost(self, start: Samples) -> Samples:
         """Return how many frames are lost before the next one, which is frame `start` otherwise."""
-        lost = self._now - self._origin - start
-        if lost < 0:
-            self._origin, lost = self._now - start - 1, 1
+        now = self._now
+        ahead = [at - origin - start for at, origin in zip(now, self._origins, strict=True)]
+        lost = max(*ahead, 1 if min(ahead) < 0 else 0)
+        self._origins = [at - start - lost for at in now]
         return lost
 
 
@@ -78,7 +80,7 @@ class _SensorStream(PacedStream):
         signal = with_sensor(Signal(sample_rate=rate, channels=2, sensor=identity), sensor.design)
         end = round(options.seconds * rate) if options.seconds < math.inf else math.inf
         super().__init__(signal, block=options.block, speed=0.0, end=end)
-        self._sensor, self._clock = sensor, _Clock(sensor, rate)
+        self._sensor, self._clock = sensor, _Clock([sensor], rate)
         self._labels = LabelMemory(LABELS, rate)
 
     def truth(self, start: Samples, stop: Samples) -> Truth:
@@ -103,7 +105,7 @@ class _SensorsStream(PacedStream):
         end = round(options.seconds * rate) if options.seconds < math.inf else math.inf
         signal = Signal(sample_rate=rate, channels=2 * len(sensors))
         super().__init__(signal, block=options.block, speed=0.0, end=end)
-        self._sensors, self._clock = sensors, _Clock(sensors[0], rate)
+        self._sensors, self._clock = sensors, _Clock(sensors, rate)
 
     def _lost(self) -> Samples:
         return self._clock.lost(self._start)

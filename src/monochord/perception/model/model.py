@@ -49,7 +49,7 @@ MAX_RETUNING = 0.12
 """Largest relative deviation of a string's pitch from the training's, if that is known."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Model(Checked):
     """A trained model: `predict` estimates a whole sound, `step` a single window.
 

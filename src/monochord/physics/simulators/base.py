@@ -32,7 +32,7 @@ class Case:
     assignments: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Sound:
     """The result of a simulation.
 

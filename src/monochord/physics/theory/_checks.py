@@ -29,6 +29,11 @@ def representable(function: Callable[P, R]) -> Callable[P, R]:
             raise InputError(
                 f"{name} of numbers this extreme", "numbers whose result a float holds"
             ) from error
+        except ValueError as error:
+            if isinstance(error, InputError):
+                raise
+            given = f"arrays for {function.__name__.replace('_', ' ')} that do not fit together"
+            raise InputError(given, "numbers, or arrays of one shape") from error
 
     return in_range
 

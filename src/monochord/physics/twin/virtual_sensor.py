@@ -98,7 +98,8 @@ class VirtualSensor:
     Attributes
     ----------
     design, sensor
-        The sensor as designed, and this build of it; `sensor.measured_length` is what a ruler says.
+        The sensor as designed, and this build of it; `sensor.measured_length` is what a ruler says, None
+        where nobody measured.
 
     Raises
     ------
@@ -497,7 +498,7 @@ class VirtualSensor:
 def lead_together(
     sensors: Sequence[VirtualSensor], step: Seconds, values: Sequence[Sequence[ArrayLike]]
 ) -> None:
-    """Lead the objects of sensors, each by its values in the order of `VirtualSensor.lead`, or none of them."""
+    """Lead the objects of all sensors, each by values in the order of `VirtualSensor.lead`, or of none."""
     motions = [each._led(step, *own) for each, own in zip(sensors, values, strict=True)]  # noqa: SLF001
     for each, led_by in zip(sensors, motions, strict=True):
         for number, motion in enumerate(led_by):

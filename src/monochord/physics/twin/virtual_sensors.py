@@ -14,7 +14,13 @@ from monochord.core.shapes import numbers
 from monochord.core.types import Audio, Floats
 from monochord.core.units import Seconds
 from monochord.physics.setup import Sensor
-from monochord.physics.twin.virtual_sensor import MAX_SECONDS, Snapshot, VirtualSensor, advance_together, lead_together
+from monochord.physics.twin.virtual_sensor import (
+    MAX_SECONDS,
+    Snapshot,
+    VirtualSensor,
+    advance_together,
+    lead_together,
+)
 from monochord.physics.twin.world import World
 
 
