@@ -3,6 +3,8 @@
 The lines of the table name what was given, or what was expected instead of it.
 """
 
+import subprocess
+import sys
 from collections.abc import Callable
 from importlib import resources
 from pathlib import Path
@@ -13,6 +15,7 @@ import soundfile
 from tests.cli.running import Capture, records, refusal
 
 from monochord.cli import run
+from monochord.core.ownership import part_folder
 from monochord.core.types import Block, Floats
 from monochord.physics.strings import load_string
 from monochord.sessions import Description, SessionClock, SessionWriter
@@ -434,3 +437,19 @@ def test_no_jack_server_is_one_line(monkeypatch: pytest.MonkeyPatch, capfd: Capt
     assert captured.out == ""
     assert captured.err.count("\n") == 1
     assert "jackd" in captured.err
+
+
+def test_a_working_directory_that_was_removed_is_named(tmp_path: Path) -> None:
+    code = "import os, sys; os.rmdir(os.getcwd()); from monochord.cli import run; sys.exit(run(sys.argv[1:]))"
+    words = ["simulate", "appendix", "--seconds", "0.1", "--out", "touch.wav"]
+    (tmp_path / "gone").mkdir()
+    python = [sys.executable, "-c", code, *words]
+    done = subprocess.run(python, cwd=tmp_path / "gone", capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith("monochord: a working directory that was removed")
+
+
+def test_a_folder_that_cannot_be_written_is_named_and_not_its_lock() -> None:
+    with pytest.raises(OSError, match="/proc/dataset'") as refused, part_folder(Path("/proc/dataset")):
+        pass
+    assert refused.value.filename == "/proc/dataset"

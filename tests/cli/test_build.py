@@ -46,7 +46,7 @@ def test_a_table_by_part_and_object(sessions: Path, tmp_path: Path, capsys: Capt
     assert run(["build", str(sessions), "--out", str(out), *options]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith(f"{out}, simulated: 320 windows of 4 sessions")
-    assert lines[-2].split() == ["test", "wood", "40", "0", "40", "0", "0"]
+    assert lines[-2].split() == ["test", "wood", "40", "0", "0", "40", "0", "0"]
     assert len(open_dataset(out)) == 320
 
 
@@ -101,6 +101,10 @@ def test_a_leak_fails(sessions: Path, tmp_path: Path, capsys: Capture) -> None:
     assert re.search(r"leak: .*take1 and take9", captured.out)
     assert captured.err.count("\n") == 1
     assert run(["audit", str(tmp_path / "out")]) == 2
+    few = ["--set", "heads={contact={}}", "--set", "methods=['ridge']"]
+    line = refusal(capsys, "train", "--dataset", tmp_path / "out", "--out", tmp_path / "run", *few)
+    assert "split with a leak" in line
+    assert not (tmp_path / "run").exists()
 
 
 def test_an_interrupt_within_the_audit_leaves_nothing(

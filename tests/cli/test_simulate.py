@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import soundfile
-from tests.cli.running import Capture, record
+from tests.cli.running import Capture, record, refusal
 
 from monochord import cli
 
@@ -39,6 +39,8 @@ def test_both_microphones_are_written(tmp_path: Path, capsys: Capture, suffix: s
     result = record(capsys, "simulate", "appendix", *options, "--out", out)
     frames, rate = soundfile.read(out)
     assert (frames.shape, rate, result["gain"]) == ((8820, 2), 44100, 1.0)
+    assert "already exists" in refusal(capsys, "simulate", "appendix", "--out", out)
+    assert np.array_equal(soundfile.read(out)[0], frames)
     assert np.abs(frames).max(axis=0) == pytest.approx([0.24, 0.24], abs=0.12)
 
 

@@ -201,7 +201,7 @@ def test_what_can_be_split_is_not_refused() -> None:
 
 def test_every_window_is_of_one_kind_and_the_table_adds_up_to_the_split(several: Dataset) -> None:
     # 12 s of 0.1 s each: half untouched; every touch is a second, and every other one slides for half of it
-    counts = {"static": 450, "slip": 150, "no contact": 600, "transition": 0, "masked": 0}
+    counts = {"static": 450, "slip": 150, "touched": 0, "no contact": 600, "transition": 0, "masked": 0}
     assert several.manifest.counts == {**counts, "clipped": 0}
     split = split_dataset(several, by="object", fractions=(0.8, 0.0, 0.2), held_out=["wood"])
     table = table_of(several, split)

@@ -218,3 +218,11 @@ def test_an_impossible_folder_is_refused_and_a_possible_one_not_made(oracle: Ora
     refuse_unwritable(tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
     assert (tmp_path / "file").read_text() == "precious"
+
+
+def test_an_earlier_evaluation_is_replaced_by_force_alone(tmp_path: Path) -> None:
+    (tmp_path / TABLE).write_text("precious")
+    with pytest.raises(InputError, match=rf"already has {TABLE}.*--force"):
+        refuse_unwritable(tmp_path)
+    refuse_unwritable(tmp_path, force=True)
+    assert (tmp_path / TABLE).read_text() == "precious"

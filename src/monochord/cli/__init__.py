@@ -213,6 +213,8 @@ def _verdict(error: click.ClickException | MonochordError | OSError, arguments: 
         case OSError() if error.errno in _NOT_WRITTEN:
             given = f"{error.filename or 'output'} ({error.strerror})"
             return str(InputError(given, "a disk with enough free space", _REMEDY_FULL)), 2
+        case FileNotFoundError(filename=None):  # os.getcwd() had nothing to return
+            return str(InputError("a working directory that was removed", "an existing one", "cd to one")), 2
         case OSError(filename=None):
             raise error
         case OSError():

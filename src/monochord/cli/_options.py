@@ -369,11 +369,11 @@ def refuse_unwritable(path: Path, suffixes: Iterable[str]) -> None:
         raise InputError(f"file '{path}'", "a file in an existing folder", f"create '{path.parent}' first")
 
 
-def refuse_existing(*paths: Path, force: bool) -> None:
+def refuse_existing(*paths: Path, force: bool = False, remedy: str = "replace it with --force") -> None:
     """Refuse to replace a file without --force."""
     for path in paths:
         if path.exists() and not force:
-            raise InputError(f"file '{path}', which already exists", "a new file", "replace it with --force")
+            raise InputError(f"file '{path}', which already exists", "a new file", remedy)
 
 
 def refuse_own_design(path: Path, sensor: str) -> None:

@@ -170,5 +170,5 @@ def sound_written(path: Path) -> Generator[None]:
     except soundfile.LibsndfileError as error:
         given = f"file {path} ({error.error_string.rstrip('.')})"
         raise InputError(
-            given, "a disk with enough free space", "free space there, or write elsewhere"
+            given, "a file that can be written", "free space there, or write elsewhere"
         ) from error

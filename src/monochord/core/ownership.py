@@ -54,7 +54,10 @@ def _owned(file: Path, folder: Path, *, anywhere: bool) -> Generator[None]:
 def _locked(file: Path, folder: Path, *, anywhere: bool) -> int:
     """Return the descriptor of a locked file; raises `InputError` where another process holds the lock."""
     while True:
-        number = os.open(file, os.O_RDWR | os.O_CREAT, 0o666)
+        try:
+            number = os.open(file, os.O_RDWR | os.O_CREAT, 0o666)
+        except OSError as error:  # a person knows the folder, not its lock
+            raise OSError(error.errno, error.strerror, str(folder)) from error
         try:
             fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:

@@ -9,8 +9,8 @@ from monochord.core.types import Flags, Floats
 from monochord.datasets.split import Split
 from monochord.datasets.store import Dataset
 
-KINDS = ("static", "slip", "no contact", "transition", "masked")
-"""Touched at rest; touched and sliding; untouched; onset or end of a touch; uncertain."""
+KINDS = ("static", "slip", "touched", "no contact", "transition", "masked")
+"""Touched at rest; sliding; touched, slip unknown; untouched; onset or end of a touch; uncertain."""
 
 
 def kinds(dataset: Dataset) -> NDArray[np.int8]:
@@ -28,23 +28,24 @@ def kinds_of(labels: Mapping[str, Floats], usable: Flags) -> NDArray[np.int8]:
     ...     "transition": np.array([0.0, 0.0, 0.0, 1.0, nan, 0.0]),
     ... }
     >>> [KINDS[kind] for kind in kinds_of(labels, np.ones(6, dtype=bool))]
-    ['static', 'slip', 'no contact', 'transition', 'masked', 'masked']
+    ['static', 'slip', 'no contact', 'transition', 'masked', 'touched']
     """
     contact, slip, transition = (labels[name] for name in ("contact", "slip", "transition"))
     is_kind = [
         (contact == 1.0) & (slip == 0.0),
         (contact == 1.0) & (slip == 1.0),
+        contact == 1.0,
         contact == 0.0,
         transition == 1.0,
     ]
-    return np.select([each & usable for each in is_kind], [0, 1, 2, 3], 4).astype(np.int8)
+    return np.select([each & usable for each in is_kind], range(5), 5).astype(np.int8)
 
 
 def counts_of(kind: NDArray[np.int8]) -> dict[str, int]:
     """Return the number of windows of each kind.
 
-    >>> counts_of(np.array([0, 0, 4], np.int8))
-    {'static': 2, 'slip': 0, 'no contact': 0, 'transition': 0, 'masked': 1}
+    >>> counts_of(np.array([0, 0, 5], np.int8))
+    {'static': 2, 'slip': 0, 'touched': 0, 'no contact': 0, 'transition': 0, 'masked': 1}
     """
     counts = np.bincount(kind, minlength=len(KINDS)).tolist()
     return dict(zip(KINDS, counts, strict=True))

@@ -92,7 +92,7 @@ def replay_conditions(
 
 
 def write(folder: Path, evaluation: Evaluation, draw: Draw = lambda *_: {}) -> None:
-    """Write results, their table, the scores and the report into a new folder.
+    """Write results, their table, the scores and the report into a folder, in place of earlier ones.
 
     Parameters
     ----------
@@ -122,8 +122,15 @@ def write(folder: Path, evaluation: Evaluation, draw: Draw = lambda *_: {}) -> N
         write_text(folder / name, text)
 
 
-def refuse_unwritable(folder: Path) -> None:
-    """Raise `InputError` for a folder that cannot be created, and leave no folder behind."""
+def refuse_unwritable(folder: Path, *, force: bool = False) -> None:
+    """Raise `InputError` for a folder that cannot be created, and leave no folder behind.
+
+    Without `force`, so is one that already holds what `write` would replace.
+    """
+    there = [name for name in (PAGE, SCORES, RESULTS, TABLE) if (folder / name).exists()]
+    if there and not force:
+        given = f"folder {folder}, which already has {', '.join(there)}"
+        raise InputError(given, "a new folder", "choose another name, or replace them with --force")
     made: list[Path] = []
     try:
         for each in (*reversed(folder.parents), folder):

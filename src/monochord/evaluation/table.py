@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 HEADS = ("windows", "answered", "error", "<= 5 mm", "r", "error", "<= 0.2 N", "r", "contact", "slip area")
 WIDTHS = (9, 10, 10, 9, 7, 10, 10, 7, 9, 11)
-"""Columns of the table as text."""
+"""Columns of the table as text, and their least widths."""
 LABELS = ("object", "condition", "estimator")
 NUMBERS = (
     "windows", "answered", "position_error", "position_within", "position_r", "force_error", "force_within",
@@ -58,14 +58,13 @@ class Scores(Sequence[Mapping[str, Any]]):
     def lines(self) -> list[str]:
         """Return the table as text lines, header first."""
         table = self._texts()
-        widths = [max(len(row[column]) for row in table) for column in range(len(LABELS))]
+        longest = [max(map(len, column)) for column in zip(*table, strict=True)]
+        numbers = [max(size + 2, width) for size, width in zip(longest[len(LABELS) :], WIDTHS, strict=True)]
         lines: list[str] = []
         for row in table:
-            names = "  ".join(f"{text:<{width}}" for text, width in zip(row, widths, strict=False))
-            numbers = "".join(
-                f"{text:>{width}}" for text, width in zip(row[len(LABELS) :], WIDTHS, strict=True)
-            )
-            lines.append(f"  {names}{numbers}")
+            names = [f"  {text:<{width}}" for text, width in zip(row[: len(LABELS)], longest, strict=False)]
+            cells = zip(row[len(LABELS) :], numbers, strict=True)
+            lines.append("".join([*names, *(f"{text:>{width}}" for text, width in cells)]))
         return lines
 
     def to_pandas(self) -> "pd.DataFrame":

@@ -18,7 +18,7 @@ from monochord.core.config import Tree, from_tree, to_tree
 from monochord.core.errors import InputError
 from monochord.core.identity import SensorIdentity
 from monochord.core.notebook import lines
-from monochord.core.ranges import Checked, checked
+from monochord.core.ranges import Checked, Finite, checked
 from monochord.core.types import Feed, Floats, StringParams
 from monochord.core.units import Metres, Seconds
 from monochord.sessions.bounds import MAX_COLUMNS, MAX_DURATION, MAX_SAMPLE_RATE, MAX_STREAMS, json_object
@@ -98,7 +98,7 @@ class Description(Checked):
     object: str = ""
     material: str = ""
     radius: Metres | None = None
-    preamp_gains: tuple[float, ...] = ()
+    preamp_gains: tuple[Finite[float], ...] = ()
     day: int | None = None
     build: int | None = None
     seed: int | None = None

@@ -17,7 +17,7 @@ from monochord.capture.sources import SOURCES
 from monochord.capture.sources.base import Source
 from monochord.core.config import Tree, from_tree, to_tree
 from monochord.core.errors import InputError
-from monochord.core.ranges import Checked, NonNegative
+from monochord.core.ranges import Checked, Finite, NonNegative
 from monochord.core.types import Feed, Signal
 from monochord.core.units import Metres, Seconds
 from monochord.physics.sensors import load_sensor, sensor_tuning
@@ -54,7 +54,7 @@ class RecordingSubject:
     material: str = ""
     radius: Metres | None = None
     sensor: str = ""
-    preamp_gains: tuple[float, ...] = ()
+    preamp_gains: tuple[Finite[float], ...] = ()
     simulated: bool = False
     day: int | None = None
     plan: str = ""

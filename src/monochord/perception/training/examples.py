@@ -205,7 +205,8 @@ def chosen(dataset: Dataset, rows: Indices, tasks: Mapping[str, Task], part: str
             kind = "windows of both classes" if task.is_probability else "windows"
             given = f"part '{part}' without {kind} for the head '{name}'"
             allowed = "windows with 0 and with 1" if task.is_probability else "one window or more"
-            raise InputError(given, allowed, "collect more, or leave the head out")
+            others = ", ".join(f"{other}={{}}" for other in tasks if other != name)
+            raise InputError(given, allowed, f"collect more, or leave the head out: 'heads={{{others}}}'")
     counts: Flags = np.logical_or.reduce(list(masks.values()))
     return np.sort(rows[counts[rows]])
 

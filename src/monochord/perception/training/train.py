@@ -14,6 +14,7 @@ from monochord.core.config import to_tree
 from monochord.core.installing import installation
 from monochord.core.ownership import sole_use
 from monochord.core.types import Floats, Indices, Progress, Signal
+from monochord.datasets.audit import audit
 from monochord.datasets.hearing import heard
 from monochord.datasets.split import Split
 from monochord.datasets.store import Dataset, open_dataset
@@ -135,6 +136,7 @@ def train(
         summary_writer()
     dataset = open_dataset(settings.dataset)
     split = read_split(settings, dataset)
+    audit(dataset, split).refuse_leaks()
     data = training_data(settings, dataset, split, workers=workers, cluster=cluster)
     for name in ("train", "validation"):
         chosen(dataset, split.parts[name], data.tasks, name)  # refuses before anything is written
