@@ -107,6 +107,22 @@ def test_what_is_out_of_range_is_moved_into_it_and_what_is_no_number_refused() -
                 controls.change(name, value)
 
 
+def test_an_object_pressed_at_an_end_comes_as_near_as_it_can() -> None:
+    with SOURCES.build("twin", {**FAST, "seed": 3, "materials": ["metal_tube", "plastic"]}).open() as stream:
+        controls, blocks = opened(stream)
+        take(blocks, 10)
+        for material, nearest in (("metal_tube", 5.4e-3), ("plastic", 4.1e-3)):  # the tube is 2.6 mm wide
+            controls.change("material", material)
+            for position, place in ((1e-3, nearest), (0.2, 0.19793 - nearest)):
+                controls.touch(Contact(position=position, force=1.2))
+                take(blocks, 20)
+                controls.change("tuning", "+3 %")
+                assert truth(stream, take(blocks, 20))["position"] == pytest.approx(place, abs=3e-4)
+                controls.change("tuning", "as built")
+                controls.release()
+                take(blocks, 20)
+
+
 def test_settings_are_what_was_chosen() -> None:
     with SOURCES.build("twin", FAST).open() as stream:
         controls, blocks = opened(stream)

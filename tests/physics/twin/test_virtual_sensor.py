@@ -231,3 +231,14 @@ def test_sensors_are_led_all_or_none() -> None:
     with pytest.raises(InputError, match="force 11"):
         sensors.lead(STEP, position=0.08, force=np.array([[[1.0]], [[11.0]]]))
     assert not sensors.advance(0.2)[1]["contact"].any()
+
+
+def test_a_wide_object_off_the_string_is_refused_when_it_is_pressed() -> None:
+    sensor = VirtualSensor(world="plausible", build=3, seed=3)  # its metal tube is 2.6 mm wide
+    with pytest.raises(InputError, match="a touch at"):
+        sensor.press(0.005, 1.0, material="metal_tube")
+    sensor.press(0.006, 1.0, material="metal_tube")
+    assert sensor.advance(0.2)[1]["contact"][-1] == 1.0
+    with pytest.raises(InputError, match="a touch at"):
+        sensor.slide(1.0, along=-0.001)
+    assert sensor.advance(0.1)[1]["contact"][-1] == 1.0

@@ -11,7 +11,8 @@ from monochord.core.errors import InputError, did_you_mean
 from monochord.core.types import Contact
 from monochord.core.units import Metres, MetresPerSecond, Newtons, Seconds
 from monochord.physics.materials import load_material
-from monochord.physics.setup import Key, Touch
+from monochord.physics.setup import Key, Sensor, Touch
+from monochord.physics.twin.ends import lengthened, reach
 from monochord.physics.twin.world import World, plausible_touch
 
 FORCES: tuple[Newtons, Newtons] = (0.05, 2.5)
@@ -135,10 +136,13 @@ class TouchRequests(Controls):
 
 
 class HandledObject:
-    """The object that follows `TouchRequests`; `seed` draws its mount and surface in a plausible `world`."""
+    """The object that follows `TouchRequests`; `seed` draws its mount and surface in a plausible `world`.
 
-    def __init__(self, requests: TouchRequests, seed: int, world: World) -> None:
-        self._requests, self._seed = requests, seed
+    It stays on the string of `sensor`: near an end, a wide one as near as it comes.
+    """
+
+    def __init__(self, requests: TouchRequests, sensor: Sensor, seed: int, world: World) -> None:
+        self._requests, self._sensor, self._seed = requests, lengthened(sensor), seed
         self._world: World = world
         self._touch: Touch | None = None
         self._number: int | None = None
@@ -167,16 +171,22 @@ class HandledObject:
 
     def _bring(self, time: Seconds, number: int, contact: Contact, material: str) -> tuple[Touch, ...]:
         self._number, self._lifting, self._changed = number, False, time
-        above = Key(time=time, position=contact.position, clearance=HEIGHT)
-        down = Key(time=time + HEIGHT / APPROACH, position=contact.position)
+        drawn = Touch(material=load_material(material), motion=(Key(time=time, position=contact.position),), rolls=False)
+        touch = plausible_touch(drawn, self._seed, world=self._world)
+        above = Key(time=time, position=self._reached(contact.position, touch), clearance=HEIGHT)
+        down = replace(above, time=time + HEIGHT / APPROACH, clearance=0.0)
         pressed = replace(down, time=down.time + PRESS, force=contact.force)
-        touch = Touch(material=load_material(material), motion=(above, down, pressed), rolls=False)
-        self._touch = plausible_touch(touch, self._seed, world=self._world)
+        self._touch = replace(touch, motion=(above, down, pressed))
         return (self._touch,)
+
+    def _reached(self, position: Metres, touch: Touch) -> Metres:
+        """Return the place nearest to `position` that an object of this width reaches, however tuned."""
+        low, high = reach(self._sensor, touch.law.width)
+        return float(np.clip(position, low + STEP, high - STEP))
 
     def _lead(self, time: Seconds, now: Key, contact: Contact) -> tuple[Touch, ...] | None:
         assert self._touch is not None
-        goal, last = self._goal(now, contact), self._touch.motion[-1]
+        goal, last = self._goal(now, contact, self._touch), self._touch.motion[-1]
         still = abs(goal.position - last.position) < STEP and abs(goal.force - last.force) < FORCE_STEP
         if (still and abs(goal.across - last.across) < ACROSS_STEP) or time < self._changed + PAUSE:
             return None
@@ -184,9 +194,10 @@ class HandledObject:
         there = replace(goal, time=down.time + (FOLLOW if now.clearance == 0.0 else PRESS))
         return self._go_on(time, now, *([down] if now.clearance > 0.0 else []), there)
 
-    def _goal(self, now: Key, contact: Contact) -> Key:
-        reach = MAX_SPEED * FOLLOW
-        position = float(np.clip(contact.position, now.position - reach, now.position + reach))
+    def _goal(self, now: Key, contact: Contact, touch: Touch) -> Key:
+        way = MAX_SPEED * FOLLOW
+        position = np.clip(contact.position, now.position - way, now.position + way)
+        position = self._reached(position, touch)
         return Key(time=now.time, position=position, force=contact.force, across=contact.slip_velocity)
 
     def _go_on(self, time: Seconds, *keys: Key) -> tuple[Touch, ...]:

@@ -11,12 +11,11 @@ from monochord.core.types import Contact, StringParams
 from monochord.core.units import Metres, MetresPerSecond, Newtons, Samples, Seconds
 from monochord.physics.materials import load_material
 from monochord.physics.twin import Touch
+from monochord.physics.twin.ends import NEAREST
 from monochord.physics.twin.trajectory import TRAVEL_HEIGHT, Trajectory, Waypoint, trajectory
 
 SLIDE_RAMP: Seconds = 0.02
 """Time for a slide to reach its speed, in s."""
-EDGE = 0.02
-"""Share of the string's length at each end that cannot be touched."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,7 +99,7 @@ class ScriptedTouch:
         if self.moves and shortest > self.seconds:
             allowed = f"{shortest:g} s or more"
             raise InputError(f"{where}: seconds {self.seconds:g}", allowed, "or a shorter moving")
-        edge = EDGE * length
+        edge = NEAREST * length
         for position in (self.position, self.position + self.along * self.moving):
             if not edge <= position <= length - edge:
                 raise InputError(f"{where}: position {position:g} m", f"{edge:g} to {length - edge:g} m")

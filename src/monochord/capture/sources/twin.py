@@ -15,7 +15,7 @@ from monochord.capture.sources._audio_file import open_audio
 from monochord.capture.sources._hand import HandledObject, TouchRequests
 from monochord.capture.sources._labels import LabelMemory
 from monochord.capture.sources._paced_stream import PacedStream
-from monochord.capture.sources._script import EDGE, ScriptedTouch, draw_touches, twin_changes
+from monochord.capture.sources._script import ScriptedTouch, draw_touches, twin_changes
 from monochord.capture.sources.base import Controls, Source
 from monochord.core.errors import InputError
 from monochord.core.identity import SensorIdentity
@@ -26,6 +26,7 @@ from monochord.physics.materials import load_material, material_names
 from monochord.physics.sensors import load_sensor, with_sensor
 from monochord.physics.theory import TensionLaw
 from monochord.physics.twin import Labels, Outside, Pluck, Scene, Sensor, Touch, Twin, advance, begin, retouch
+from monochord.physics.twin.ends import NEAREST
 from monochord.physics.twin.outside import outside_at
 from monochord.physics.twin.world import World, plausible_touch, sensor_of
 
@@ -171,10 +172,10 @@ class _TwinStream(PacedStream):
         self._changes = _with_effects(self._changes, options.seed, options.world)
         self._change = next(self._changes, None)
         self._ahead: Audio = np.zeros((2, 0), dtype=np.float32)
-        edge = EDGE * length
+        edge = NEAREST * length
         others = [name for name in material_names() if name not in options.materials]
         self._requests = TouchRequests((edge, length - edge), (*options.materials, *others))
-        self._object = HandledObject(self._requests, options.seed, options.world)
+        self._object = HandledObject(self._requests, sensor, options.seed, options.world)
         self._by_hand = False
         self._built, self._retuned = sensor, 0.0
         self._noise = AddedNoise(rate, options.seed)

@@ -21,6 +21,9 @@ from monochord.physics.setup import End, Sensor
 from monochord.physics.theory import bending_stiffness
 from monochord.physics.twin.records import OMEGA2_BENDING, OMEGA2_TENSION, TABLE_PLACES
 
+NEAREST = 0.02
+"""How near to an end of the string a touch comes, as a share of its length."""
+
 
 def lengthened(sensor: Sensor) -> Sensor:
     """Return the sensor that the scheme computes: rigid ends, between which the string is longer.
@@ -42,6 +45,13 @@ def lengthened(sensor: Sensor) -> Sensor:
 def offset_of(sensor: Sensor) -> Metres:
     """Return how far before pickup 1 the scheme's string begins."""
     return sensor.string.tension * sensor.ends[0].compliance
+
+
+def reach(longer: Sensor, width: Metres = 0.0) -> tuple[Metres, Metres]:
+    """Return the first and the last place, from pickup 1, of a touch of this width on a `lengthened` sensor."""
+    length, offset = longer.string.length, offset_of(longer)
+    edge = NEAREST * length + 0.5 * width
+    return edge - offset, length - edge - offset
 
 
 def end_shifts(string: StringParams, end: End, omega: Floats) -> np.ndarray:

@@ -33,7 +33,7 @@ from monochord.physics.theory import (
     static_compliance,
     stretch_stiffness,
 )
-from monochord.physics.twin.ends import end_shifts, lengthened, offset_of
+from monochord.physics.twin.ends import end_shifts, lengthened, offset_of, reach
 from monochord.physics.twin.plausible import plausible_of
 from monochord.physics.twin.rate import RatePlan, mode_frequencies, padded, plan, touch_weights
 from monochord.physics.twin.records import (
@@ -595,11 +595,10 @@ def _exact(string: StringParams, chosen: RatePlan, step: float) -> Floats:
 
 
 def _refuse_outside(touch: Touch, sensor: Sensor) -> None:
-    length = sensor.string.length
-    edge = 0.02 * length + 0.5 * touch.law.width
+    low, high = reach(sensor, touch.law.width)
     for key in touch.motion:
-        if not edge <= key.position + offset_of(sensor) <= length - edge:
-            raise InputError(f"a touch at {key.position:g} m", f"{edge:g} to {length - edge:g} m")
+        if not low <= key.position <= high:
+            raise InputError(f"a touch at {key.position:g} m", f"{low:g} to {high:g} m")
 
 
 def _blur(length: float, width: float, count: int) -> Floats:

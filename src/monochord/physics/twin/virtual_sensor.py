@@ -21,6 +21,7 @@ from monochord.physics.materials import load_material
 from monochord.physics.sensors import as_sensor
 from monochord.physics.setup import MAX_TOUCHES, Key, Material, Pluck, Scene, Sensor, Touch
 from monochord.physics.theory import open_frequency
+from monochord.physics.twin.ends import lengthened, reach
 from monochord.physics.twin.stream import (
     KEY_COLUMNS,
     Labels,
@@ -134,6 +135,7 @@ class VirtualSensor:
         self.design, self.sensor = design, sensor_of(design, world, build=build, day=day)
         self.world: World = world
         self._seed, self.build = seed, build
+        self._ends = reach(lengthened(self.sensor))
         length = self.sensor.string.length
         pluck = Pluck(position=0.2 * length, height=PLUCK * length)
         self._objects: list[Touch] = []
@@ -249,7 +251,7 @@ class VirtualSensor:
         now = self._now(touch)
         time, begin, force, height, _ = now
         end = begin + along * seconds
-        self._refuse_off_string(end)
+        self._refuse_off_string(end, self._objects[self._number(touch)])
         way = ACCELERATION / seconds * (end - begin)
         keys = [
             now,
@@ -402,11 +404,11 @@ class VirtualSensor:
         self._changed = self._new = False
         return self._twin
 
-    def _refuse_off_string(self, position: Metres) -> None:
-        length = self.sensor.string.length
-        if not 0.02 * length <= position <= 0.98 * length:
-            expected = f"{0.02 * length:g} to {0.98 * length:g} m"
-            raise InputError(f"a touch at {position:g} m", expected, metres_meant(position))
+    def _refuse_off_string(self, position: Metres, touch: Touch | None = None) -> None:
+        half = 0.5 * touch.law.width if touch else 0.0
+        low, high = self._ends[0] + half, self._ends[1] - half
+        if not low <= position <= high:
+            raise InputError(f"a touch at {position:g} m", f"{low:g} to {high:g} m", metres_meant(position))
 
     def _pressed(self) -> list[Floats]:
         """Return where each object's motion has brought it by now."""
@@ -432,7 +434,9 @@ class VirtualSensor:
         self, material: Material, motion: Floats, *, radius: Metres | None = None, rolls: bool = False
     ) -> int:
         """Add an object, or put it in the place of one that is up, and return its number."""
-        touch = Touch(material=material, motion=_keys(motion), radius=radius, rolls=rolls)
+        drawn = Touch(material=material, motion=_keys(motion), radius=radius, rolls=rolls)
+        touch = plausible_touch(drawn, self._seed, world=self.world)
+        self._refuse_off_string(float(motion[0, POSITION]), touch)
         pressed = range(self._slots, len(self._objects))
         last = {number: self._motions[number][-1] for number in pressed}
         up = [number for number, row in last.items() if row[HEIGHT] > 0.0 and self.time >= row[TIME]]
@@ -443,7 +447,7 @@ class VirtualSensor:
             if not up:
                 raise InputError(f"object {number + 1}", f"{number} at once", "release one, and advance")
             number = up[0]
-        self._objects[number : number + 1] = [plausible_touch(touch, self._seed, world=self.world)]
+        self._objects[number : number + 1] = [touch]
         self._motions[number : number + 1] = [motion]
         self._last, self._new = number, True
         return number
@@ -483,9 +487,10 @@ class VirtualSensor:
         rows = np.empty((len(arrays), *size))
         for row, array in zip(rows, arrays, strict=True):
             row[:] = array
-        length = self.sensor.string.length
-        low = np.array([0.02 * length, 0.0, 0.0, -MAX_ACROSS]).reshape(-1, 1, 1)
-        high = np.array([0.98 * length, MAX_FORCE, MAX_CLEARANCE, MAX_ACROSS]).reshape(-1, 1, 1)
+        half = 0.5 * max(touch.law.width for touch in self._objects[: self._slots])
+        first, last = self._ends[0] + half, self._ends[1] - half
+        low = np.array([first, 0.0, 0.0, -MAX_ACROSS]).reshape(-1, 1, 1)
+        high = np.array([last, MAX_FORCE, MAX_CLEARANCE, MAX_ACROSS]).reshape(-1, 1, 1)
         allowed = (rows >= low) & (rows <= high)
         if not allowed.all():
             wrong = np.argwhere(~allowed)[0]
