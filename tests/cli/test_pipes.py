@@ -104,5 +104,21 @@ def test_a_terminal_that_cannot_move_its_cursor_gets_lines(place: Path, name: st
 
 
 def test_one_place_makes_consoles() -> None:
-    makers = [path for path in SOURCES.rglob("*.py") if re.search(r"\bConsole\(", path.read_text("utf-8"))]
+    makers = [path for path in SOURCES.rglob("*.py") if re.search(r"\b_?Console\(", path.read_text("utf-8"))]
     assert [path.name for path in makers] == ["screen.py"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sinks", [(), ("terminal", "csv=live.csv"), ("jsonl", "csv=live.csv")])
+def test_a_run_ends_where_the_reader_of_its_standard_output_goes_away(
+    sinks: tuple[str, ...], tmp_path: Path
+) -> None:
+    named = [word for sink in sinks for word in ("--sink", sink)]
+    live = [sys.executable, "-m", "monochord", "live", "demo", "--source", "twin", *named]
+    with subprocess.Popen(live, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as run:
+        assert run.stdout is not None
+        assert run.stdout.readline()
+        run.stdout.close()
+        assert run.wait(60) == 1
+        assert run.stderr is not None
+        assert run.stderr.read() == b""

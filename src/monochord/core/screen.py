@@ -26,13 +26,19 @@ def console_of(file: IO[str], environment: Mapping[str, str] = os.environ) -> Co
     >>> can_draw(console_of(StringIO()))
     False
     """
-    return Console(
+    return _Console(
         file=file,
         highlight=False,
         force_terminal=file.isatty(),
         force_jupyter=False,
         _environ=environment,
     )
+
+
+class _Console(Console):
+    def on_broken_pipe(self) -> None:
+        """Leave it to whoever writes what follows; rich would end the thread and hide the pipe."""
+        raise  # noqa: PLE0704  (rich calls it while it handles the error)
 
 
 def can_draw(console: Console) -> bool:

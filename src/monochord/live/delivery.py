@@ -163,7 +163,7 @@ class _OpenSink:
         kind = type(sink).__module__.rpartition(".")[2]
         self.name, self.string = f"{kind} {run.string}" if run.string else kind, run.string or ALL
         self.error: Exception | None = None
-        self._reads_standard_output = sink.fills_standard_output
+        self._ends_with_standard_output = sink.ends_with_standard_output(run)
         self._given = self._written = 0
         self._closed_at: Seconds | None = None
         self._context = sink.open(run)
@@ -172,7 +172,7 @@ class _OpenSink:
     @property
     def ends_the_run(self) -> bool:
         """Whether the reader of standard output went away, as `head` does."""
-        return self._reads_standard_output and isinstance(self.error, BrokenPipeError)
+        return self._ends_with_standard_output and isinstance(self.error, BrokenPipeError)
 
     def take(self, update: Update) -> None:
         """Accept an update in the loop."""

@@ -64,10 +64,9 @@ class JackStream(RingStream):
 
     def _idle(self) -> None:
         if self._client is None:
-            if self._reconnect:
-                self._return()
-            else:
-                self._closed.set()
+            if not self._reconnect:
+                raise DeviceError("the JACK server went away, and reconnect=false does not wait for it")
+            self._return()
         elif self._ring.arena.count(at.GONE):
             self._disconnect()  # what it published last is taken on the next turn
         else:
@@ -127,7 +126,8 @@ class JackStream(RingStream):
         if all(client.connected(port) for port in self._ring.arena.ports):
             self._waiting = False
         elif not self._reconnect:
-            self._closed.set()
+            port = libjack.shown(self._port_pattern)
+            raise DeviceError(f"JACK port {port}: it went away, and reconnect=false does not wait for it")
         else:
             self._waiting = not self._reconnected(client)
 

@@ -140,6 +140,10 @@ class Sink(Checked, ABC):
         """Whether the sink writes data to standard output, where nothing else may then be printed."""
         return False
 
+    def ends_with_standard_output(self, run: Run) -> bool:  # noqa: ARG002  (for those that ask it)
+        """Return whether a run ends where the reader of its standard output goes away, as `head` does."""
+        return self.fills_standard_output
+
     @property
     def is_for_each_string(self) -> bool:
         """Whether each of several strings has its own instance; otherwise one instance takes all updates."""

@@ -48,11 +48,14 @@ class Terminal(Sink):
     plain: bool = False
     stderr: bool = False
 
+    def ends_with_standard_output(self, run: Run) -> bool:
+        """Return whether it draws there."""
+        return not (self.stderr or run.is_output_taken)
+
     @contextmanager
     def open(self, run: Run) -> Generator[Writer]:
         """Take over the terminal's lower part; the last picture stays."""
-        to_stderr = self.stderr or run.is_output_taken
-        console = console_of(sys.stderr if to_stderr else sys.stdout)
+        console = console_of(sys.stdout if self.ends_with_standard_output(run) else sys.stderr)
         if self.plain or not can_draw(console):
             lines = _Lines(console)
             yield lines
