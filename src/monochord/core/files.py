@@ -7,6 +7,7 @@ import stat
 from collections.abc import Generator, Iterable, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any, TextIO
 
 from monochord.core.errors import InputError, closest
 from monochord.core.printable import printable
@@ -140,6 +141,18 @@ def written(path: Path) -> Generator[None]:
         # NumPy gives no number where less was written than it asked for.
         number = error.errno or errno.ENOSPC
         raise OSError(number, os.strerror(number), str(path)) from error
+
+
+def new_text(path: Path, **options: Any) -> TextIO:
+    """Open a text file for new content, as `Path.open` does; a pipe or an empty file may be there already.
+
+    Raises `InputError` where a file with content is there, or none can be written.
+    """
+    with usable_path(f"file {path}", "a writable path"):
+        if path.is_file() and path.stat().st_size:
+            remedy = "choose another name, or remove it"
+            raise InputError(f"file '{path}', which already exists", "a new file", remedy)
+        return path.open("w", encoding="utf-8", **options)
 
 
 @contextmanager

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TextIO
 
-from monochord.core.files import usable_path, written
+from monochord.core.files import new_text, written
 from monochord.live.sinks._record import NANO, TRACKED, TRUE, record, unix_nanoseconds
 from monochord.live.sinks.base import Run, Sink, Update, Writer
 
@@ -27,17 +27,15 @@ class Csv(Sink):
     Parameters
     ----------
     path
-        The file to write; an existing file is replaced.
+        The file to write, a new one.
     """
 
     path: str = "live.csv"
 
     @contextmanager
     def open(self, run: Run) -> Generator[Writer]:  # noqa: ARG002
-        """Open the file; raises `InputError` where it cannot be written."""
-        with usable_path(f"file {self.path}", "a writable path"):
-            file = Path(self.path).open("w", encoding="utf-8", newline="", buffering=1)  # noqa: SIM115
-        with file:
+        """Open the file; raises `InputError` where it exists or cannot be written."""
+        with new_text(Path(self.path), newline="", buffering=1) as file:
             yield _Rows(file, Path(self.path))
 
 

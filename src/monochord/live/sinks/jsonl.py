@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
 
-from monochord.core.files import usable_path, written
+from monochord.core.files import new_text, written
 from monochord.live.sinks._record import record
 from monochord.live.sinks.base import Run, Sink, Update, Writer
 
@@ -43,14 +43,12 @@ class Jsonl(Sink):
 
     @contextmanager
     def open(self, run: Run) -> Generator[Writer]:  # noqa: ARG002
-        """Open the file; raises `InputError` where it cannot be written."""
+        """Open the file; raises `InputError` where it exists or cannot be written."""
         if self.path == "-":
             with _standard_output() as file:
                 yield _Lines(file, Path("standard output"), everything=self.everything, flush=True)
             return
-        with usable_path(f"file {self.path}", "a writable path"):
-            file = Path(self.path).open("w", encoding="utf-8")  # noqa: SIM115
-        with file:
+        with new_text(Path(self.path)) as file:
             yield _Lines(file, Path(self.path), everything=self.everything, flush=False)
 
 
