@@ -79,6 +79,10 @@ def test_check_tells_good_from_bad_in_a_line_each(tmp_path: Path, capsys: Captur
     assert [line.split()[0] for line in printed] == ["ok", "bad", "bad"]
     assert captured.err.count("\n") == 1
     assert "other.mcap" in captured.err
+    assert run(["sessions", "check", str(tmp_path / "none.mcap"), str(tmp_path), str(good), "--json"]) == 2
+    captured = capsys.readouterr()
+    assert [json.loads(line)["ok"] for line in captured.out.splitlines()] == [False, False, True]
+    assert captured.err.count("\n") == 2
 
 
 def test_what_went_wrong_in_recording_is_noted_and_bad_if_strict(tmp_path: Path, capsys: Capture) -> None:
