@@ -164,6 +164,15 @@ def test_a_users_own_files_become_a_session(tmp_path: Path, capsys: Capture) -> 
     assert run(["locate", str(out)]) == 0
 
 
+def test_a_folder_is_not_truncated(tmp_path: Path, capsys: Capture) -> None:
+    path, out = str(write(tmp_path / "a.mcap")), tmp_path / "out"
+    assert run(["sessions", "export", "wav-csv", path, "--out", str(out)]) == 0
+    again = ["sessions", "import", str(out / "a"), "--out", str(tmp_path / "b.mcap")]
+    assert run([*again, "--allow-truncated"]) == 2
+    assert "--allow-truncated" in capsys.readouterr().err
+    assert run(again) == 0
+
+
 def test_a_users_own_files_are_of_the_sensor_as_tuned(tmp_path: Path) -> None:
     sensor = tmp_path / "sensor.toml"
     sensor.write_text(sensor_toml("prototype", SensorTuning(open_frequency=990.0)))

@@ -175,6 +175,18 @@ def test_a_bad_table_is_refused_in_one_line_and_leaves_nothing(tmp_path: Path, t
     assert not (tmp_path / "a.mcap").exists()
 
 
+def test_a_truncated_file_is_imported_up_to_its_end_if_allowed(tmp_path: Path) -> None:
+    sent, path = sound(tmp_path / "a.wav", subtype="FLOAT"), tmp_path / "a.wav"
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    with pytest.raises(InputError, match="sessions import") as caught:
+        imported(path)
+    assert "--allow-truncated" in caught.value.remedy
+    from_files(path, None, tmp_path / "a.mcap", allow_truncated=True)
+    kept = read_session(tmp_path / "a.mcap").audio.samples
+    assert kept.shape[1] > 0.4 * sent.shape[1]
+    assert np.array_equal(kept, sent[:, : kept.shape[1]])
+
+
 TOUCHES = "begin,end,position,force\n0.1,0.2,{},{}\n0.3,0.4,{},{}\n"
 WIRE = {"length": 0.2, "linear_density": 4.0e-4, "tension": 65.0, "core_diameter": 2.54e-4}
 

@@ -37,7 +37,12 @@ TOUCH_STEP: Seconds = 0.01
 
 
 def from_files(
-    audio: Path, labels: Path | None, out: Path, *, described: Mapping[str, Any] | None = None
+    audio: Path,
+    labels: Path | None,
+    out: Path,
+    *,
+    described: Mapping[str, Any] | None = None,
+    allow_truncated: bool = False,
 ) -> None:
     r"""Write a session from an audio file and a table of labels.
 
@@ -60,6 +65,8 @@ def from_files(
         The new session, ``NAME.mcap``; on an error it is not left behind.
     described
         Options of `Description` by name, such as ``object`` and ``string``; the name defaults to the file's.
+    allow_truncated
+        Whether to read a truncated audio file, up to its end.
 
     Raises
     ------
@@ -78,10 +85,11 @@ def from_files(
     """
     options_ = dict(described or {})
     source, known, begin = AUDIO_FILES, dict[str, Any](), None
+    options: dict[str, Any] = {"path": str(audio), **({"allow_truncated": True} if allow_truncated else {})}
     if audio.suffix.lower() == SESSION_SUFFIX:
         source = SESSIONS
         known, begin = _known(audio)
-    with SOURCES.build(source, {"path": str(audio)}).open() as probe:
+    with SOURCES.build(source, options).open() as probe:
         rate, channels = probe.signal.sample_rate, probe.signal.channels
         frames = max((block.start + block.samples.shape[1] for block in probe), default=0)
     more = {"imported": _text(audio.name), **({"imported_labels": _text(labels.name)} if labels else {})}
@@ -95,7 +103,7 @@ def from_files(
     if begin is None:
         begin = audio.stat().st_mtime_ns - round(frames / rate * 1e9)
     clock = SessionClock(epoch_ns=max(begin, 0))
-    options = {"path": str(audio), "block": round(BLOCK * rate)}
+    options["block"] = round(BLOCK * rate)
     writer = SessionWriter(out, description, clock)
     try:
         with writer, SOURCES.build(source, options).open() as stream:
