@@ -164,6 +164,16 @@ def test_a_users_own_files_become_a_session(tmp_path: Path, capsys: Capture) -> 
     assert run(["locate", str(out)]) == 0
 
 
+def test_an_import_names_the_columns_that_are_no_known_labels(tmp_path: Path, capsys: Capture) -> None:
+    soundfile.write(tmp_path / "take.wav", np.zeros((RATE, 2)), RATE)
+    for names, note in (("contact,settled", ""), ("contact,warmth,x", "warmth, x")):
+        (tmp_path / "take.csv").write_text(f"time,{names}\n0{',1' * (1 + names.count(','))}\n")
+        files = [str(tmp_path / name) for name in ("take.wav", "take.csv")]
+        assert run(["sessions", "import", *files, "--out", str(tmp_path / f"{len(names)}.mcap")]) == 0
+        error = capsys.readouterr().err
+        assert (note in error, error.count("\n")) == (True, 1 if note else 0)
+
+
 def test_a_folder_is_not_truncated(tmp_path: Path, capsys: Capture) -> None:
     path, out = str(write(tmp_path / "a.mcap")), tmp_path / "out"
     assert run(["sessions", "export", "wav-csv", path, "--out", str(out)]) == 0

@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from monochord.capture.recording.from_files import from_files
+from monochord.capture.recording.from_files import KNOWN_LABELS, LABELS, from_files
 from monochord.capture.recording.settings import of_sensor
 from monochord.capture.sources.base import MAX_RATE, MIN_RATE
 from monochord.cli._label import label
@@ -208,8 +208,8 @@ def import_(
     AUDIO is a WAV or FLAC file with 1 or 2 channels, or a session with audio only. The first line of
     LABELS.csv names its columns: time in s from the beginning of the audio, and any of contact (0 or 1),
     position (m), force (N), slip (0 or 1) and others. With columns begin and end in place of time, each row
-    is a touch. Impossible positions and forces are refused; --sensor sets the string. FOLDER is an export
-    from 'monochord sessions export'.
+    is a touch. Misspelt names of these columns, and impossible positions and forces, are refused; --sensor
+    sets the string. FOLDER is an export from 'monochord sessions export'.
 
     \b
     monochord sessions import take.wav take.csv --out touches.mcap --object "Allen key"
@@ -226,7 +226,11 @@ def import_(
     else:
         _put_string(described)
         from_files(what, labels, out, described=described, allow_truncated=allow_truncated)
-    facts = facts_of(read_session(out))
+    session = read_session(out)
+    others = [name for name in session.labels.columns if name not in KNOWN_LABELS]
+    if labels is not None and others:
+        echo(f"{labels}: kept as further labels: {', '.join(others)}; known: {', '.join(LABELS)}", err=True)
+    facts = facts_of(session)
     echo(*([json.dumps(facts)] if as_json else facts_lines(facts)))
 
 
