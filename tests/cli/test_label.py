@@ -1,6 +1,7 @@
 """`sessions label` as a process of its own: what a person types, what is kept, and who takes the session."""
 
 import json
+import shlex
 import subprocess
 import sys
 import time
@@ -11,8 +12,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import soundfile
+from tests.cli.running import Capture
 from tests.twins import sound_of
 
+from monochord.cli import run
 from monochord.physics.twin.virtual_sensor import VirtualSensor
 from monochord.sessions import read_session
 
@@ -131,11 +134,25 @@ def test_a_kill_loses_no_label(sound: Path, tmp_path: Path) -> None:
     assert result["heads"]["position"]["before"] < 0.005
 
 
+@pytest.mark.parametrize("terminal", [False, True])
+def test_seconds_are_counted_down_on_a_terminal_only(
+    tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch, *, terminal: bool
+) -> None:
+    path = tmp_path / "quiet.wav"
+    soundfile.write(path, 1e-3 * np.random.default_rng(0).standard_normal((3 * 44100, 2)), 44100)
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: terminal)
+    # Nothing touches, so there is no session.
+    assert run(["sessions", "label", str(tmp_path / "a.mcap"), "--source", "wav", "--device", str(path)]) == 2
+    counted = [line for line in capsys.readouterr().err.splitlines() if line.endswith("...")]
+    assert bool(counted) == terminal
+
+
 @pytest.mark.slow
 def test_build_audit_evaluate_and_calibrate_take_the_session(tmp_path: Path) -> None:
-    out = tmp_path / "touches.mcap"
+    out = tmp_path / "my touches.mcap"
     twin = ("--source", "twin", "--set", "source.speed=0", "--set", "source.seed=5")
-    command("sessions", "label", out, *twin, "--touches", 4, "--object", "plastic")
+    printed = command("sessions", "label", out, *twin, "--touches", 4, "--object", "plastic")
+    assert str(out) in shlex.split(printed.splitlines()[-1])
     command("build", out, "--out", tmp_path / "dataset")
     assert "no leak" in command("audit", tmp_path / "dataset")
     scores = json.loads(command("evaluate", "demo", "--sessions", out, "--no-baselines", "--json"))

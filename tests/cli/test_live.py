@@ -118,8 +118,8 @@ def test_a_cut_file_is_read_as_the_refusal_says(take: Take, capsys: Capture) -> 
     path = take(0.2)
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     line = refusal(capsys, "locate", str(path), *STRING)
-    assert "locate --allow-truncated" in line
-    assert "live --set source.allow_truncated=true" in line
+    assert "--allow-truncated (locate," in line
+    assert "--set source.allow_truncated=true (live," in line
     rest = lines(capsys, "locate", str(path), *STRING, "--allow-truncated")
     assert 15 < len(rest) < 25
     assert rest[0]["position"] == pytest.approx(0.2, abs=1e-3)

@@ -79,6 +79,10 @@ def test_check_tells_good_from_bad_in_a_line_each(tmp_path: Path, capsys: Captur
     assert [line.split()[0] for line in printed] == ["ok", "bad", "bad"]
     assert captured.err.count("\n") == 1
     assert "other.mcap" in captured.err
+    assert run(["sessions", "check", str(tmp_path / "none.mcap"), str(tmp_path), str(good), "--json"]) == 2
+    captured = capsys.readouterr()
+    assert [json.loads(line)["ok"] for line in captured.out.splitlines()] == [False, False, True]
+    assert captured.err.count("\n") == 2
 
 
 def test_what_went_wrong_in_recording_is_noted_and_bad_if_strict(tmp_path: Path, capsys: Capture) -> None:
@@ -158,6 +162,25 @@ def test_a_users_own_files_become_a_session(tmp_path: Path, capsys: Capture) -> 
     assert result["about"]["string"]["length"] == 0.65
     np.testing.assert_array_equal(read_session(out).audio.samples, sound.T)
     assert run(["locate", str(out)]) == 0
+
+
+def test_an_import_names_the_columns_that_are_no_known_labels(tmp_path: Path, capsys: Capture) -> None:
+    soundfile.write(tmp_path / "take.wav", np.zeros((RATE, 2)), RATE)
+    for names, note in (("contact,settled", ""), ("contact,warmth,x", "warmth, x")):
+        (tmp_path / "take.csv").write_text(f"time,{names}\n0{',1' * (1 + names.count(','))}\n")
+        files = [str(tmp_path / name) for name in ("take.wav", "take.csv")]
+        assert run(["sessions", "import", *files, "--out", str(tmp_path / f"{len(names)}.mcap")]) == 0
+        error = capsys.readouterr().err
+        assert (note in error, error.count("\n")) == (True, 1 if note else 0)
+
+
+def test_a_folder_is_not_truncated(tmp_path: Path, capsys: Capture) -> None:
+    path, out = str(write(tmp_path / "a.mcap")), tmp_path / "out"
+    assert run(["sessions", "export", "wav-csv", path, "--out", str(out)]) == 0
+    again = ["sessions", "import", str(out / "a"), "--out", str(tmp_path / "b.mcap")]
+    assert run([*again, "--allow-truncated"]) == 2
+    assert "--allow-truncated" in capsys.readouterr().err
+    assert run(again) == 0
 
 
 def test_a_users_own_files_are_of_the_sensor_as_tuned(tmp_path: Path) -> None:

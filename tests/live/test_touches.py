@@ -1,6 +1,7 @@
 """The touches heard in a recording, as a table that a person fills in."""
 
 import csv
+import shlex
 from pathlib import Path
 
 import numpy as np
@@ -72,6 +73,22 @@ def test_positions_are_those_of_a_robots_pose_along_the_string(tmp_path: Path) -
     positions = robot_positions(path, [(0.5, 1.4), (2.1, 3.4), (3.6, 4.5)])
     assert positions == pytest.approx([0.07, 0.12, np.nan], nan_ok=True)
     assert robot_positions("take.wav", [(0.5, 1.4)]) is None
+
+
+def test_the_next_command_can_be_pasted(
+    take: tuple[Path, Floats], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, out = tmp_path / "my take.wav", tmp_path / "my touches.csv"
+    path.write_bytes(take[0].read_bytes()[: -RATE * 4])  # cut within the last touch
+    given = [str(path), "--sensor", "prototype", "--out", str(out)]
+    assert run(["sessions", "touches", *given]) == 2
+    assert "sessions touches" in capsys.readouterr().err
+    assert run(["sessions", "touches", *given, "--allow-truncated"]) == 0
+    next_ = capsys.readouterr().out.splitlines()[-1].removeprefix("then: ")
+    assert run(shlex.split(next_)[1:]) == 0
+    session = read_session(tmp_path / "my touches.mcap")
+    assert session.description.sensor
+    assert session.labels.time.size
 
 
 def test_a_table_that_exists_is_kept(take: tuple[Path, Floats], tmp_path: Path) -> None:

@@ -5,6 +5,8 @@ import math
 import os
 import re
 import select
+import shlex
+import sys
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -26,6 +28,7 @@ from monochord.cli._output import echo
 from monochord.core.config import Tree, override, to_tree
 from monochord.core.errors import DeviceError, InputError
 from monochord.core.interruption import interruption
+from monochord.core.screen import console_of
 from monochord.core.units import Metres, Newtons
 from monochord.live.labelled import LabelledRecording, beside, complete, length_of
 from monochord.live.loop import opened
@@ -102,7 +105,8 @@ def label(out: Path, *, as_json: bool, **options: Any) -> None:
     facts = facts_of(read_session(out))
     echo(*([json.dumps(facts)] if as_json else facts_lines(facts)))
     if not as_json:
-        echo(f"then: monochord calibrate {options['model']} --sessions {out} --out mine")
+        words = ["monochord", "calibrate", options["model"], "--sessions", str(out), "--out", "mine"]
+        echo(f"then: {shlex.join(words)}")
 
 
 def _described(options: dict[str, Any]) -> dict[str, Any]:
@@ -169,6 +173,7 @@ class _Person:
         self._ended = False
         self._said = ""
         self._counted, self._left = 0, 0
+        self._counts_down = console_of(sys.stderr).is_terminal  # a log needs no seconds
         echo(COMMANDS, err=True)
 
     def listen(self) -> None:
@@ -186,7 +191,7 @@ class _Person:
                 echo(guide.doubt, err=True)
             self._counted = len(guide.touches)
             echo(said, err=True)
-        elif left != self._left and left:
+        elif left != self._left and left and self._counts_down:
             echo(f"  {left} ...", err=True)
         self._said, self._left = said, left
 

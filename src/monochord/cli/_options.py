@@ -210,6 +210,11 @@ def sensor_option(command: F) -> F:
     )(command)
 
 
+truncated_option = click.option(
+    "--allow-truncated", is_flag=True, help="Read a truncated file up to its end."
+)
+"""Whether to read a sound file that was cut off."""
+
 window_options = _together(
     click.option(
         "--hop", type=amount, metavar="S", help="Time from one window to the next.  [default: 0.01]"

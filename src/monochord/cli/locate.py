@@ -15,6 +15,7 @@ from monochord.cli._options import (
     sensor_option,
     set_option,
     string_options,
+    truncated_option,
     window_options,
 )
 from monochord.cli._output import echo
@@ -40,7 +41,7 @@ from monochord.perception.model.bundled import bundled_names
     metavar="FILE",
     help="Draw the places over time: .png, .pdf or .svg; with --frets, lines at the frets.",
 )
-@click.option("--allow-truncated", is_flag=True, help="Read a truncated file up to its end.")
+@truncated_option
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object per window.")
 def locate(
     inputs: tuple[str, ...],

@@ -2,17 +2,18 @@
 
 import dataclasses
 import json
+import shlex
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import click
 
-from monochord.capture.recording.from_files import from_files
+from monochord.capture.recording.from_files import KNOWN_LABELS, LABELS, from_files
 from monochord.capture.recording.settings import of_sensor
 from monochord.capture.sources.base import MAX_RATE, MIN_RATE
 from monochord.cli._label import label
-from monochord.cli._options import radius, refuse_unwritable, sensor_option, set_option
+from monochord.cli._options import radius, refuse_unwritable, sensor_option, set_option, truncated_option
 from monochord.cli._output import echo
 from monochord.cli.figure import SUFFIXES
 from monochord.core.config import override, to_tree
@@ -191,15 +192,24 @@ def export(
 )
 @sensor_option
 @click.option("--notes", metavar="TEXT", help="Notes to save with the session.")
+@truncated_option
 @json_object
-def import_(what: Path, labels: Path | None, *, out: Path, as_json: bool, **said: str | float | None) -> None:
+def import_(
+    what: Path,
+    labels: Path | None,
+    *,
+    out: Path,
+    allow_truncated: bool,
+    as_json: bool,
+    **said: str | float | None,
+) -> None:
     """Make a session from your own audio and labels.
 
     AUDIO is a WAV or FLAC file with 1 or 2 channels, or a session with audio only. The first line of
     LABELS.csv names its columns: time in s from the beginning of the audio, and any of contact (0 or 1),
     position (m), force (N), slip (0 or 1) and others. With columns begin and end in place of time, each row
-    is a touch. Impossible positions and forces are refused; --sensor sets the string. FOLDER is an export
-    from 'monochord sessions export'.
+    is a touch. Misspelt names of these columns, and impossible positions and forces, are refused; --sensor
+    sets the string. FOLDER is an export from 'monochord sessions export'.
 
     \b
     monochord sessions import take.wav take.csv --out touches.mcap --object "Allen key"
@@ -208,21 +218,31 @@ def import_(what: Path, labels: Path | None, *, out: Path, as_json: bool, **said
     refuse_unwritable(out, (".mcap",))
     described: dict[str, Any] = {name.rstrip("_"): value for name, value in said.items() if value is not None}
     if what.is_dir():
-        if labels is not None or described:
-            given = f"folder {what} with {labels or ', '.join(f'--{name}' for name in described)}"
+        more = [*described, *(["allow-truncated"] if allow_truncated else [])]
+        if labels is not None or more:
+            given = f"folder {what} with {labels or ', '.join(f'--{name}' for name in more)}"
             raise InputError(given, "a folder alone", "the folder describes itself")
         EXPORTS.build(form_of(what)).read(what, out)
     else:
-        if "string" in described and "sensor" in described:
-            raise InputError("--string with --sensor", "only one of them", "a sensor has its own string")
-        if "sensor" in described:
-            described |= of_sensor(str(described["sensor"]))
-            described["string"] = to_tree(described["string"])
-        elif "string" in described:
-            described["string"] = to_tree(load_string(str(described["string"])).string)
-        from_files(what, labels, out, described=described)
-    facts = facts_of(read_session(out))
+        _put_string(described)
+        from_files(what, labels, out, described=described, allow_truncated=allow_truncated)
+    session = read_session(out)
+    others = [name for name in session.labels.columns if name not in KNOWN_LABELS]
+    if labels is not None and others:
+        echo(f"{labels}: kept as further labels: {', '.join(others)}; known: {', '.join(LABELS)}", err=True)
+    facts = facts_of(session)
     echo(*([json.dumps(facts)] if as_json else facts_lines(facts)))
+
+
+def _put_string(described: dict[str, Any]) -> None:
+    """Replace the names of sensor and string in a description by what they stand for."""
+    if "string" in described and "sensor" in described:
+        raise InputError("--string with --sensor", "only one of them", "a sensor has its own string")
+    if "sensor" in described:
+        described |= of_sensor(str(described["sensor"]))
+        described["string"] = to_tree(described["string"])
+    elif "string" in described:
+        described["string"] = to_tree(load_string(str(described["string"])).string)
 
 
 @sessions.command()
@@ -262,8 +282,11 @@ def resample(file: Path, *, rate: int, out: Path, as_json: bool) -> None:
     "--model", metavar="NAME", default="demo", show_default=True, help="Model that detects contact."
 )
 @sensor_option
+@truncated_option
 @json_object
-def touches(recording: Path, *, out: Path, model: str, sensor: str | None, as_json: bool) -> None:
+def touches(
+    recording: Path, *, out: Path, model: str, sensor: str | None, allow_truncated: bool, as_json: bool
+) -> None:
     """List the touches in a recording as a table to fill in.
 
     Each row is a touch, with its begin and end in s from the beginning of RECORDING. Fill in the position in
@@ -278,17 +301,17 @@ def touches(recording: Path, *, out: Path, model: str, sensor: str | None, as_js
     refuse_unwritable(out, (".csv",))
     if out.exists():
         raise InputError(f"file '{out}' (exists, and may be filled in)", "a new file")
-    spans = touch_spans(recording, model, sensor=sensor or "")
+    spans = touch_spans(recording, model, sensor=sensor or "", allow_truncated=allow_truncated)
     positions = robot_positions(recording, spans)
     write_text(out, touch_table(spans, positions))
     if as_json:
         echo(json.dumps({"path": str(out), "touches": [{"begin": a, "end": b} for a, b in spans]}))
         return
     missing = "force (N)" if positions else "position (m from pickup 1) and force (N)"
-    echo(
-        f"{out}: {_counted(len(spans), 'touch')}; fill in {missing}",
-        f"then: monochord sessions import {recording} {out} --out {out.with_suffix('.mcap')}",
-    )
+    words = ["monochord", "sessions", "import", str(recording), str(out)]
+    words += ["--out", str(out.with_suffix(".mcap")), *(["--sensor", sensor] if sensor else [])]
+    words += ["--allow-truncated"] if allow_truncated else []
+    echo(f"{out}: {_counted(len(spans), 'touch')}; fill in {missing}", f"then: {shlex.join(words)}")
 
 
 sessions.add_command(label)

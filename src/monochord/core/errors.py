@@ -135,14 +135,16 @@ def did_you_mean(word: str, choices: Iterable[str]) -> str:
     return "" if meant is None else f"did you mean '{meant}'?"
 
 
-def closest(word: str, choices: Iterable[str]) -> str | None:
+def closest(word: str, choices: Iterable[str], likeness: float = SIMILAR) -> str | None:
     """Return the one of `choices` that a word is meant for, in whatever case; None if it is like none.
+
+    `likeness` is the least that counts, as `SIMILAR`, of 1.
 
     >>> closest("Sorce", ["source", "sink"]), closest("s" * 10**6, ["source"])
     ('source', None)
     """
     known = {choice.lower(): choice for choice in choices}
-    if len(word) > (2.0 / SIMILAR - 1.0) * max(map(len, known), default=0):  # too long, whatever is in it
+    if len(word) > (2.0 / likeness - 1.0) * max(map(len, known), default=0):  # too long, whatever is in it
         return None
-    close = get_close_matches(word.lower(), known, n=1, cutoff=SIMILAR)
+    close = get_close_matches(word.lower(), known, n=1, cutoff=likeness)
     return known[close[0]] if close else None

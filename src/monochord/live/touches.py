@@ -29,20 +29,21 @@ STILL: Metres = 1e-3
 
 
 def touch_spans(
-    recording: str | Path, model: str | Path = "demo", *, sensor: str = ""
+    recording: str | Path, model: str | Path = "demo", *, sensor: str = "", allow_truncated: bool = False
 ) -> list[tuple[Seconds, Seconds]]:
     """Return start and end of each touch in a recording, in s from its first frame, in order.
 
     The touches are those of the live loop. A span lies within its touch: it begins at the end of the first
     window that shows the touch, and ends `DECAY` before the first window without it. The recording is a
     two-channel sound file, or a session; `sensor` is the tuned sensor, a preset or a file, where the
-    recording does not name it. Raises `InputError` where one of them cannot be used, or no touch lasts for
+    recording does not name it. A truncated sound file is refused unless `allow_truncated`, which reads it up
+    to its end. Raises `InputError` where one of them cannot be used, or no touch lasts for
     `SHORTEST`.
     """
     estimator = LoadedModel(loaded=load(model))
     length = estimator.window
     setup = LiveRun(
-        source=source_of(recording, {}),
+        source=source_of(recording, {"allow_truncated": True} if allow_truncated else {}),
         estimator=estimator,
         window=WindowSettings(length=length),
         sensor=sensor,

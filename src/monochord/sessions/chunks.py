@@ -40,10 +40,10 @@ from mcap.records import (
 from numpy.typing import NDArray
 
 from monochord.core.errors import InputError
-from monochord.core.files import refuse_endless, similar_name
+from monochord.core.files import refuse_endless
 from monochord.sessions import _packing as packing
 from monochord.sessions import codec
-from monochord.sessions.file import SessionFile
+from monochord.sessions.file import SessionFile, unreadable
 
 MAX_WRITE = 8 << 20
 """Largest write, in bytes."""
@@ -121,8 +121,7 @@ def mapped(path: Path) -> memoryview:
                 memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)) if size else memoryview(b"")
             )
     except OSError as error:
-        remedy = similar_name(path) or "check its name"
-        raise InputError(f"file {path} ({error.strerror})", "a session (.mcap)", remedy) from error
+        raise unreadable(path, error) from error
     if bytes(view[: len(MAGIC)]) != MAGIC and not _record(view, len(MAGIC)):
         raise InputError(f"file {path} (not MCAP)", "a session (.mcap)", "record a session or import one")
     return view

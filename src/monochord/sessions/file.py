@@ -15,7 +15,7 @@ from typing import Any
 from weakref import finalize
 
 from monochord.core.errors import InputError
-from monochord.core.files import refuse_endless, synced, written
+from monochord.core.files import refuse_endless, similar_name, synced, written
 from monochord.core.units import Seconds
 
 KEEP_SIZE = 1  # of fallocate(2): blocks are set aside, the file's size stays
@@ -158,15 +158,27 @@ def refuse_recorded(path: Path, handle: int) -> None:
 
 
 def being_written(path: Path) -> bool:
-    """Return whether a program is recording or repairing a session now."""
+    """Return whether a program is recording or repairing a session now.
+
+    Raises `InputError` for a file that does not exist or cannot be read.
+    """
     refuse_endless(path)
     with _reading(path) as handle:
         return not _locked(handle, fcntl.LOCK_SH, 0.0)
 
 
+def unreadable(path: Path, error: OSError) -> InputError:
+    """Return the error for a session that the system does not open."""
+    remedy = similar_name(path) or "check its name"
+    return InputError(f"file {path} ({error.strerror})", "a session (.mcap)", remedy)
+
+
 @contextmanager
 def _reading(path: Path) -> Generator[int]:
-    handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    except OSError as error:
+        raise unreadable(path, error) from error
     try:
         yield handle
     finally:

@@ -77,6 +77,48 @@ def test_tables_of_spreadsheets_and_of_pandas_with_its_row_numbers_are_read(
     assert {name: column.tolist() for name, column in labels.columns.items()} == {"position": [0.05, 0.06]}
 
 
+@pytest.mark.parametrize(
+    "table",
+    [
+        "begin;end;position;force\n0,2;0,5;0,07;1\n",
+        "begin\tend\tposition\tforce\n0,2\t0,5\t0,07\t1,0\n",
+        "sep=;\r\nbegin;end;position;force\r\n0.2;0.5;0.07;1\r\n",
+        "\ufeffsep=,\nBegin,END,Position,Force\n0.2,0.5,0.07,1\n",
+    ],
+)
+def test_tables_of_any_spreadsheet_s_commas_and_capitals_are_read(tmp_path: Path, table: str) -> None:
+    sound(tmp_path / "a.wav")
+    columns = imported(tmp_path / "a.wav", table).labels.columns
+    assert {name: column[30] for name, column in columns.items()} == {
+        "contact": 1.0, "position": 0.07, "force": 1.0
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "meant"),
+    [
+        ("position (m)", "position"), ("Position [mm]", "position"), ("position_mm", "position"),
+        ("pos", "position"), ("positoin", "position"), ("force (N)", "force"), ("force_g", "force"),
+        ("Force in grams", "force"), ("forces", "force"), ("slips", "slip"), ("cont", "contact"),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("times", ["time", "begin,end"])
+def test_a_label_s_misspelt_name_is_refused(tmp_path: Path, times: str, name: str, meant: str) -> None:
+    sound(tmp_path / "a.wav")
+    with pytest.raises(InputError, match=r"a\.csv") as caught:
+        imported(tmp_path / "a.wav", f"{times},{name}\n{'0.1,' * times.count(',')}0.5,1\n")
+    assert f"'{name}'" in caught.value.given
+    assert f"did you mean '{meant}'" in caught.value.remedy
+    assert not (tmp_path / "a.mcap").exists()
+
+
+def test_names_unlike_the_labels_are_kept_and_so_are_those_beside_them(tmp_path: Path) -> None:
+    sound(tmp_path / "a.wav")
+    names = ["motion", "Source", "friction", "contacts", "slip_across", "force", "force_2", "force (raw)"]
+    columns = imported(tmp_path / "a.wav", f"time,{','.join(names)}\n0.5{',1' * len(names)}\n").labels.columns
+    assert [*columns] == names
+
+
 def test_a_column_without_a_name_that_is_no_row_number_is_refused(tmp_path: Path) -> None:
     sound(tmp_path / "a.wav")
     with pytest.raises(InputError, match=r"a\.csv"):
@@ -147,8 +189,18 @@ def test_the_same_files_make_the_same_session(tmp_path: Path) -> None:
 
 BAD = {
     "times,contact\n1,1\n": "times, contact",
-    "begin,end\n0.2,0.1\n": "row 2, time 0.1",
-    "begin,end\n0.1,0.5\n0.4,0.8\n": "row 3, time 0.4",
+    "begin,end\n0.2,0.1\n": "row 2, end 0.1",
+    "begin,end\n0.1,0.5\n0.4,0.8\n": "row 3, begin 0.4",
+    "begin,end\n0.6,0.8\n0.1,0.5\n": "row 3, begin 0.1",
+    "begin,end\n0.1,0.5\n1.5,1.8\n": "row 3, begin 1.5",
+    "begin,end\n0.505,0.506\n": "row 2, begin 0.505, end 0.506",
+    "begin,end\n0.5,0.5\n": "row 2, begin 0.5, end 0.5",
+    "begin,end\n,0.5\n": "row 2, begin nan",
+    "begin,end,contact\n0.1,0.5,0.5\n": "row 2, contact 0.5",
+    "time,slip\n0.1,0.5\n": "row 2, slip 0.5",
+    "time;contact\n0,1;1\n0.2;1\n": "row 2, time '0,1'",
+    "sep=;\ntime;contact\n0;yes\n": "row 3, contact 'yes'",
+    "time,Contact,contact\n0,1,1\n": "contact, contact",
     "begin,contact\n0.1,1\n": "begin, contact",
     "": "empty",
     "time,contact\n0,1\n0.1,yes\n": "row 3, contact 'yes'",
@@ -173,6 +225,44 @@ def test_a_bad_table_is_refused_in_one_line_and_leaves_nothing(tmp_path: Path, t
     assert "a.csv" in caught.value.given
     assert "\n" not in str(caught.value)
     assert not (tmp_path / "a.mcap").exists()
+
+
+REMEDIES = {
+    "begin,end\n0.2,0.1\n": "swapped",
+    "begin,end\n0.1,0.5\n0.4,0.8\n": "before the next",
+    "begin,end\n0.6,0.8\n0.1,0.5\n": "sort",
+    "begin,end,force\n0,1,0,5,1,2\n": "decimal points",
+    'begin,end\n"0,1","0,5"\n': "decimal point",
+    "time (s),force\n0.1,1\n": "did you mean 'time'",
+    "begin_s,end_s\n0.1,0.5\n": "did you mean 'begin'",
+    "start,stop\n0.1,0.5\n": "'begin' and 'end'",
+}
+
+
+@pytest.mark.parametrize("table", REMEDIES)
+def test_a_bad_table_s_error_says_what_to_change(tmp_path: Path, table: str) -> None:
+    sound(tmp_path / "a.wav")
+    with pytest.raises(InputError) as caught:
+        imported(tmp_path / "a.wav", table)
+    assert REMEDIES[table] in caught.value.remedy
+
+
+def test_a_short_row_without_a_touch_is_no_lost_touch(tmp_path: Path) -> None:
+    sound(tmp_path / "a.wav")
+    labels = imported(tmp_path / "a.wav", "begin,end,contact\n0.105,0.106,0\n0.2,0.5,1\n").labels
+    assert labels.columns["contact"][30] == 1.0
+
+
+def test_a_truncated_file_is_imported_up_to_its_end_if_allowed(tmp_path: Path) -> None:
+    sent, path = sound(tmp_path / "a.wav", subtype="FLOAT"), tmp_path / "a.wav"
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    with pytest.raises(InputError, match="sessions import") as caught:
+        imported(path)
+    assert "--allow-truncated" in caught.value.remedy
+    from_files(path, None, tmp_path / "a.mcap", allow_truncated=True)
+    kept = read_session(tmp_path / "a.mcap").audio.samples
+    assert kept.shape[1] > 0.4 * sent.shape[1]
+    assert np.array_equal(kept, sent[:, : kept.shape[1]])
 
 
 TOUCHES = "begin,end,position,force\n0.1,0.2,{},{}\n0.3,0.4,{},{}\n"

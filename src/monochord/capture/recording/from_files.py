@@ -3,17 +3,19 @@
 import csv
 import math
 import os
-from collections.abc import Mapping
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn, TextIO
 
 import numpy as np
 
 from monochord.capture.sources import SOURCES
 from monochord.capture.sources.base import Stream
 from monochord.core.config import from_tree, to_tree
-from monochord.core.errors import InputError
+from monochord.core.errors import InputError, closest
 from monochord.core.files import refuse_endless, similar_name, without_index
+from monochord.core.labels import TOUCH_COLUMNS
 from monochord.core.types import Floats, StringParams
 from monochord.core.units import Seconds
 from monochord.physics.known_touches import why_impossible
@@ -23,21 +25,40 @@ AUDIO_FILES, SESSIONS = "wav", "session"  # the sources that read them
 SESSION_SUFFIX = ".mcap"
 POSES = "pose"
 BLOCK: Seconds = 0.1
-LABEL_RANGES: dict[str, tuple[float, float, str]] = {
-    "contact": (0.0, 1.0, "0 or 1"),
-    "slip": (0.0, 1.0, "0 or 1"),
-}
-"""Allowed values of a column."""
+LABELS = {"contact": "0 or 1", "position": "in m from pickup 1", "force": "in N", "slip": "0 or 1"}
+"""Labels that a table may have, with the unit or the values of their columns."""
+KNOWN_LABELS = (*LABELS, *TOUCH_COLUMNS, "contacts", "settled")
+"""These, and the further ones of simulated sessions."""
+YES_OR_NO = "contact", "slip"
+"""Labels that are 0 or 1."""
 MAX_OVERHANG: Seconds = 1.0
 """Longest time by which labels may exceed the audio."""
 TOUCH = ("begin", "end")
 """Columns of a table with one row per touch, in place of `time`."""
+TIMES = ("time", *TOUCH)
 TOUCH_STEP: Seconds = 0.01
 """Time between the labels that such a row becomes, in s."""
+LIKENESS, SHORTEST_NAME = 0.8, 3
+"""Least likeness of a misspelt column to the name meant, and fewest letters of an abbreviated one.
+
+Less would refuse columns in their own right, such as ``motion`` or ``source``.
+"""
+_UNIT = re.compile(
+    r"(?<![\s_./-])([\s_./-]*[(\[].*|[\s_./-]+(in[\s_])?"
+    r"([mcuk]?[mngs]|(milli|centi|kilo)?(met(re|er)|newton|gram)s?|k?gf|in|inch(es)?|lbf?|pounds?)$)"
+)
+"""The unit after a column's name: ``position (m)``, ``force_g``, ``position in mm``."""
+_SEPARATOR = re.compile(r"sep=([,;\t|])\s*")
+"""A first line by which Excel names the separator of cells."""
 
 
 def from_files(
-    audio: Path, labels: Path | None, out: Path, *, described: Mapping[str, Any] | None = None
+    audio: Path,
+    labels: Path | None,
+    out: Path,
+    *,
+    described: Mapping[str, Any] | None = None,
+    allow_truncated: bool = False,
 ) -> None:
     r"""Write a session from an audio file and a table of labels.
 
@@ -55,11 +76,13 @@ def from_files(
         A CSV file whose first line names the columns: ``time`` in s from the audio's beginning; ``contact``
         and ``slip`` (0 or 1), ``position`` in m from pickup 1, ``force`` in N, or any others, all numbers. An
         empty cell is unknown. With ``begin`` and ``end`` in place of ``time``, each row is a touch, and there
-        is no contact between rows. None for no labels.
+        is no contact between rows. A misspelt name of these is refused. None for no labels.
     out
         The new session, ``NAME.mcap``; on an error it is not left behind.
     described
         Options of `Description` by name, such as ``object`` and ``string``; the name defaults to the file's.
+    allow_truncated
+        Whether to read a truncated audio file, up to its end.
 
     Raises
     ------
@@ -78,10 +101,11 @@ def from_files(
     """
     options_ = dict(described or {})
     source, known, begin = AUDIO_FILES, dict[str, Any](), None
+    options: dict[str, Any] = {"path": str(audio), **({"allow_truncated": True} if allow_truncated else {})}
     if audio.suffix.lower() == SESSION_SUFFIX:
         source = SESSIONS
         known, begin = _known(audio)
-    with SOURCES.build(source, {"path": str(audio)}).open() as probe:
+    with SOURCES.build(source, options).open() as probe:
         rate, channels = probe.signal.sample_rate, probe.signal.channels
         frames = max((block.start + block.samples.shape[1] for block in probe), default=0)
     more = {"imported": _text(audio.name), **({"imported_labels": _text(labels.name)} if labels else {})}
@@ -95,7 +119,7 @@ def from_files(
     if begin is None:
         begin = audio.stat().st_mtime_ns - round(frames / rate * 1e9)
     clock = SessionClock(epoch_ns=max(begin, 0))
-    options = {"path": str(audio), "block": round(BLOCK * rate)}
+    options["block"] = round(BLOCK * rate)
     writer = SessionWriter(out, description, clock)
     try:
         with writer, SOURCES.build(source, options).open() as stream:
@@ -151,9 +175,10 @@ def read_labels(
     are separated by commas, semicolons or tabs. A table of touches, with ``begin`` and ``end``, is returned
     as labels every `TOUCH_STEP`.
 
-    Raises `InputError`, which names the row and column, if the file is not such a table, a cell is not a
-    number or out of range, a time is beyond the audio's `seconds` or before the previous one, or a position
-    or force is impossible on the `string` (see `physics.known_touches`).
+    Raises `InputError`, which names the row and column, if the file is not such a table, a column's name is
+    nearly that of a label, a cell is not a number or out of range, a time is beyond the audio's `seconds` or
+    before the previous one, a touch is too short for a label, or a position or force is impossible on the
+    `string` (see `physics.known_touches`).
     """
     names, rows = _rows(path)
     table = ([_number(path, row, *cell) for cell in zip(names, cells, strict=True)] for row, cells in rows)
@@ -162,18 +187,17 @@ def read_labels(
     by_touch = "time" not in names
     when = TOUCH if by_touch else ("time",)
     times = cells[:, [names.index(name) for name in when]]
-    _refuse_times(path, np.repeat(numbers, times.shape[1]).tolist(), times.ravel(), seconds)
     columns = {name: cells[:, place] for place, name in enumerate(names) if name not in when}
-    for name, column in columns.items():
-        low, high, allowed = LABEL_RANGES.get(name, (-math.inf, math.inf, ""))
-        wrong = np.flatnonzero((column < low) | (column > high) | np.isinf(column))
-        if len(wrong):
-            given = f"file {path} row {numbers[wrong[0]]}, {name} {column[wrong[0]]:g}"
-            raise InputError(given, allowed or "a finite number, or an empty cell")
+    _refuse_times(path, numbers, times, when, seconds)
+    _refuse_values(path, numbers, columns)
+    contact = columns.get("contact", np.ones(len(numbers)))
+    if by_touch:
+        _refuse_unordered(path, numbers, times)
+        _refuse_unlabelled(path, numbers, times, contact, seconds)
     unknown = np.full(len(numbers), np.nan)
     position, force = columns.get("position", unknown), columns.get("force", unknown)
     if not by_touch:
-        force = _pressing(force, columns.get("contact", np.ones(len(numbers))))
+        force = _pressing(force, contact)
     wrong = why_impossible(position, force, string)
     if wrong is not None:
         row = "" if wrong.touch is None else f" row {numbers[wrong.touch]}"
@@ -195,7 +219,7 @@ def _of_touches(
     touches: Floats, columns: Mapping[str, Floats], seconds: Seconds
 ) -> tuple[Floats, dict[str, Floats]]:
     """Return times and columns of touches from begin to end (n, 2)."""
-    time = np.arange(0.0, seconds, TOUCH_STEP)
+    time = _label_times(seconds)
     touch = np.searchsorted(touches[:, 0], time, side="right") - 1
     contact = (touch >= 0) & (time < np.concatenate((touches[:, 1], [0.0]))[touch])
     labels = {
@@ -204,17 +228,23 @@ def _of_touches(
     return time, {"contact": contact.astype(np.float64), **labels}
 
 
+def _label_times(seconds: Seconds) -> Floats:
+    """Return the times in s of the labels (n,) that touches become."""
+    return np.arange(0.0, seconds, TOUCH_STEP)
+
+
 def _rows(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
     """Return the header and the nonempty rows, each with its number in the file."""
     allowed = "a CSV file whose first line names time and labels"
     refuse_endless(path)
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
-            first = file.readline()
-            file.seek(0)
-            reader = csv.reader(file, delimiter=max(",;\t", key=first.count), strict=True)
+            separator, before = _separator(file)
+            reader = csv.reader(file, delimiter=separator, strict=True)
             lines = [
-                (number, line) for number, line in enumerate(reader, start=1) if any(map(str.strip, line))
+                (number, line)
+                for number, line in enumerate(reader, start=1 + before)
+                if any(map(str.strip, line))
             ]
     except OSError as error:
         remedy = similar_name(path) or "check its name"
@@ -224,18 +254,66 @@ def _rows(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
     if not lines:
         raise InputError(f"file {path} (empty)", allowed)
     cells = without_index([line for _, line in lines])
-    lines = [(number, line) for (number, _), line in zip(lines, cells, strict=True)]
-    names = [name.strip() for name in lines[0][1]]
-    if "time" not in names and not {*TOUCH} <= {*names}:
-        remedy = "name the time column 'time'"
-        raise InputError(f"file {path} with columns {', '.join(names)}", "time and others", remedy)
-    if len(set(names)) < len(names) or not all(names):
-        raise InputError(f"file {path} with columns {', '.join(names)}", "a different name for each")
-    for number, line in lines[1:]:
+    names = [_name(cell.strip()) for cell in cells[0]]
+    _refuse_names(path, names)
+    rows = [(number, line) for (number, _), line in zip(lines[1:], cells[1:], strict=True)]
+    for number, line in rows:
         if len(line) != len(names):
             given = f"file {path} row {number} of {len(line)} cells"
-            raise InputError(given, f"{len(names)}, as in its first line")
-    return names, lines[1:]
+            commas = separator == "," and len(line) > len(names) and all(map(str.strip, line))
+            remedy = "are these decimal commas? Write decimal points" if commas else ""
+            raise InputError(given, f"{len(names)}, as in its first line", remedy)
+    return names, rows if separator == "," else _with_points(rows)
+
+
+def _separator(file: TextIO) -> tuple[str, int]:
+    """Return the separator of cells, and how many lines are read: that by which Excel names it, or none."""
+    first = file.readline()
+    if stated := _SEPARATOR.fullmatch(first):
+        return stated[1], 1
+    file.seek(0)
+    return max(",;\t", key=first.count), 0
+
+
+def _with_points(rows: list[tuple[int, list[str]]]) -> list[tuple[int, list[str]]]:
+    """Return rows whose decimal commas are points, unless a cell has a point already."""
+    if any("." in cell for _, line in rows for cell in line):
+        return rows
+    return [(number, [cell.replace(",", ".") for cell in line]) for number, line in rows]
+
+
+def _name(name: str) -> str:
+    """Return a column's name, in lower case where it is a known one."""
+    return name.lower() if name.lower() in (*TIMES, *KNOWN_LABELS) else name
+
+
+def _refuse_names(path: Path, names: Sequence[str]) -> None:
+    """Raise `InputError` for a header without times, or with a name that is double, empty or misspelt."""
+    given = f"file {path} with columns {', '.join(names)}"
+    if "time" not in names and not {*TOUCH} <= {*names}:
+        meant = next(filter(None, (_meant(name, TIMES) for name in names if name not in TIMES)), None)
+        remedy = "name the time column 'time', or those of each touch 'begin' and 'end'"
+        remedy = f"did you mean '{meant}', in s?" if meant else remedy
+        raise InputError(given, "time, or begin and end, and labels", remedy)
+    if len(set(names)) < len(names) or not all(names):
+        raise InputError(given, "a different name for each")
+    for name in names:
+        meant = None if name in (*TIMES, *KNOWN_LABELS) else _meant(name, LABELS)
+        if meant and meant not in names:
+            allowed = f"{', '.join(LABELS)}, or a name unlike these"
+            remedy = f"did you mean '{meant}', {LABELS[meant]}?"
+            raise InputError(f"file {path}, column '{name}'", allowed, remedy)
+
+
+def _meant(name: str, known: Iterable[str]) -> str | None:
+    """Return the known name that a column's name is short for, or misspelt, with or without a unit.
+
+    >>> [_meant(name, LABELS) for name in ("position (m)", "pos", "Foce_g", "temperature")]
+    ['position', 'position', 'force', None]
+    """
+    word = _UNIT.sub("", name.lower())
+    short = [each for each in known if each.startswith(word) and len(word) >= SHORTEST_NAME]
+    return short[0] if short else closest(word, known, LIKENESS)
 
 
 def _number(path: Path, row: int, name: str, cell: str) -> float:
@@ -243,17 +321,73 @@ def _number(path: Path, row: int, name: str, cell: str) -> float:
         return float(cell) if cell.strip() else math.nan
     except ValueError:
         allowed = "a number, or an empty cell"
-        raise InputError(f"file {path} row {row}, {name} '{cell.strip()}'", allowed) from None
+        remedy = "write a decimal point" if "," in cell else ""
+        raise InputError(f"file {path} row {row}, {name} '{cell.strip()}'", allowed, remedy) from None
 
 
-def _refuse_times(path: Path, rows: list[int], time: Floats, seconds: Seconds) -> None:
-    wrong = np.flatnonzero(~((time >= 0.0) & (time <= seconds + MAX_OVERHANG)))
-    if len(wrong):
-        given = f"file {path} row {rows[wrong[0]]}, time {time[wrong[0]]:g}"
-        raise InputError(
-            given, f"0 to {seconds:g} s, the length of the audio", "give times in s from its beginning"
-        )
-    back = np.flatnonzero(np.diff(time) < 0.0)
+def _refuse_times(
+    path: Path, rows: Sequence[int], times: Floats, names: Sequence[str], seconds: Seconds
+) -> None:
+    """Raise `InputError` for times (n, columns) in s that are beyond the audio, or rows out of order."""
+    beyond = np.argwhere(~((times >= 0.0) & (times <= seconds + MAX_OVERHANG)))
+    if len(beyond):
+        row, column = beyond[0]
+        _refuse_beyond(f"file {path} row {rows[row]}, {names[column]} {times[row, column]:g}", seconds)
+    first = times[:, 0]
+    back = np.flatnonzero(np.diff(first) < 0.0)
     if len(back):
-        given = f"file {path} row {rows[back[0] + 1]}, time {time[back[0] + 1]:g} after {time[back[0]]:g}"
+        row = back[0] + 1
+        given = f"file {path} row {rows[row]}, {names[0]} {first[row]:g} after {first[row - 1]:g}"
         raise InputError(given, "times in order", "sort the rows")
+
+
+def _refuse_beyond(given: str, seconds: Seconds) -> NoReturn:
+    raise InputError(
+        given, f"0 to {seconds:g} s, the length of the audio", "give times in s from its beginning"
+    )
+
+
+def _refuse_unordered(path: Path, rows: Sequence[int], touches: Floats) -> None:
+    """Raise `InputError` for touches (n, 2) that end before they begin, or after the next one begins."""
+    begin, end = touches.T
+    wrong = np.flatnonzero(end < begin)
+    if len(wrong):
+        row = wrong[0]
+        given = f"file {path} row {rows[row]}, end {end[row]:g} before begin {begin[row]:g}"
+        raise InputError(given, "begin before end", "are they swapped?")
+    wrong = np.flatnonzero(begin[1:] < end[:-1])
+    if len(wrong):
+        row = wrong[0] + 1
+        given = f"file {path} row {rows[row]}, begin {begin[row]:g} before the end {end[row - 1]:g}"
+        given += f" of row {rows[row - 1]}"
+        raise InputError(given, "one touch at a time", "let each touch end before the next one begins")
+
+
+def _refuse_unlabelled(
+    path: Path, rows: Sequence[int], touches: Floats, contact: Floats, seconds: Seconds
+) -> None:
+    """Raise `InputError` for touches (n, 2) that would get no label: none of its times is within."""
+    time = _label_times(seconds)
+    first, stop = np.searchsorted(time, touches).T
+    wrong = np.flatnonzero((first == stop) & (contact == 1.0))
+    if len(wrong):
+        row = wrong[0]
+        begin, end = touches[row]
+        given = f"file {path} row {rows[row]}, begin {begin:g}"
+        if first[row] == time.size:
+            _refuse_beyond(given, seconds)
+        remedy = "correct its times, or delete the row"
+        raise InputError(f"{given}, end {end:g}", f"a touch of {TOUCH_STEP:g} s or longer", remedy)
+
+
+def _refuse_values(path: Path, rows: Sequence[int], columns: Mapping[str, Floats]) -> None:
+    """Raise `InputError` for an infinite value, or one other than 0 and 1 where only these make sense."""
+    for name, column in columns.items():
+        wrong = np.isinf(column)
+        if name in YES_OR_NO:
+            wrong = ~(np.isnan(column) | (column == 0.0) | (column == 1.0))
+        if wrong.any():
+            row = int(wrong.argmax())
+            given = f"file {path} row {rows[row]}, {name} {column[row]:g}"
+            allowed = LABELS[name] if name in YES_OR_NO else "a finite number"
+            raise InputError(given, f"{allowed}, or an empty cell")

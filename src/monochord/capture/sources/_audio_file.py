@@ -31,7 +31,10 @@ OGG_PAGE, OGG_HEADER, OGG_LAST = 65307, 27, 4
 MAX_CHANNELS = 2
 UNKNOWN_LENGTH = 0xFFFFFFFF  # what a program that writes to a pipe, or RF64, puts for a length
 
-READ_ANYWAY = "read the rest: locate --allow-truncated, live --set source.allow_truncated=true"
+READ_ANYWAY = (
+    "read the rest: --allow-truncated (locate, sessions import, sessions touches), "
+    "--set source.allow_truncated=true (live, record, tune)"
+)
 ENDLESS = 2**63 - 1  # frames, as libsndfile puts it, of a flac stream that does not say how many
 
 
