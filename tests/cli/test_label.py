@@ -111,6 +111,9 @@ def test_position_and_force_are_typed_and_corrected(sound: Path, tmp_path: Path)
     assert (session.labels.columns["contact"] == 0.0).any()
     assert {path.name for path in tmp_path.iterdir()} == {"touches.mcap", "touches.csv"}
     assert "already exists" in command("sessions", "label", out, "--source", "twin", status=2)
+    out.rename(tmp_path / "killed.recorded.mcap")  # as of a program that was killed before the first touch
+    again = command("sessions", "label", tmp_path / "killed.mcap", "--source", "twin", status=2)
+    assert "no touch in it was labelled: remove it" in again
 
 
 @pytest.mark.slow

@@ -126,7 +126,9 @@ def test_a_cut_file_is_read_as_the_refusal_says(take: Take, capsys: Capture) -> 
     assert common(lines(capsys, "live", str(path), "--set", "source.allow_truncated=true", *STRING)) == rest
 
 
-def test_settings_come_from_the_file_then_the_options_then_set(take: Take, tmp_path: Path) -> None:
+def test_settings_come_from_the_file_then_the_options_then_set(
+    take: Take, tmp_path: Path, capsys: Capture
+) -> None:
     config, saved = tmp_path / "run.toml", tmp_path / "saved.toml"
     config.write_text(
         f"""
@@ -156,6 +158,8 @@ def test_settings_come_from_the_file_then_the_options_then_set(take: Take, tmp_p
     assert resolved["source"]["block"] == 7
     assert resolved["estimator"] == {**resolved["estimator"], "length": 0.6, "open_frequency": 110.0}
     before = common([json.loads(line) for line in written])
+    assert "already exists" in refusal(capsys, "live", "--config", saved)
+    (tmp_path / "out.jsonl").unlink()
     assert run(["live", "--config", str(saved)]) == 0
     again = (tmp_path / "out.jsonl").read_text(encoding="utf-8").splitlines()
     assert common([json.loads(line) for line in again]) == before

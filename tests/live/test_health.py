@@ -163,6 +163,10 @@ def test_a_detuned_string_is_said_with_by_how_much() -> None:
     assert (note.key, note.level) == ("detuned", "error")
     assert "14.0 %" in note.sentence
     assert not any(watched(STRING, condition=Condition(deviation=0.001)))
+    for std, told in ((0.5, True), (2.5, False)):
+        pitch = Estimate(value=997.0, std=std, unit="Hz")
+        notes = watched(STRING, condition=Condition(open_frequency=pitch, deviation=-0.0065))[-1]
+        assert bool(notes) is told
 
 
 def test_what_the_estimator_tells_of_the_channels_is_not_looked_at_again() -> None:

@@ -41,9 +41,13 @@ def is_port(text: str, *, lowest: int = 1) -> bool:
 def resolved(host: str, seconds: Seconds) -> str:
     """Return a host's IPv4 address; raises `DeviceError` where it is not resolved within `seconds`.
 
+    `InputError` refuses an IPv6 address.
+
     The system's resolver cannot be interrupted: it runs in a separate thread, which is abandoned at the
     timeout.
     """
+    if ":" in host:
+        raise InputError(f"host '{host}'", "an IPv4 address, or a name that has one")
     answers: queue.SimpleQueue[str | Exception] = queue.SimpleQueue()
 
     def resolve(flags: int) -> None:

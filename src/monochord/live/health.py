@@ -51,7 +51,7 @@ HUM_SHARE = 0.5
 LEVELS_EVERY: Seconds = 0.1
 """Shortest time between checks of levels, in s."""
 MIN_DEVIATION = 0.005
-"""Smallest relative pitch deviation worth a note: 9 cents."""
+"""Smallest relative pitch deviation worth a note, 9 cents, beyond two standard errors of the pitch."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -240,8 +240,9 @@ def _add_reasons(findings: dict[str, Finding], estimates: Estimates) -> None:
 
 def _add_deviation(findings: dict[str, Finding], condition: Condition) -> None:
     """Add a finding where the string's tuning deviates from its nominal pitch."""
-    off = condition.deviation or 0.0
-    if abs(off) < MIN_DEVIATION:
+    off, measured = condition.deviation or 0.0, condition.open_frequency
+    error = measured.std / measured.value if measured.valid else 0.0
+    if abs(off) < MIN_DEVIATION + 2.0 * error:
         return
     side = "above" if off > 0.0 else "below"
     finding = FOLLOWED if condition.follows else NOT_FOLLOWED

@@ -66,7 +66,9 @@ class LabelledRecording:
         recorded, self._table = beside(out)
         for path in (out, recorded, self._table):
             if path.exists():
-                raise InputError(f"file '{path}', which already exists", "a new file")
+                whose = "no touch in it was labelled: " if path == recorded else ""
+                remedy = f"{whose}remove it, or choose another name"
+                raise InputError(f"file '{path}', which already exists", "a new file", remedy)
         self.recording = Recording(recorded, signal)
         self._written: list[LabelRow] = []
         self._closed = False

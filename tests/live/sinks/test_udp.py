@@ -106,6 +106,11 @@ def test_what_is_no_address_is_refused(to: str) -> None:
         pass
 
 
+def test_an_ipv6_address_is_refused_as_such() -> None:
+    with pytest.raises(InputError, match=r"'\[::1\]'.*IPv4"), Udp(to="[::1]:1").open(Run(signal=SIGNAL)):
+        pass
+
+
 def test_an_unknown_host_is_refused() -> None:
     with (
         pytest.raises(DeviceError, match=r"nobody\.invalid"),

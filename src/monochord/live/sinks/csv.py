@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TextIO
 
+from monochord.core.dated import dated_path
 from monochord.core.files import new_text, written
 from monochord.live.sinks._record import NANO, TRACKED, TRUE, record, unix_nanoseconds
 from monochord.live.sinks.base import Run, Sink, Update, Writer
@@ -27,16 +28,17 @@ class Csv(Sink):
     Parameters
     ----------
     path
-        The file to write, a new one.
+        The file to write, a new one; by default named by the date and time.
     """
 
-    path: str = "live.csv"
+    path: str = ""
 
     @contextmanager
     def open(self, run: Run) -> Generator[Writer]:  # noqa: ARG002
         """Open the file; raises `InputError` where it exists or cannot be written."""
-        with new_text(Path(self.path), newline="", buffering=1) as file:
-            yield _Rows(file, Path(self.path))
+        path = Path(self.path) if self.path else dated_path("live", ".csv")
+        with new_text(path, newline="", buffering=1) as file:
+            yield _Rows(file, path)
 
 
 class _Rows(Writer):

@@ -55,7 +55,7 @@ class Udp(Sink):
     def open(self, run: Run) -> Generator[Writer]:  # noqa: ARG002
         """Resolve the receiver.
 
-        Raises `InputError` for an invalid address, `DeviceError` for an unknown host.
+        Raises `InputError` for an invalid or an IPv6 address, `DeviceError` for an unknown host.
         """
         host, _, port = self.to.rpartition(":")
         if not is_port(port):
