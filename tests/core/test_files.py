@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from tests.sessions.made import make
 
-from monochord.capture.recording.from_files import read_labels
+from monochord.capture.recording.label_table import read_labels
 from monochord.capture.sources.wav import Wav
 from monochord.cli import run
 from monochord.core.config import load_json, load_toml

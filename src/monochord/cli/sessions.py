@@ -9,7 +9,8 @@ from typing import Any
 
 import click
 
-from monochord.capture.recording.from_files import KNOWN_LABELS, LABELS, from_files
+from monochord.capture.recording.from_files import from_files
+from monochord.capture.recording.label_table import KNOWN_LABELS, LABELS
 from monochord.capture.recording.settings import of_sensor
 from monochord.capture.sources.base import MAX_RATE, MIN_RATE
 from monochord.cli._label import label

@@ -171,7 +171,9 @@ class HandledObject:
 
     def _bring(self, time: Seconds, number: int, contact: Contact, material: str) -> tuple[Touch, ...]:
         self._number, self._lifting, self._changed = number, False, time
-        drawn = Touch(material=load_material(material), motion=(Key(time=time, position=contact.position),), rolls=False)
+        drawn = Touch(
+            material=load_material(material), motion=(Key(time=time, position=contact.position),), rolls=False
+        )
         touch = plausible_touch(drawn, self._seed, world=self._world)
         above = Key(time=time, position=self._reached(contact.position, touch), clearance=HEIGHT)
         down = replace(above, time=time + HEIGHT / APPROACH, clearance=0.0)

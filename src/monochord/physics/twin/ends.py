@@ -48,7 +48,7 @@ def offset_of(sensor: Sensor) -> Metres:
 
 
 def reach(longer: Sensor, width: Metres = 0.0) -> tuple[Metres, Metres]:
-    """Return the first and the last place, from pickup 1, of a touch of this width on a `lengthened` sensor."""
+    """Return the first and last place, from pickup 1, of a touch of this width on a `lengthened` sensor."""
     length, offset = longer.string.length, offset_of(longer)
     edge = NEAREST * length + 0.5 * width
     return edge - offset, length - edge - offset
