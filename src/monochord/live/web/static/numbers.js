@@ -86,7 +86,7 @@ export function showNotes(moment) {
   const key = moment.notes.map((note) => note.key + note.sentence).join("|");
   if (place.dataset.key === key) return;
   place.dataset.key = key;
-  place.hidden = moment.notes.length === 0;
+  place.hidden = false; // its room stays where there is none, so that nothing below moves
   place.replaceChildren(...moment.notes.map((note) => {
     const line = document.createElement("p");
     line.className = "note";
