@@ -182,6 +182,46 @@ def test_no_text_overlaps_another_or_is_cut(told: tuple[Page, list[Update]], siz
         assert page.ask("document.documentElement.scrollWidth") == size[0]
 
 
+@pytest.mark.parametrize("width", [320, 360])
+def test_on_a_phone_the_header_is_one_line(page: Page, width: int) -> None:
+    sized(page, (width, 640))
+    middles = page.ask("""[...document.querySelectorAll('header > :not(h1, [hidden])')].map((each) => {
+        const { top, bottom } = each.getBoundingClientRect(); return (top + bottom) / 2})""")
+    assert max(middles) - min(middles) < 3.0
+    assert any(node["role"] == "link" and "What is this?" in node["name"] for node in page.accessible())
+
+
+def test_a_note_of_one_line_moves_nothing(told: tuple[Page, list[Update]]) -> None:
+    page, now = told
+    sized(page, (1280, 800))
+    short = replace(NOTES[0], sentence="It hums.", remedy="Ground it.")
+    below = set[float]()
+    for notes in ((), (short,)):
+        now[0] = replace(telling(CASES["long"]), notes=notes)
+        page.wait(f"document.querySelectorAll('#notes > .note').length === {len(notes)}")
+        below.add(page.ask("document.getElementById('controls').getBoundingClientRect().y"))
+    assert len(below) == 1
+
+
+def test_what_is_not_on_the_screen_is_drawn_for_a_capture_and_for_paper(
+    told: tuple[Page, list[Update]],
+) -> None:
+    page, _ = told
+    sized(page, (1280, 800))
+    page.call("Page.reload")
+    time.sleep(0.5)
+    page.wait(READY)
+    assert page.ask("document.getElementById('spectra').getBoundingClientRect().top") > 800
+    last, later = "monochord.history.plots[2].scales.x.max", page.ask("monochord.moment.time") + 3.0
+    page.wait(f"{last} > {later}", 10.0)
+    page.wait(f"monochord.spectra.views.every(({{ drawn }}) => drawn.split(' ').at(-1) > {later})", 10.0)
+    newest = "monochord.history.rows.at(-1)[0]"
+    page.ask(f"addEventListener('beforeprint', () => {{ window.paper = [{last}, {newest}]; }})")
+    page.call("Page.printToPDF")
+    drawn, told_last = page.ask("paper")
+    assert drawn == told_last
+
+
 LABELS = """new Promise((done) => {
     const canvas = CanvasRenderingContext2D.prototype, draw = canvas.fillText, seen = {};
     canvas.fillText = function (text, x, y) {

@@ -195,10 +195,17 @@ def test_it_is_touched_with_keys(page: Page) -> None:
         for kind in ("keyDown", "keyUp"):
             page.call("Input.dispatchKeyEvent", type=kind, key=key, text=" " if key == " " else "")
 
+    first, last = (str(round(1e3 * end)) for end in page.ask("monochord.run.range"))
+    value = "monochord.view.canvas.getAttribute('aria-valuenow')"
     page.ask("monochord.view.canvas.focus()")
+    for key, expected in (("End", last), ("Home", first)):
+        press(key)
+        assert page.ask(value) == expected
     press(" ")
     page.wait("monochord.moment.decided.contact && monochord.moment.truth.contact === 1")
     page.wait("!monochord.view.canvas.getAttribute('aria-valuetext').startsWith('not')")
+    press("End")
+    page.wait("Math.abs(monochord.moment.truth.position - monochord.run.range[1]) < 1e-3")
     press("Escape")
     page.wait("monochord.moment.truth.contact === 0")
 
@@ -304,6 +311,7 @@ def test_a_finger_is_estimated_where_it_is_and_slides(page: Page) -> None:
 
 
 def test_a_screen_reader_finds_the_string_the_meters_and_the_status(page: Page) -> None:
+    page.wait("document.querySelector('[data-section=spectra]').open")  # after the size of a phone
     tree = page.accessible()
     (string,) = [node for node in tree if node["role"] == "slider"]
     assert 0 < int(string["value"]) < 1000 * page.ask("monochord.run.length")
@@ -313,6 +321,36 @@ def test_a_screen_reader_finds_the_string_the_meters_and_the_status(page: Page) 
     assert sum(node["role"] == "status" for node in tree) >= 2
     controls = [node for node in tree if node["role"] in {"button", "combobox", "spinbutton", "slider"}]
     assert all(node["name"] for node in controls)
+
+
+WATCH = """(() => {
+    window.said = []; window.places = [];
+    const spoken = document.getElementById('spoken'), below = document.getElementById('controls');
+    new MutationObserver(() => said.push(spoken.textContent)).observe(spoken, { childList: true });
+    const notes = document.getElementById('notes').children;
+    const look = () => { // two notes need more room
+        if (notes.length < 2) places.push(below.getBoundingClientRect().y);
+        requestAnimationFrame(look);
+    };
+    look()})()"""
+"""Keep what a screen reader is told, and where the section below the notes is in each frame."""
+
+
+def test_each_touch_is_spoken_and_moves_nothing_on_the_page(page: Page) -> None:
+    page.size(1200, 900)
+    choose(page, "touches", "by hand")
+    page.wait("document.getElementById('spoken').textContent && monochord.moment.decided.contact === false")
+    string, length = String(page), page.ask("monochord.run.length")
+    time.sleep(1.5)
+    page.ask(WATCH)
+    for count, share in enumerate((0.3, 0.6, 0.45), 1):
+        string.mouse("mousePressed", share)
+        place = f"Number(text.match(/^touched at (\\d+) /)?.[1]) - {1e3 * share * length}"
+        page.wait(f"said.some((text) => Math.abs({place}) < 6)", 3.0)
+        string.mouse("mouseReleased", share)
+        page.wait(f"said.filter((text) => text === 'untouched').length === {count}", 3.0)
+        time.sleep(1.0)
+    assert len(set(page.ask("places"))) == 1
 
 
 @pytest.mark.parametrize(

@@ -53,13 +53,14 @@ def _estimators() -> None:
     partials = np.stack([np.sin(n * phase + n) / n for n in range(1, 9)]) / 9.0
     sound = np.stack([partials.sum(axis=0), partials[::2].sum(axis=0) - partials[1::2].sum(axis=0)], axis=1)
     with TemporaryDirectory() as folder:
-        wav, tuned, table = (str(Path(folder, name)) for name in ("open.wav", "sensor.toml", "open.csv"))
+        names = "open.wav", "touch.wav", "sensor.toml", "open.csv"
+        wav, touch, tuned, table = (str(Path(folder, name)) for name in names)
         soundfile.write(wav, sound, 48000)
         _run("tune", wav, "--sensor", "prototype", "--out", tuned)
         _run("live", "demo", wav, "--sink", f"csv={table}")
-        _run("simulate", "appendix", "--at", "0.2275", "--seconds", "0.5", "--out", wav)
-        _run("locate", wav, "--string", "appendix", "--json")
-        _run("locate", wav, "--length", "0.65", "--open-frequency", "243.252", "--json")
+        _run("simulate", "appendix", "--at", "0.2275", "--seconds", "0.5", "--out", touch)
+        _run("locate", touch, "--string", "appendix", "--json")
+        _run("locate", touch, "--length", "0.65", "--open-frequency", "243.252", "--json")
     _pitch()
 
 

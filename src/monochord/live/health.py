@@ -6,7 +6,7 @@ counters, and from levels and hum measured here, so that a dead microphone is re
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
@@ -52,6 +52,9 @@ LEVELS_EVERY: Seconds = 0.1
 """Shortest time between checks of levels, in s."""
 MIN_DEVIATION = 0.005
 """Smallest relative pitch deviation worth a note, 9 cents, beyond two standard errors of the pitch."""
+MIN_INFO_TIME: Seconds = 0.5
+"""An info note shorter than this, such as a settling touch, is not shown; in s."""
+WORST_FIRST: tuple[Level, ...] = ("error", "warning", "info")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -171,6 +174,17 @@ def step(
         skipped=skipped,
     )
     return state, _notes(lasting, settings) if lasting else ()
+
+
+def shown_notes(notes: Iterable[Note], now: Seconds) -> list[Note]:
+    """Return the notes to show to a person at time `now`: no brief infos, worst first, then as given.
+
+    >>> note = Note(key="settling", level="info", sentence="It settles.", remedy="", since=1.0)
+    >>> [len(shown_notes([note], now)) for now in (1.1, 1.5)]
+    [0, 1]
+    """
+    shown = [note for note in notes if note.level != "info" or now - note.since >= MIN_INFO_TIME - 1e-9]
+    return sorted(shown, key=lambda note: WORST_FIRST.index(note.level))
 
 
 def warm_up(window: Window) -> None:

@@ -56,7 +56,10 @@ def update(number: int) -> Update:
         TONE,
         truth={"contact": 1.0},
         events=(Event(name="contact", on=True, time=0.1, delay=0.02, confidence=0.9),) if number == 5 else (),
-        notes=(Note(key="hum", level="warning", sentence="It hums.", remedy="Ground it.", since=0.0),),
+        notes=(
+            Note(key="settling", level="info", sentence="It settles.", remedy="Wait.", since=number / 100),
+            Note(key="hum", level="warning", sentence="It hums.", remedy="Ground it.", since=0.0),
+        ),
         decided={"contact": True},
         condition=Condition(open_frequency=Estimate(value=322.4, std=0.5, unit="Hz"), deviation=0.03),
     )
@@ -250,6 +253,7 @@ def test_a_page_is_told_what_is_estimated_and_what_happened() -> None:
         told = messages_of(client, "moment", 20)[-1]
         assert told["window"]["position"]["unit"] == "m"
         assert told["truth"] == {"contact": 1.0}
+        assert [note["key"] for note in told["notes"]] == ["hum"]  # without a brief info
         assert told["notes"][0]["sentence"]
         pitch = {"frequency": 322.4, "std": 0.5, "deviation": 0.03, "follows": True}
         assert told["pitch"] == pitch

@@ -6,28 +6,16 @@ from collections.abc import Mapping
 from rich.text import Text
 
 from monochord.core.printable import printable
-from monochord.core.units import Seconds
-from monochord.live.health import Level, Note
+from monochord.live.health import Level, Note, shown_notes
 from monochord.live.update import Update
 
 LABELS: Mapping[Level, str] = {"error": "error", "warning": "warning", "info": "note"}
-"""Label of a note by level, worst first."""
+"""Label of a note by level."""
 STYLES: Mapping[Level, str] = {"error": "bold red", "warning": "bold orange1", "info": "bold cyan"}
-MIN_INFO_TIME: Seconds = 0.5
-"""An info note shorter than this, such as a settling touch, is not shown; in s."""
 INDENT = 11
 """Columns before the text."""
 MIN_WIDTH = 8
 """Smallest text width in columns, however narrow the terminal."""
-
-
-def current(update: Update) -> list[Note]:
-    """Return an update's notes, worst first, then oldest, without infos shorter than `MIN_INFO_TIME`."""
-    now, order = update.prediction.time, list(LABELS)
-    shown = [
-        note for note in update.notes if note.level != "info" or now - note.since >= MIN_INFO_TIME - 1e-9
-    ]
-    return sorted(shown, key=lambda note: order.index(note.level))
 
 
 def wrapped(note: Note, columns: int) -> list[Text]:
@@ -68,7 +56,7 @@ def news(before: Mapping[str, Note], update: Update) -> tuple[Mapping[str, Note]
     """
     if not update.notes and not before:
         return before, []
-    notes = {note.key: note for note in current(update)}
+    notes = {note.key: note for note in shown_notes(update.notes, update.time)}
     head = f"{update.string}  " if update.string else ""
     head += f"{update.prediction.time:8.2f} s  "
     ended = [f"{head}ended: {note.sentence}" for key, note in before.items() if key not in notes]

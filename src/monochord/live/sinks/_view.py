@@ -18,6 +18,7 @@ from monochord.core.types import Estimate, Signal, Truth
 from monochord.core.units import Metres, Newtons
 from monochord.dsp.levels import LOUD_LEVEL, levels
 from monochord.live.events import Event
+from monochord.live.health import shown_notes
 from monochord.live.sinks import _notes, _string
 from monochord.live.sinks._string import TOUCH, TRUTH
 from monochord.live.update import Update
@@ -123,7 +124,7 @@ def frame(
     if last is not None:
         parts.append(FrameLines(Rank.TRACKED, [_tracked(update)]))
         parts.append(FrameLines(Rank.EVENT, [Text.assemble(("  event    ", LABEL), event_in_words(last))]))
-    notes = _notes.current(update)
+    notes = shown_notes(update.notes, update.time)
     parts.extend(
         FrameLines(NOTE_RANKS[note.level], _notes.wrapped(note, columns), is_note=True) for note in notes
     )
@@ -137,7 +138,7 @@ def several(updates: Iterable[Update], latency: Percentiles, columns: int, rows:
     """
     parts = list[FrameLines]()
     for update in updates:
-        worst = next(iter(_notes.current(update)), None)
+        worst = next(iter(shown_notes(update.notes, update.time)), None)
         rank = Rank.PICTURE if worst is not None and worst.level == "error" else Rank.ESTIMATE
         parts.append(FrameLines(rank, [Text(printable(plain(update, latency)))]))
         if worst is not None:

@@ -14,6 +14,7 @@ from monochord.core.types import Audio, Estimate, Signal
 from monochord.core.units import Hertz, Seconds
 from monochord.dsp.levels import LOUD_LEVEL, levels
 from monochord.live.events import Event
+from monochord.live.health import shown_notes
 from monochord.live.update import Update
 from monochord.page.messages import number, packed
 from monochord.perception.watching import Condition
@@ -101,7 +102,7 @@ def state(update: Update) -> dict[str, Any]:
         "clips": [peak >= LOUD_LEVEL for _, peak in measured],
         "notes": [
             {"key": n.key, "level": n.level, "sentence": n.sentence, "remedy": n.remedy, "since": n.since}
-            for n in update.notes
+            for n in shown_notes(update.notes, update.time)
         ],
         "latency": number(1e3 * update.prediction.latency, 3),
         "health": {

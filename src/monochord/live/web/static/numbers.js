@@ -86,7 +86,7 @@ export function showNotes(moment) {
   const key = moment.notes.map((note) => note.key + note.sentence).join("|");
   if (place.dataset.key === key) return;
   place.dataset.key = key;
-  place.hidden = moment.notes.length === 0;
+  place.hidden = false; // its room stays where there is none, so that nothing below moves
   place.replaceChildren(...moment.notes.map((note) => {
     const line = document.createElement("p");
     line.className = "note";
@@ -152,28 +152,40 @@ export function showEvents(events) {
   }));
 }
 
-// What a screen reader says: changes alone, and no more than one a second. A note is said when it comes, not
-// whenever a number in it changes.
-const speech = { text: "", next: 0, notes: new Set() };
+// What a screen reader says: changes alone, no more than one a second, those of contact first. A touch is said
+// after RISING, when its force has risen, and with its place, unless none comes within PLACING.
+const speech = { state: "", next: 0, untouched: 0, placed: 0, notes: new Set(), nextNote: 0 };
+const RISING = 200, PLACING = 500; // ms
 export function speak(moment) {
-  const now = performance.now();
+  const now = performance.now(), contact = touched(moment);
+  if (!contact) speech.untouched = now;
+  if (!contact || estimate(moment, "position") || isOutside(moment)) speech.placed = now;
   if (now < speech.next) return;
-  const keys = new Set(moment.notes.map((note) => note.key));
-  const fresh = moment.notes.find((note) => !speech.notes.has(note.key));
-  speech.notes = fresh ? speech.notes.add(fresh.key) : keys;
-  if (fresh) {
-    speech.next = now + 4000;
-    element("spoken").textContent = `${fresh.sentence} ${fresh.remedy}`;
-    return;
-  }
+  const waits = contact && (now < speech.untouched + RISING || (speech.placed < now && now < speech.placed + PLACING));
+  const said = waits ? null : newState(moment) ?? newNote(moment, now);
+  if (!said) return;
+  speech.next = now + 1000;
+  element("spoken").textContent = said;
+}
+
+function newState(moment) {
   const contact = touched(moment), slip = decision(moment, "slip");
   const outside = isOutside(moment) ? " outside the sensing range" : "";
   const state = contact === null ? "contact not known" : contact ? (slip ? "sliding" : "touched") + outside : "untouched";
-  if (state === speech.text) return;
-  speech.text = state;
-  speech.next = now + 1000;
+  if (state === speech.state) return null;
+  speech.state = state;
   const position = estimate(moment, "position"), force = estimate(moment, "force");
   const where = contact && position ? ` at ${Math.round(1e3 * position.value)} millimetres` : "";
   const strength = contact && force ? `, ${force.value.toFixed(1)} newtons` : "";
-  element("spoken").textContent = `${state}${where}${strength}`;
+  return `${state}${where}${strength}`;
+}
+
+// A note is said when it comes, not whenever a number in it changes.
+function newNote({ notes }, now) {
+  if (now < speech.nextNote) return null;
+  const fresh = notes.find((note) => !speech.notes.has(note.key));
+  speech.notes = fresh ? speech.notes.add(fresh.key) : new Set(notes.map((note) => note.key));
+  if (!fresh) return null;
+  speech.nextNote = now + 4000;
+  return `${fresh.sentence} ${fresh.remedy}`;
 }

@@ -18,12 +18,12 @@ const view = new StringView(element("string"));
 const spectra = new Spectra(element("spectra"));
 const history_ = new History(element("history"));
 let run = null, moment = null, fresh = false, colour = colours(), timing = null;
-let before = 0, pace = 16, historyDue = 0, spectraDue = 0, spectraDrawn = 0; // ms; pace: from frame to frame, averaged
+let before = 0, pace = 16, historyDue = 0, spectraDue = 0, spectraDrawn = 0, unseenDue = 0; // ms; pace: from frame to frame, averaged
 // Animation frames; moments that came, that were shown, and that a newer one replaced before the next frame.
 const counts = { frames: 0, received: 0, drawn: 0, replaced: 0 };
 
-// What is not on the screen is not drawn.
-const visible = new Set();
+// What is not on the screen is drawn once in UNSEEN ms, for a capture of the whole page.
+const visible = new Set(), UNSEEN = 1000;
 const watch = new IntersectionObserver((entries) => entries.forEach(({ target, isIntersecting }) => {
   if (isIntersecting) visible.add(target.id);
   else visible.delete(target.id);
@@ -88,10 +88,12 @@ function frame(now) {
   counts.frames += 1;
   hand.tell(now);
   if (run) {
-    if (visible.has("string")) view.draw(run, moment, now, colour);
-    if (now > spectraDue && visible.has("spectra")) { // where frames take long, the string goes first
-      spectra.draw(moment, Math.min((now - spectraDrawn) / 1000, 0.1), colour);
-      spectraDrawn = now;
+    const all = now > unseenDue;
+    if (all) unseenDue = now + UNSEEN;
+    const shows = (id) => visible.has(id) || (all && element(id).clientWidth > 0); // not where it is folded
+    if (shows("string")) view.draw(run, moment, now, colour);
+    if ((all || now > spectraDue) && shows("spectra")) { // where frames take long, the string goes first
+      drawSpectra(now);
       spectraDue = now + 4 * (pace - 18);
     }
     if (fresh && moment) {
@@ -110,7 +112,7 @@ function frame(now) {
       if (moment.settings) showSettings(moment.settings, send);
       if (!view.canvas.classList.contains("touchable")) view.canvas.setAttribute("aria-label", `The string: ${element("spoken").textContent}`);
     }
-    if (now > historyDue && visible.has("history")) {
+    if ((all || now > historyDue) && shows("history")) {
       historyDue = now + Math.max(60, 8 * (pace - 10));
       history_.draw();
     }
@@ -121,6 +123,20 @@ function frame(now) {
   }
   requestAnimationFrame(frame);
 }
+
+function drawSpectra(now) {
+  spectra.draw(moment, (now - spectraDrawn) / 1000, colour);
+  spectraDrawn = now;
+}
+
+// On paper all is as new as the numbers.
+addEventListener("beforeprint", () => {
+  if (!run) return;
+  const now = performance.now();
+  view.draw(run, moment, now, colour);
+  drawSpectra(now);
+  history_.draw();
+});
 
 function latency(latencies) {
   const canvas = element("latency"), c = canvas.getContext("2d"), ratio = Math.min(devicePixelRatio || 1, 2);

@@ -122,9 +122,11 @@ export class Hand {
   key(event) {
     if (!this.may) return;
     const { position, force } = this.keyed, step = (event.shiftKey ? 5e-3 : 1e-3);
+    const [first, last] = this.run.range ?? this.run.controls.positions;
     const led = {
       ArrowLeft: [position - step, force], ArrowRight: [position + step, force],
       ArrowUp: [position, force + 0.1], ArrowDown: [position, force - 0.1],
+      Home: [first, force], End: [last, force],
     }[event.key];
     if (event.key === " " || event.key === "Enter") {
       if (this.view.hand) this.lift();
