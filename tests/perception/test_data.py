@@ -70,7 +70,7 @@ def test_names_and_columns_are_as_many() -> None:
 
 
 def test_a_window_with_a_sample_that_is_no_number_has_no_features() -> None:
-    sound = 0.1 * np.random.default_rng(0).normal(size=(2, 8820))
+    sound = np.random.default_rng(0).normal(scale=0.1, size=(2, 8820)).astype(np.float32)
     sound[1, 6000] = np.nan
     rows, clean = mc.features(sound), mc.features(np.nan_to_num(sound))
     torn = np.array([441 * k <= 6000 < 441 * k + 4410 for k in range(11)])
