@@ -58,6 +58,8 @@ Listen: TypeAlias = Callable[[Audio, int, StringParams | None, Newtons | None], 
 None where unknown. The string is None for a session without one, the recorded tension None for a session
 recorded without a tuning.
 """
+Stretch: TypeAlias = Annotated[Seconds, Meta(ge=1e-3, le=60.0)]
+"""Length of a window, or time from one to the next."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,8 +88,8 @@ class BuildOptions(Checked):
         does. None keeps each session's rate, and refuses unequal ones.
     """
 
-    window: Annotated[Seconds, Meta(ge=1e-3, le=60.0)] = 0.1
-    hop: Annotated[Seconds, Meta(ge=1e-3, le=60.0)] = 0.1
+    window: Stretch = 0.1
+    hop: Stretch = 0.1
     labels: Labelling = ""
     force: bool = False
     skip: bool = False

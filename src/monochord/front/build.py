@@ -9,7 +9,7 @@ from typing import NamedTuple, TypeAlias
 
 from monochord.core.errors import InputError
 from monochord.core.progress import progress_bar
-from monochord.core.ranges import Count, Positive, Seed, checked
+from monochord.core.ranges import Count, Seed, checked
 from monochord.core.types import Progress
 from monochord.core.units import Seconds
 from monochord.core.workers import refuse_both
@@ -17,6 +17,7 @@ from monochord.datasets.audit import Audit, audit
 from monochord.datasets.build import (
     BuildOptions,
     Labelling,
+    Stretch,
     build_dataset,
     find_sessions,
     named_sessions,
@@ -45,8 +46,8 @@ def build(
     sessions: Sessions,
     out: str | Path = "dataset",
     *,
-    window: Positive[Seconds] = 0.1,
-    hop: Positive[Seconds] = 0.1,
+    window: Stretch = 0.1,
+    hop: Stretch = 0.1,
     labels: Labelling | None = None,
     split: str | None = None,
     held_out: Sequence[str] = (),
