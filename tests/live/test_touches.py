@@ -89,6 +89,9 @@ def test_the_next_command_can_be_pasted(
     session = read_session(tmp_path / "my touches.mcap")
     assert session.description.sensor
     assert session.labels.time.size
+    out.unlink()
+    assert run(["sessions", "touches", *given, "--allow-truncated"]) == 0
+    assert "my touches_labelled.mcap" in capsys.readouterr().out  # the other is there
 
 
 def test_a_table_that_exists_is_kept(take: tuple[Path, Floats], tmp_path: Path) -> None:

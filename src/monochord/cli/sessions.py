@@ -310,7 +310,9 @@ def touches(
         return
     missing = "force (N)" if positions else "position (m from pickup 1) and force (N)"
     words = ["monochord", "sessions", "import", str(recording), str(out)]
-    words += ["--out", str(out.with_suffix(".mcap")), *(["--sensor", sensor] if sensor else [])]
+    labelled = out.with_suffix(".mcap")
+    labelled = labelled.with_stem(f"{out.stem}_labelled") if labelled.exists() else labelled
+    words += ["--out", str(labelled), *(["--sensor", sensor] if sensor else [])]
     words += ["--allow-truncated"] if allow_truncated else []
     echo(f"{out}: {_counted(len(spans), 'touch')}; fill in {missing}", f"then: {shlex.join(words)}")
 
