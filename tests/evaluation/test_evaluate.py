@@ -220,9 +220,10 @@ def test_an_impossible_folder_is_refused_and_a_possible_one_not_made(oracle: Ora
     assert (tmp_path / "file").read_text() == "precious"
 
 
-def test_an_earlier_evaluation_is_replaced_by_force_alone(tmp_path: Path) -> None:
+def test_an_earlier_evaluation_is_replaced_and_no_other_file_of_such_a_name(tmp_path: Path) -> None:
     (tmp_path / TABLE).write_text("precious")
-    with pytest.raises(InputError, match=rf"already has {TABLE}.*--force"):
+    with pytest.raises(InputError, match=rf"already has {TABLE}"):
         refuse_unwritable(tmp_path)
-    refuse_unwritable(tmp_path, force=True)
-    assert (tmp_path / TABLE).read_text() == "precious"
+    for name in (PAGE, SCORES, RESULTS):
+        (tmp_path / name).touch()
+    refuse_unwritable(tmp_path)

@@ -36,7 +36,6 @@ from monochord.perception.model.bundled import bundled_names
     metavar="DIR",
     help="Write the results and a report to this folder.",
 )
-@click.option("--force", is_flag=True, help="Replace the results in that folder.")
 @click.option(
     "--rows",
     type=click.Path(path_type=Path),
@@ -52,7 +51,6 @@ def evaluate(
     model: str | None,
     *,
     out: Path | None,
-    force: bool,
     rows: Path | None,
     feature: str | None,
     estimator: str | None,
@@ -85,9 +83,7 @@ def evaluate(
     if not (options["noise"] or suite):
         refuse_without("--seed without noise", "--noise or --suite with --seed", "seed")
     if out is not None:
-        refuse_unwritable(out, force=force)
-    else:
-        refuse_without("--force without --out", "--out, whose results it replaces", "force")
+        refuse_unwritable(out)
     report = evaluated(model, estimator=estimator, settings=assignments, suite=suite is not None, **options)
     if out is not None:
         report.write(out)

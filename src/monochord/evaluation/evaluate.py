@@ -122,15 +122,16 @@ def write(folder: Path, evaluation: Evaluation, draw: Draw = lambda *_: {}) -> N
         write_text(folder / name, text)
 
 
-def refuse_unwritable(folder: Path, *, force: bool = False) -> None:
+def refuse_unwritable(folder: Path) -> None:
     """Raise `InputError` for a folder that cannot be created, and leave no folder behind.
 
-    Without `force`, so is one that already holds what `write` would replace.
+    So is one with files of these names that are no evaluation's; an earlier evaluation is replaced.
     """
-    there = [name for name in (PAGE, SCORES, RESULTS, TABLE) if (folder / name).exists()]
-    if there and not force:
+    names = PAGE, SCORES, RESULTS, TABLE
+    there = [name for name in names if (folder / name).exists()]
+    if 0 < len(there) < len(names):
         given = f"folder {folder}, which already has {', '.join(there)}"
-        raise InputError(given, "a new folder", "choose another name, or replace them with --force")
+        raise InputError(given, "a new folder, or that of an evaluation", "choose another name")
     made: list[Path] = []
     try:
         for each in (*reversed(folder.parents), folder):
