@@ -198,8 +198,8 @@ class VirtualSensor:
         Returns
         -------
         int
-            The object's number, which `slide`, `change` and `release` take. Numbers begin anew where all
-            objects are up; the ninth takes that of one that is up.
+            The object's number, which `slide`, `change` and `release` take. Once all objects are up, numbers
+            begin at the first again. A ninth object gets the number of one that has been lifted.
 
         Raises
         ------
@@ -207,7 +207,6 @@ class VirtualSensor:
             For a position off the string, a force out of range, an unknown material, or a ninth object
             while eight are down.
         """
-        self._refuse_off_string(position)
         down = self.time + CLEARANCE / APPROACH
         motion = np.array([
             [self.time, position, 0.0, CLEARANCE, 0.0],
@@ -404,8 +403,8 @@ class VirtualSensor:
         self._changed = self._new = False
         return self._twin
 
-    def _refuse_off_string(self, position: Metres, touch: Touch | None = None) -> None:
-        half = 0.5 * touch.law.width if touch else 0.0
+    def _refuse_off_string(self, position: Metres, touch: Touch) -> None:
+        half = 0.5 * touch.law.width
         low, high = self._ends[0] + half, self._ends[1] - half
         if not low <= position <= high:
             raise InputError(f"a touch at {position:g} m", f"{low:g} to {high:g} m", metres_meant(position))
