@@ -311,4 +311,6 @@ def test_strings_are_a_mapping() -> None:
     assert "left" in strings
     assert "middle" not in strings
     assert strings.get("middle") is None
+    with pytest.raises(KeyError, match=r"^string 'middle': expected one of"):
+        strings["middle"]
     assert strings.get("right") is strings["right"]

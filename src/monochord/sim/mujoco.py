@@ -146,6 +146,12 @@ def add_string(spec: Spec, *, body: str, start: Vector, end: Vector, press: Vect
     sensor.intprm = [data, MAX_FORCE_FIRST, ROWS]
 
 
+class _NoSuchString(InputError, KeyError):
+    """An unknown string: an unusable input, and what a mapping raises."""
+
+    __str__ = Exception.__str__  # a KeyError prints its argument as Python writes it
+
+
 class Strings(Mapping[str, SimulatedString]):
     """The strings of a MuJoCo scene by name, each with a virtual sensor that its contacts lead.
 
@@ -260,14 +266,7 @@ class Strings(Mapping[str, SimulatedString]):
         try:
             return self._strings[name]
         except KeyError:
-            raise InputError(f"string '{name}'", f"one of {', '.join(self._strings)}") from None
-
-    def __contains__(self, name: object) -> bool:
-        return name in self._strings
-
-    def get(self, name: str, default: Any = None) -> Any:
-        """Return a string by name, or else the default."""
-        return self._strings.get(name, default)
+            raise _NoSuchString(f"string '{name}'", f"one of {', '.join(self._strings)}") from None
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._strings)
