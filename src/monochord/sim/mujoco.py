@@ -146,7 +146,7 @@ def add_string(spec: Spec, *, body: str, start: Vector, end: Vector, press: Vect
     sensor.intprm = [data, MAX_FORCE_FIRST, ROWS]
 
 
-class _NoSuchString(InputError, KeyError):
+class _UnknownStringError(InputError, KeyError):
     """An unknown string: an unusable input, and what a mapping raises."""
 
     __str__ = Exception.__str__  # a KeyError prints its argument as Python writes it
@@ -266,7 +266,7 @@ class Strings(Mapping[str, SimulatedString]):
         try:
             return self._strings[name]
         except KeyError:
-            raise _NoSuchString(f"string '{name}'", f"one of {', '.join(self._strings)}") from None
+            raise _UnknownStringError(f"string '{name}'", f"one of {', '.join(self._strings)}") from None
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._strings)

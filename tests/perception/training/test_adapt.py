@@ -91,6 +91,17 @@ def test_known_touches_of_another_build_take_its_bias_away(correctable: Model, f
     assert 0.0 < result.next_touch.gain < 1.0
 
 
+def test_a_head_that_no_touch_could_correct_is_named(correctable: Model, foreign: Dataset) -> None:
+    unknown, unused = np.full(len(foreign), np.nan), np.zeros(len(foreign), bool)
+    labels, valid = {**foreign.labels, "force": unknown}, {**foreign.valid, "force": unused}
+    positions = replace(foreign, labels=labels, valid=valid)
+    for result in (adapt(correctable, positions, touches=8), judge(correctable, positions)):
+        (line,) = [each for each in result.lines() if "could be used" in each]
+        assert "force" in line
+        assert "position" not in line
+    assert "could be used" not in "".join(judge(correctable, foreign).lines())
+
+
 def test_the_touch_to_make_next_lies_within_the_sensing_range(correctable: Model, foreign: Dataset) -> None:
     anywhere = adapt(correctable, foreign, touches=8).next_touch
     assert anywhere is not None

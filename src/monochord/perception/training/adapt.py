@@ -117,7 +117,7 @@ def adapt(
         errors = labelled_errors(ready.definition, name, dataset, replayed.outputs)
         window_touch = touch[errors.rows]
         numbers = np.unique(window_touch)
-        if len(numbers) < (touches or 0) and correction is not None:
+        if 0 < len(numbers) < (touches or 0) and correction is not None:
             given_touches = f"{len(numbers)} touches with a label of {name}"
             raise InputError(given_touches, f"{touches} or more", "record more touches")
         used = np.isin(window_touch, numbers[:touches])

@@ -124,6 +124,7 @@ class Adaptation:
     def lines(self) -> list[str]:
         """Return the lines of the report: touches left out, errors of heads, false alarms and next touch."""
         lines = [head.line(name) for name, head in self.heads.items()]
+        lines += [f"  {name:<10} no touch with a known {name} could be used" for name in self._left_alone()]
         if self.sensing_range is not None and self.outside:
             low, high = self.sensing_range
             which = (
@@ -148,3 +149,8 @@ class Adaptation:
             gain = f"to lower the variance by {100 * touch.gain:.0f} %"
             lines.append(f"the touch that would help most next: {place}, {gain}")
         return [*lines, self.trust.line()]
+
+    def _left_alone(self) -> list[str]:
+        """Return the heads of a value for which no touch has a label and an answer."""
+        heads = self.model.definition.heads
+        return [name for name, head in heads.items() if not (head.task.is_probability or name in self.heads)]
