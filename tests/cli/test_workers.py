@@ -25,7 +25,7 @@ def cluster() -> Generator[str]:
     """Address of a cluster of two processes."""
     from distributed import LocalCluster
 
-    options: Any = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}
+    options: Any = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": "127.0.0.1:0"}
     started: Any = LocalCluster(host="127.0.0.1", **options)
     with started:
         yield started.scheduler_address
