@@ -29,8 +29,8 @@ from monochord.capture.sources import SOURCES
 from monochord.cli._options import (
     first_field,
     put_source,
-    refuse_existing,
     refuse_own_design,
+    refuse_unless_forced,
     refuse_unwritable,
     refuse_without,
 )
@@ -53,7 +53,7 @@ def bring_up_sensor(options: dict[str, Any], *, as_json: bool) -> int:
     if out is not None:
         refuse_unwritable(out, (".toml",))
         refuse_own_design(out, sensor)
-        refuse_existing(out, out.with_suffix(".html"), force=options["force"])
+        refuse_unless_forced(out, out.with_suffix(".html"), force=options["force"])
     result = _brought_up(options, quiet=as_json)
     written = write(result, out) if out is not None else ()
     if as_json:

@@ -27,6 +27,7 @@ from monochord.cli._options import (
 from monochord.cli._output import echo
 from monochord.core.config import Tree, override, to_tree
 from monochord.core.errors import DeviceError, InputError
+from monochord.core.files import refuse_existing
 from monochord.core.interruption import interruption
 from monochord.core.screen import console_of
 from monochord.core.units import Metres, Newtons
@@ -91,8 +92,7 @@ def label(out: Path, *, as_json: bool, **options: Any) -> None:
     monochord sessions label touches.mcap --source twin --touches 3
     """  # noqa: D301
     refuse_unwritable(out, (".mcap",))
-    if out.exists():
-        raise InputError(f"file '{out}', which already exists", "a new file")
+    refuse_existing(out)
     described = _described(options)
     recorded, table = beside(out)
     if recorded.exists() and table.exists():

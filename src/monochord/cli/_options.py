@@ -13,7 +13,7 @@ from click.shell_completion import CompletionItem
 from monochord.capture.sources import SOURCES
 from monochord.core.config import Tree, table
 from monochord.core.errors import InputError, did_you_mean
-from monochord.core.files import similar_name
+from monochord.core.files import refuse_existing, similar_name
 from monochord.core.lengths import LONGEST, metres_meant
 from monochord.core.pitch_names import pitch
 from monochord.core.registry import Registry
@@ -374,11 +374,10 @@ def refuse_unwritable(path: Path, suffixes: Iterable[str]) -> None:
         raise InputError(f"file '{path}'", "a file in an existing folder", f"create '{path.parent}' first")
 
 
-def refuse_existing(*paths: Path, force: bool = False, remedy: str = "replace it with --force") -> None:
+def refuse_unless_forced(*paths: Path, force: bool) -> None:
     """Refuse to replace a file without --force."""
-    for path in paths:
-        if path.exists() and not force:
-            raise InputError(f"file '{path}', which already exists", "a new file", remedy)
+    for path in () if force else paths:
+        refuse_existing(path, "replace it with --force")
 
 
 def refuse_own_design(path: Path, sensor: str) -> None:

@@ -10,7 +10,7 @@ from monochord.cli._options import (
     PAGE_OPTIONS,
     completes,
     page_options,
-    refuse_existing,
+    refuse_unless_forced,
     refuse_unwritable,
     refuse_without,
 )
@@ -77,7 +77,7 @@ def design(
         if path is None:
             continue
         refuse_unwritable(path, suffixes)
-        refuse_existing(path, force=force)
+        refuse_unless_forced(path, force=force)
     if figure is not None:
         require_matplotlib()
     given = {name: value for name, value in wishes.items() if value is not None}

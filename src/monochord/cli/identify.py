@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from monochord.cli._options import refuse_existing, refuse_unwritable, sensor_option
+from monochord.cli._options import refuse_unless_forced, refuse_unwritable, sensor_option
 from monochord.cli._output import echo
 from monochord.cli._signature import options_of
 from monochord.core.files import write_text
@@ -47,7 +47,7 @@ def identify(
     """  # noqa: D301
     if out is not None:
         refuse_unwritable(out, (".toml",))
-        refuse_existing(out, force=force)
+        refuse_unless_forced(out, force=force)
     result = identified(*files, sensor=sensor or "", **measured)
     if out is not None:
         write_text(out, result.toml())

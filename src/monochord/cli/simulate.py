@@ -6,11 +6,11 @@ from typing import Any
 
 import click
 
-from monochord.cli._options import completes, refuse_existing, refuse_unwritable, set_option
+from monochord.cli._options import completes, refuse_unwritable, set_option
 from monochord.cli._output import echo
 from monochord.cli._signature import options_of
 from monochord.core.errors import InputError
-from monochord.core.files import replacing, sound_written
+from monochord.core.files import refuse_existing, replacing, sound_written
 from monochord.physics.sensors import sensor_names
 from monochord.physics.simulate import simulate as simulated
 from monochord.physics.simulators import SIMULATORS, Sound
@@ -62,7 +62,7 @@ def simulate(
     """  # noqa: D301
     if out is not None:
         refuse_unwritable(out, SUBTYPES)
-        refuse_existing(out, remedy="choose another name, or remove it")  # --force is the touch's
+        refuse_existing(out)
     if untouched and not (position is None and force is None):
         raise InputError("--untouched with --at or --force", "only one of them")
     sound = simulated(

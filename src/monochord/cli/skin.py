@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from monochord.cli._options import refuse_existing, refuse_unwritable
+from monochord.cli._options import refuse_unless_forced, refuse_unwritable
 from monochord.cli._output import echo
 from monochord.core.files import write_text
 from monochord.skin import load_skin
@@ -43,7 +43,7 @@ def skin(file: Path, *, robot: Path | None, out: Path | None, force: bool, as_js
     """  # noqa: D301
     if out is not None:
         refuse_unwritable(out, (MACRO, ".urdf"))
-        refuse_existing(out, force=force)
+        refuse_unless_forced(out, force=force)
     loaded = load_skin(file, robot or "")
     if out is not None:
         name, link, strings = loaded.name, loaded.link, loaded.strings

@@ -11,8 +11,8 @@ import click
 from monochord.capture.sources import SOURCES
 from monochord.cli._options import (
     put_source,
-    refuse_existing,
     refuse_own_design,
+    refuse_unless_forced,
     refuse_unwritable,
     sensor_option,
     set_option,
@@ -64,7 +64,7 @@ def tune(inputs: tuple[str, ...], *, out: Path | None, force: bool, as_json: boo
     """  # noqa: D301
     path = out or OUT
     refuse_unwritable(path, (".toml",))
-    refuse_existing(path, force=force)
+    refuse_unless_forced(path, force=force)
     refuse_own_design(path, options["sensor"] or "")
     runs = [_run(opened, options) for opened in inputs or (None,)]
     names = [

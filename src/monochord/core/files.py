@@ -143,6 +143,12 @@ def written(path: Path) -> Generator[None]:
         raise OSError(number, os.strerror(number), str(path)) from error
 
 
+def refuse_existing(path: Path, remedy: str = "choose another name, or remove it") -> None:
+    """Raise `InputError` where a file is there already."""
+    if path.exists():
+        raise InputError(f"file '{path}', which already exists", "a new file", remedy)
+
+
 def new_text(path: Path, **options: Any) -> TextIO:
     """Open a text file for new content, as `Path.open` does; a pipe or an empty file may be there already.
 
@@ -150,8 +156,7 @@ def new_text(path: Path, **options: Any) -> TextIO:
     """
     with usable_path(f"file {path}", "a writable path"):
         if path.is_file() and path.stat().st_size:
-            remedy = "choose another name, or remove it"
-            raise InputError(f"file '{path}', which already exists", "a new file", remedy)
+            refuse_existing(path)
         return path.open("w", encoding="utf-8", **options)
 
 

@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from monochord.capture.recording.from_files import from_files
-from monochord.core.errors import InputError
-from monochord.core.files import replacing
+from monochord.core.files import refuse_existing, replacing
 from monochord.core.types import Signal
 from monochord.core.units import Metres
 from monochord.live.delivery import reason
@@ -65,10 +64,8 @@ class LabelledRecording:
         self._described = described
         recorded, self._table = beside(out)
         for path in (out, recorded, self._table):
-            if path.exists():
-                whose = "no touch in it was labelled: " if path == recorded else ""
-                remedy = f"{whose}remove it, or choose another name"
-                raise InputError(f"file '{path}', which already exists", "a new file", remedy)
+            whose = "no touch in it was labelled: " if path == recorded else ""
+            refuse_existing(path, f"{whose}choose another name, or remove it")
         self.recording = Recording(recorded, signal)
         self._written: list[LabelRow] = []
         self._closed = False
