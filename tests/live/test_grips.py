@@ -9,7 +9,7 @@ from monochord.core.types import Floats
 STEP = 1e-3
 FULL, STROKE = 0.5, 0.02
 """Time in s until the touch is pressed fully, and speed of the stroke in m/s."""
-MISSED = pytest.mark.xfail(reason="docs/ROADMAP.md", raises=AssertionError, strict=True)
+MISSED = pytest.mark.xfail(reason="docs/ROADMAP.md", raises=AssertionError)
 
 
 def decided(place: float, force: Floats, across: Floats) -> float:

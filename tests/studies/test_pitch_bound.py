@@ -17,9 +17,7 @@ def _rows() -> dict[str, tuple[float, float | None]]:
         10.0,
         pytest.param(
             0.0,
-            marks=pytest.mark.xfail(
-                raises=AssertionError, strict=True, reason="a window alone; see docs/ROADMAP.md"
-            ),
+            marks=pytest.mark.xfail(raises=AssertionError, reason="a window alone; see docs/ROADMAP.md"),
         ),
     ],
 )

