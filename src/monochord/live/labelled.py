@@ -65,7 +65,7 @@ class LabelledRecording:
         recorded, self._table = beside(out)
         for path in (out, recorded, self._table):
             whose = "no touch in it was labelled: " if path == recorded else ""
-            refuse_existing(path, f"{whose}choose another name, or remove it")
+            refuse_existing(path, f"{whose}remove it, or choose another name")
         self.recording = Recording(recorded, signal)
         self._written: list[LabelRow] = []
         self._closed = False
